@@ -124,8 +124,10 @@ std::vector<std::string> split(const std::string& line) {
 std::vector<double> configurations(const RobotModel& robot, const RobotCommand& o) try {
   std::vector<double> first(robot.columns.size(), 0);
   if (!o.state.empty()) {
-    const auto is_asked = [&](const GroupState& s) { return s.name == o.state || s.group + "/" + s.name == o.state; };
-    const auto at = std::find_if(robot.states.begin(), robot.states.end(), is_asked);
+    const auto is_requested = [&](const GroupState& s) {
+      return s.name == o.state || s.group + "/" + s.name == o.state;
+    };
+    const auto at = std::find_if(robot.states.begin(), robot.states.end(), is_requested);
     if (at == robot.states.end()) throw RobotError("--state: the SRDF has no state " + excerpt(o.state));
     for (const auto& [column, position] : at->positions) first[column] = position;
   }

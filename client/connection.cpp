@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
 /// Interval between greetings over a transport that can lose them.
-constexpr auto kAskAgain = 200ms;
+constexpr auto kRequestAgain = 200ms;
 constexpr auto kShortestHang = 10ms;
 
 std::chrono::nanoseconds hang_of(const ConnectOptions& options) {
@@ -96,7 +96,7 @@ void Connection::meet(Deadline deadline) {
     const wire::FrameHeader header = wire::make_header(wire::FrameType::kPing, next_own_request_++, 0);
     std::memcpy(channel_->begin(sizeof header, 0), &header, sizeof header);
     channel_->send();
-    frame = await(header.request_id, channel_->may_lose() ? std::min(deadline, deadline_in(kAskAgain)) : deadline);
+    frame = await(header.request_id, channel_->may_lose() ? std::min(deadline, deadline_in(kRequestAgain)) : deadline);
     if (frame) break;
     channel_->forget(header.request_id);
     if (Clock::now() >= deadline) throw TimeoutError(url_ + ": the daemon does not answer");

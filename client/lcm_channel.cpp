@@ -28,7 +28,7 @@ constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
 constexpr std::uint64_t kMaxReplyBytes = std::uint64_t{64} << 20;
 /// Maximum messages in liblcm between two calls of receive(): parts of 24 MB.
 constexpr int kQueue = 512;
-constexpr std::chrono::milliseconds kAskAgain{200};
+constexpr std::chrono::milliseconds kRequestAgain{200};
 /// Time to wait for greetings of further daemons after the first.
 constexpr std::chrono::milliseconds kSettle{50};
 /// Silence of the bound daemon after which another daemon's rejection is the answer.
@@ -70,7 +70,7 @@ class LcmChannel final : public Channel {
         throw ConnectionError(url_ +
                               ": no daemon answers; is clearanced running with --lcm and this group, port and prefix?");
       ping(next_greeting_++);
-      const Deadline again = std::min(deadline, Deadline::clock::now() + kAskAgain);
+      const Deadline again = std::min(deadline, Deadline::clock::now() + kRequestAgain);
       while (greeted_.empty() && pump(again)) {
       }
     }

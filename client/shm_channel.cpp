@@ -275,12 +275,12 @@ class ShmChannel final : public Channel {
     const auto doubled = [](std::uint64_t bytes, std::uint64_t limit) {
       return bytes > limit / 2 ? bytes : std::bit_ceil(bytes);
     };
-    return ask_segment(doubled(request_bytes, wire::kMaxRequestBytes), doubled(reply_bytes, wire::kMaxFrameBytes),
-                       deadline, why) ||
-           ask_segment(request_bytes, reply_bytes, deadline, why);
+    return request_segment(doubled(request_bytes, wire::kMaxRequestBytes), doubled(reply_bytes, wire::kMaxFrameBytes),
+                           deadline, why) ||
+           request_segment(request_bytes, reply_bytes, deadline, why);
   }
 
-  bool ask_segment(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
+  bool request_segment(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
     Message wanted;
     wanted.wire_version = wire::kVersion;
     wanted.kind = static_cast<std::uint32_t>(MessageKind::kGrow);

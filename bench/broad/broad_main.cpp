@@ -155,13 +155,13 @@ std::vector<Timing> time_boxes(Motion& motion, int rounds) {
 // Whole queries during motion, including the narrow phase.
 std::vector<Timing> time_queries(Motion& motion, int rounds) {
   const int all = omp_get_num_procs();
-  struct Asked {
+  struct Requested {
     Timing timing;
     Engine* engine;
     Reduce reduce;
   };
   std::vector<std::unique_ptr<Engine>> engines;
-  std::vector<Asked> asked;
+  std::vector<Requested> requested;
   for (const int threads : {1, all})
     for (const char* by : {"brute", "tree"}) {
       Engine::Options options;
@@ -172,12 +172,12 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
            {std::pair("within", Reduce::kWithin), {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}}) {
         if (reduce != Reduce::kWithin && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest)
           continue;
-        asked.push_back({{name, by, threads, {}}, engines.back().get(), reduce});
+        requested.push_back({{name, by, threads, {}}, engines.back().get(), reduce});
       }
     }
   for (int round = 0; round <= rounds; ++round, motion.step()) {
     for (const auto& engine : engines) engine->set_poses(motion.poses);
-    for (Asked& a : asked) {
+    for (Requested& a : requested) {
       QueryView query;
       query.reduce = a.reduce;
       if (a.reduce == Reduce::kWithin) query.max_distance = kMargin;
@@ -197,7 +197,7 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
     }
   }
   std::vector<Timing> timings;
-  for (Asked& a : asked) timings.push_back(std::move(a.timing));
+  for (Requested& a : requested) timings.push_back(std::move(a.timing));
   return timings;
 }
 

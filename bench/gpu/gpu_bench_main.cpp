@@ -89,20 +89,20 @@ void run_several(const Workload& w, std::ostream& csv) {
   one.devices = {0};
   for (int i = 0; i < count; ++i) all.devices.push_back(i);
   Engine single(w.scene(), one), several(w.scene(), all);
-  const Asked asked(w, single);
-  const QuerySize size = single.size(asked.q);
+  const Requested requested(w, single);
+  const QuerySize size = single.size(requested.q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
   const cuda::PinnedMemory room(bytes), room_several(bytes);
   const ReplyView reply = reply_view_over(room.data(), size.rows, size.fields),
                   reply_several = reply_view_over(room_several.data(), size.rows, size.fields);
   const int repeats = size.rows > 4'000'000 ? 10 : 30;
-  const Timing with_one = time_queries(single, asked.q, reply, repeats),
-               with_all = time_queries(several, asked.q, reply_several, repeats);
+  const Timing with_one = time_queries(single, requested.q, reply, repeats),
+               with_all = time_queries(several, requested.q, reply_several, repeats);
   std::memset(room.data(), 1, bytes);
   std::memset(room_several.data(), 1, bytes);
-  time_queries(single, asked.q, reply, 1);
-  time_queries(several, asked.q, reply_several, 1);
+  time_queries(single, requested.q, reply, 1);
+  time_queries(several, requested.q, reply_several, 1);
   const bool same = std::memcmp(room.data(), room_several.data(), bytes) == 0;
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << count << ',' << with_one.wall_us << ','
       << with_all.wall_us << ',' << with_one.wall_us / with_all.wall_us << ',' << (same ? "same" : "DIFFERENT") << '\n';
@@ -113,7 +113,7 @@ void run_several(const Workload& w, std::ostream& csv) {
 }
 
 // Each body turned by 0.01 rad about an axis of its own.
-Motion motion_of(const Asked& asked, const Scene& scene) {
+Motion motion_of(const Requested& requested, const Scene& scene) {
   Random random(17);
   const auto turned = [&](const Pose& p) {
     const Vec3d axis{random.normal(), random.normal(), random.normal()};
@@ -121,7 +121,7 @@ Motion motion_of(const Asked& asked, const Scene& scene) {
     return Pose{p.translation, p.qw - dot(u, v), q.x, q.y, q.z};
   };
   Motion motion;
-  for (const Pose& p : asked.poses) motion.next.push_back(turned(p));
+  for (const Pose& p : requested.poses) motion.next.push_back(turned(p));
   if (!motion.next.empty()) return motion;
   for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
     motion.placed[0].push_back({b, *scene.bodies()[b].pose});
@@ -132,8 +132,8 @@ Motion motion_of(const Asked& asked, const Scene& scene) {
 
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
-  const Asked asked(w, cpu);
-  QueryView q = asked.q;
+  const Requested requested(w, cpu);
+  QueryView q = requested.q;
   const QuerySize size = device.size(q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -144,7 +144,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 
   Motion motion;
   if (w.warm) q.warm_slot = 1;
-  if (w.warm || w.moves) motion = motion_of(asked, cpu.scene());
+  if (w.warm || w.moves) motion = motion_of(requested, cpu.scene());
   const bool has_elements = cpu.scene().has_surfaces();
   const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 && !has_elements ? 300 : 30;
   const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
@@ -203,16 +203,16 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 void run_swap(const std::string& name, std::ostream& csv, std::vector<std::string>& table) {
   const Workload w{"", arm_scene_in_room, 64, Format::kFull, kFieldStatus, Reduce::kAny};
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
-  const Asked asked(w, cpu);
+  const Requested requested(w, cpu);
   const std::uint32_t room = cpu.scene().find_body("room");
   const std::vector<CloudPoint> points[2] = {room_points(kRoomPoints, 31), room_points(kRoomPoints, 37)};
-  const QuerySize size = device.size(asked.q);
+  const QuerySize size = device.size(requested.q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
   const cuda::PinnedMemory pinned(bytes);
   const ReplyView reply = reply_view_over(pinned.data(), size.rows, size.fields);
   const auto query = [&](Engine& engine) {
-    Job job = engine.start(asked.q, reply);
+    Job job = engine.start(requested.q, reply);
     while (!job.advance()) {
     }
   };

@@ -39,17 +39,17 @@ std::uint64_t bytes_of(const QuerySize& size) {
 // \returns whether the rows equal those of the query to the host, except for rows that the CPU finished
 void run(const Workload& w, std::ostream& csv) {
   const Engine device(w.scene(), {"cuda"});
-  const Asked asked(w, device);
-  const QuerySize size = device.size(asked.q);
+  const Requested requested(w, device);
+  const QuerySize size = device.size(requested.q);
   const std::uint64_t bytes = bytes_of(size);
   const cuda::PinnedMemory pinned(bytes);
   const ReplyView host = view_over(pinned.data(), size);
   const int repeats = size.rows > 4'000'000 ? 20 : 100;
 
   std::unique_ptr<DevicePlan> plan;
-  const double made_us = bench::took_us([&] { plan = device.plan_on_device(asked.q); });
-  const std::span<const Pose> all_poses = asked.q.configurations;
-  const std::span<const double> all_positions = asked.q.positions;
+  const double made_us = bench::took_us([&] { plan = device.plan_on_device(requested.q); });
+  const std::span<const Pose> all_poses = requested.q.configurations;
+  const std::span<const double> all_positions = requested.q.positions;
   DeviceMemory poses(all_poses.size_bytes()), positions(all_positions.size_bytes()), rows(bytes);
   poses.put(all_poses.data(), all_poses.size_bytes());
   positions.put(all_positions.data(), all_positions.size_bytes());
@@ -74,7 +74,7 @@ void run(const Workload& w, std::ostream& csv) {
     stream.wait();
   });
   const double to_host = median_us(repeats, [&] {
-    Job job = device.start(asked.q, host);
+    Job job = device.start(requested.q, host);
     while (!job.advance()) {
     }
   });

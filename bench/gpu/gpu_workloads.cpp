@@ -197,7 +197,7 @@ const std::vector<Workload>& workloads() {
   return all;
 }
 
-Asked::Asked(const Workload& w, const Engine& cpu) {
+Requested::Requested(const Workload& w, const Engine& cpu) {
   q.format = w.format;
   q.fields = w.fields;
   q.reduce = w.reduce;

@@ -30,15 +30,15 @@ const std::vector<Workload>& workloads();
 Scene spheres(int count, double box);  ///< of 42 vertices
 
 // The query of a workload. Must not be moved: the query points into it.
-struct Asked {
+struct Requested {
   QueryView q;
   std::vector<std::uint32_t> bodies, joints;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
   std::vector<double> positions;
 
-  Asked(const Workload& w, const Engine& cpu);
-  Asked(const Asked&) = delete;
+  Requested(const Workload& w, const Engine& cpu);
+  Requested(const Requested&) = delete;
 };
 
 }  // namespace clearance::test

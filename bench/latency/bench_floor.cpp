@@ -33,7 +33,7 @@ void take_other_cpus() {
 
 }  // namespace
 
-void ask_to_hold(std::byte* request, std::chrono::nanoseconds held) {
+void request_to_hold(std::byte* request, std::chrono::nanoseconds held) {
   const std::int64_t ns = held.count();
   std::memcpy(request, &ns, sizeof ns);
 }

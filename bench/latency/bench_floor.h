@@ -55,7 +55,7 @@ class EchoProcess {
 };
 
 /// Writes the delay of its echo into a request; the echo process applies it with hold().
-void ask_to_hold(std::byte* request, std::chrono::nanoseconds held);
+void request_to_hold(std::byte* request, std::chrono::nanoseconds held);
 void hold(const std::byte* request);
 
 // One per transport.

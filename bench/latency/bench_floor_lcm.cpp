@@ -71,7 +71,7 @@ class LcmFloor final : public Floor {
         lcm_(url_, channel_ + "_R") {}
 
   bool exchange(std::chrono::nanoseconds held) override {
-    ask_to_hold(request_.data(), held);
+    request_to_hold(request_.data(), held);
     lcm_.send(channel_ + "_Q", request_);
     if (lcm_.receive(reply_bytes_, kTimeout)) return true;
     if (!echo_.alive()) throw std::runtime_error("floor: the echo process is gone");

@@ -98,7 +98,7 @@ class ShmFloor final : public Floor {
             memfd_.get()) {}
 
   bool exchange(std::chrono::nanoseconds held) override {
-    ask_to_hold(request_.data(), held);
+    request_to_hold(request_.data(), held);
     std::memcpy(memory_.request(), request_.data(), request_.size());
     const std::uint32_t seen = count_++;
     post(memory_.words().request, count_);

@@ -53,7 +53,7 @@ class ZmqFloor final : public Floor {
   }
 
   bool exchange(std::chrono::nanoseconds held) override {
-    ask_to_hold(request_.data() + kHeader, held);
+    request_to_hold(request_.data() + kHeader, held);
     send_parts(socket_, request_);
     for (int part = 0; part < 2; ++part)
       if (!socket_.recv(reply_)) throw std::runtime_error("floor: the echo process does not answer");

@@ -38,11 +38,11 @@ def pictures(url):
 
 def look(url):
     """Acts as the viewer until it is terminated."""
-    asked = pictures(url)
-    next(asked)
+    requested = pictures(url)
+    next(requested)
     print("asked", flush=True)
     due = time.monotonic()
-    for _ in asked:
+    for _ in requested:
         due += 1 / RATE_HZ
         time.sleep(max(0.0, due - time.monotonic()))
 
@@ -55,13 +55,13 @@ def measure(binaries, seconds, turns, real_time):
         of_daemon = control_options(real_time), cpus.run_on(cpus.daemon)
         process, url = start_clearanced(stage, binaries, SCENE, *of_daemon)
         client = [*priority.of_client, *cpus.run_on(cpus.client)]
-        asked = pictures(url)
-        next(asked)
+        requested = pictures(url)
+        next(requested)
         before = cpu_ms(process.pid)
         for _ in range(PICTURES):
-            next(asked)
+            next(requested)
         picture_us = (cpu_ms(process.pid) - before) * 1000 / PICTURES
-        asked.close()
+        requested.close()
         for turn in range(turns):
             for kind, of_kind in rows.items():
                 stolen = stolen_ms()

@@ -19,9 +19,9 @@ class Sweep:
         self.by_setting = {(r["scene"], r["precision"], r["asked"], float(r["reach"]), float(r["rel_tol"]),
                             float(r["abs_tol"])): r for r in self.rows}
 
-    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", asked="cold"):
+    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", requested="cold"):
         """The row of a setting; by default that of the default query."""
-        return self.by_setting[scene, precision, asked, reach, 0.0 if abs_tol else rel_tol, abs_tol]
+        return self.by_setting[scene, precision, requested, reach, 0.0 if abs_tol else rel_tol, abs_tol]
 
     def ratios(self, scenes=None, **setting):
         """Time relative to the default query, for each scene."""
@@ -38,9 +38,9 @@ def time_table(s):
         ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
         ("1 µm", dict(abs_tol=1e-6)),
         ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")),
-        ("warm", dict(asked="warm")),
-        ("batch", dict(asked="batch")),
-        ("batch, f32 at 1e-4", dict(asked="batch", rel_tol=1e-4, precision="f32")),
+        ("warm", dict(requested="warm")),
+        ("batch", dict(requested="batch")),
+        ("batch, f32 at 1e-4", dict(requested="batch", rel_tol=1e-4, precision="f32")),
         ("`max_distance` median", dict(reach=1.0)),
         ("a tenth of it", dict(reach=0.1)),
     ]
@@ -107,13 +107,14 @@ def sentences(s):
     answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
     wrong = sum(int(r["violations"]) for r in s.rows)
 
-    def f32(asked):
+    def f32(requested):
         return [
             a / b
-            for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", asked=asked), s.ratios(rel_tol=1e-4, asked=asked))
+            for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", requested=requested),
+                s.ratios(rel_tol=1e-4, requested=requested))
         ]
 
-    warm = s.ratios(asked="warm")
+    warm = s.ratios(requested="warm")
     lines = [
         f"Of {answers:,} answers, in {len(s.rows):,} settings, {wrong} intervals miss the exact distance.",
         f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
@@ -134,11 +135,11 @@ def sentences(s):
         f"**Warm start.** Time over that of a cold start: {span(warm)}."
         + (
             " The answers are the same to the last digit: this backend keeps no warm state."
-            if unused(s, asked="warm") and abs(statistics.median(warm) - 1) < 0.03
+            if unused(s, requested="warm") and abs(statistics.median(warm) - 1) < 0.03
             else ""
         ),
         f"**Batches.** All steps as the configurations of one query, over one query for each step: "
-        f"{span(s.ratios(asked='batch'))}.",
+        f"{span(s.ratios(requested='batch'))}.",
     ]
     return "\n".join(f"- {line}" for line in lines)
 
@@ -196,11 +197,12 @@ CLAIMS = {
         for x in ("spheres", "capsules")
     ),
     "batches": lambda s: no_more_than(
-        s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], asked="batch"), 0.75
+        s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], requested="batch"), 0.75
     ),
-    "heavy batches": lambda s: s.ratios(["cell"], asked="batch")[0] < 0.75,
+    "heavy batches": lambda s: s.ratios(["cell"], requested="batch")[0] < 0.75,
     # A warm start costs nothing anywhere, and halves the time at least for near bodies.
-    "warm pays": lambda s: no_more_than(s.ratios(asked="warm"), 1.02) and s.ratios(["near"], asked="warm")[0] < 0.5,
+    "warm pays": lambda s: no_more_than(s.ratios(requested="warm"), 1.02) and s.ratios(["near"],
+        requested="warm")[0] < 0.5,
     "f32 takes as long": lambda s: all(
         5 / 6 < single / double < 7 / 6
         for single, double in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))
@@ -230,21 +232,21 @@ def draw(path):
     )
     for axis, scene in zip(axes.flat, scenes):
         for k, s in enumerate(sweeps):
-            for colour, (precision, asked) in enumerate(
+            for colour, (precision, requested) in enumerate(
                 (("f64", "cold"), ("f32", "cold"), ("f64", "warm"), ("f64", "batch"), ("f32", "batch"))
             ):
                 mine = sorted(
                     (
                         r
                         for r in s.rows
-                        if (r["scene"], r["precision"], r["asked"]) == (scene, precision, asked)
+                        if (r["scene"], r["precision"], r["asked"]) == (scene, precision, requested)
                         and float(r["reach"]) == INF
                         and float(r["rel_tol"]) > 0
                     ),
                     key=lambda r: -float(r["rel_tol"]),
                 )
                 x = [float(r["ns_per_pair"]) for r in mine]
-                label = f"{s.backend} {precision}{'' if asked == 'cold' else ' ' + asked}"
+                label = f"{s.backend} {precision}{'' if requested == 'cold' else ' ' + requested}"
                 axis.plot(
                     x,
                     [max(1e-16, float(r["rel_width_p99"])) for r in mine],
@@ -254,7 +256,7 @@ def draw(path):
                     lw=1,
                     label=label + ", width",
                 )
-                if asked == "cold":
+                if requested == "cold":
                     axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=f"C{colour}", lw=1,
                               label=label + ", error")
             for reach, mark in ((1.0, "^"), (0.1, "v")):

@@ -139,11 +139,11 @@ class Contender:
 
 def time_workload(problem, what, rounds, seconds):
     contenders = [Contender(name, problem) for name in CONTENDERS if (problem.name, name) not in LEFT_OUT]
-    asked = [(c, s) for c in contenders for s in c.settings]
+    requested = [(c, s) for c in contenders for s in c.settings]
     load = os.getloadavg()[0]
-    times = {key: [] for key in asked}
+    times = {key: [] for key in requested}
     for k in range(rounds + 1):
-        for c, s in asked if k % 2 else reversed(asked):
+        for c, s in requested if k % 2 else reversed(requested):
             t = c.time(s, seconds)
             if k > 0:  # the first round is a warm-up
                 times[c, s].append(t)
@@ -152,7 +152,7 @@ def time_workload(problem, what, rounds, seconds):
     def clock(s):
         return 0 if "threads" in s else 1  # the gain of several threads shows in wall time only
 
-    for c, s in asked:
+    for c, s in requested:
         ns = [1e9 * t[clock(s)] / problem.count for t in times[c, s]]
         error, relative, _ = problem.errors(c.answers(s))
         rows.append(
@@ -180,8 +180,8 @@ def time_workload(problem, what, rounds, seconds):
                          "setting": f"refused: {c.refusal}"[:80]})
         c.close()
     # Ratios within each round, so that another program's load affects both sides.
-    ours = {s: times[c, s] for c, s in asked if c.name == "Clearance"}
-    for (c, s), r in zip(asked, rows):
+    ours = {s: times[c, s] for c, s in requested if c.name == "Clearance"}
+    for (c, s), r in zip(requested, rows):
         for precision in ("f64", "f32"):
             mine = ours.get(f"{precision} warm", ours[precision])
             ratios = [t[clock(s)] / m[clock(s)] for t, m in zip(times[c, s], mine)]

@@ -72,15 +72,15 @@ def measure(name, links, resources, options):
     for contender in (us, peer):
         contender.begin(room)
     moving = {peer.model.frames[item.parentFrame].name for item in peer.robot.geometryObjects if item.parentJoint != 0}
-    asked = {"pairs": [(f"{name}/{link}", "room") for link in sorted(moving)], "joints": us.joints}
+    requested = {"pairs": [(f"{name}/{link}", "room") for link in sorted(moving)], "joints": us.joints}
     limits = limits_of(peer.model, joints)
     Q = np.random.default_rng(options.seed).uniform(limits[:, 0], limits[:, 1], (options.states, len(joints)))
 
     def ours(**more):
-        return lambda Q: us.asked.distances(positions=Q, fields=("lower", "upper"), **asked, **more)
+        return lambda Q: us.requested.distances(positions=Q, fields=("lower", "upper"), **requested, **more)
 
     def ours_valid(Q):
-        return us.asked.check(positions=Q, **asked).free
+        return us.requested.check(positions=Q, **requested).free
 
     theirs = peer.ways()
     questions = {"rows": (ours(), theirs["least"]), "least": (ours(reduce="min"), theirs["least"]),

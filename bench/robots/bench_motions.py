@@ -32,10 +32,10 @@ def edges_of(problem, joints, count, rng):
 
 
 def measure(robot, resources, margin, options):
-    asked = problems.load(resources, robot, options.problems)
+    requested = problems.load(resources, robot, options.problems)
     sums = dict.fromkeys(("edges", "free", "steps", "steps_free", "undecided", "missed", "wrong"), 0)
     proof_s = sampling_s = 0.0
-    for problem in asked:
+    for problem in requested:
         joints = list(problem.goal)
         engine = engine_of(problem, resources)
         names = [f"{robot}/{joint}" for joint in joints]
@@ -57,7 +57,7 @@ def measure(robot, resources, margin, options):
     return {
         "robot": robot,
         "margin_m": margin,
-        "scenes": len(asked),
+        "scenes": len(requested),
         "edges": sums["edges"],
         "free": sums["free"],
         "configurations_a_free_edge": f"{sums['steps_free'] / max(sums['free'], 1):.3g}",

@@ -92,10 +92,10 @@ def measure(robot, resources, options):
     found: dict[str, dict[str, Any]] = {
         way: {"seconds": [], "shortening": [], "refused": [], "asked": 0} for way in ("sampled", "proved")
     }
-    for asked in problems.load(resources, robot, options.problems):
-        joints = list(asked.goal)
-        start, goal = (np.array([at[j] for j in joints]) for at in (asked.start, asked.goal))
-        engine = engine_of(asked, resources)
+    for requested in problems.load(resources, robot, options.problems):
+        joints = list(requested.goal)
+        start, goal = (np.array([at[j] for j in joints]) for at in (requested.start, requested.goal))
+        engine = engine_of(requested, resources)
         for way, of in found.items():
             problem = clearance.ompl.JointProblem(engine, [f"{robot}/{j}" for j in joints])
             if not problem.free(np.array([start, goal])).all():
@@ -109,7 +109,7 @@ def measure(robot, resources, options):
             for name, path in (("path", rows), ("shortened path", shorter)):
                 if why := judged(problem, path):
                     of["refused"].append(why)
-                    print(f"{asked.name}, {way} edges, {name}: refused: {why}", flush=True)
+                    print(f"{requested.name}, {way} edges, {name}: refused: {why}", flush=True)
     return [
         {
             "robot": robot,

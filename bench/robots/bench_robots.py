@@ -134,8 +134,8 @@ def scene_file_of(robot, resources):
 
 
 def measure(options, robot, resources):
-    asked = problems.load(resources, robot, options.problems)
-    joints = list(asked[0].goal)
+    requested = problems.load(resources, robot, options.problems)
+    joints = list(requested[0].goal)
     peer = PinocchioCoal(resources, joints, robot)
     limits = limits_of(peer.model, joints)
     with Stage() as stage:
@@ -143,7 +143,7 @@ def measure(options, robot, resources):
         files = resources, joints, robot
         contenders = [Clearance(*files), Clearance(*files, url=urls["shm"]), peer]
         measurement = Measurement(robot, contenders, seconds_of)
-        for number, problem in enumerate(asked):
+        for number, problem in enumerate(requested):
             rng = np.random.default_rng([number, options.seed])
             free = measurement.run(problem, states_of(problem, joints, limits, options.states, rng), options.rounds)
             print(f"{problem.name}: {free} of {options.states + 2} states free", flush=True)
@@ -165,8 +165,8 @@ def main():
         more, open_ones = measure(options, robot, resources)
         rows += shown(more)
         unproved += open_ones
-    asked = f"problems 1 to {options.problems} of each family, {options.states} random states of each"
-    write(rows, options.csv, stamped(asked))
+    requested = f"problems 1 to {options.problems} of each family, {options.states} random states of each"
+    write(rows, options.csv, stamped(requested))
     return 1 if unproved else 0
 
 

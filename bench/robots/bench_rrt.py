@@ -89,27 +89,28 @@ class Ours:
 
     def begin(self, problem):
         self.contender.begin(problem)
-        self.states, self.seconds, self.engine_seconds, self.asked = 0, 0.0, 0.0, []
+        self.states, self.seconds, self.engine_seconds, self.requested = 0, 0.0, 0.0, []
 
     def free(self, states):
         begin = time.perf_counter()
-        answer = self.contender.asked.distances(
+        answer = self.contender.requested.distances(
             joints=self.contender.joints, positions=states, reduce="any", fields="status"
         )
         is_free = bool((answer.status == Status.BEYOND).all())
         self.seconds += time.perf_counter() - begin
         self.engine_seconds += 1e-9 * answer.engine_ns
         self.states += len(states)
-        self.asked.append(states)
+        self.requested.append(states)
         return is_free
 
     def shares(self):
         """Seconds of (kinematics, transport)."""
-        asked, joints = self.contender.asked, self.contender.joints
-        table = asked.distances(joints=joints, positions=self.asked[0][:1], fields="status").pairs
+        requested, joints = self.contender.requested, self.contender.joints
+        table = requested.distances(joints=joints, positions=self.requested[0][:1], fields="status").pairs
         ns = 0
-        for states in self.asked:
-            ns += asked.distances(table[:1], joints=joints, positions=states, reduce="any", fields="status").engine_ns
+        for states in self.requested:
+            ns += requested.distances(table[:1], joints=joints, positions=states, reduce="any",
+                fields="status").engine_ns
         return 1e-9 * ns, self.seconds - self.engine_seconds
 
     def end(self):
@@ -126,7 +127,7 @@ class Theirs:
 
     def begin(self, problem):
         self.contender.begin(problem)
-        self.states, self.seconds, self.asked = 0, 0.0, []
+        self.states, self.seconds, self.requested = 0, 0.0, []
 
     def free(self, states):
         of = self.contender
@@ -144,13 +145,13 @@ class Theirs:
                 break
         self.seconds += time.perf_counter() - begin
         self.states += len(states)
-        self.asked.append(rows[:count])
+        self.requested.append(rows[:count])
         return is_free
 
     def shares(self):
         of = self.contender
         begin = time.perf_counter()
-        for rows in self.asked:
+        for rows in self.requested:
             for q in rows:
                 of.pin.updateGeometryPlacements(of.model, of.data, of.geometry, of.geometry_data, q)
         return time.perf_counter() - begin, 0.0
@@ -167,7 +168,7 @@ def solve(checker, problem, joints, limits, options):
     try:
         if not (checker.free(start[None]) and checker.free(goal[None])):
             return None
-        checker.states, checker.seconds, checker.asked = 0, 0.0, []
+        checker.states, checker.seconds, checker.requested = 0, 0.0, []
         if isinstance(checker, Ours):
             checker.engine_seconds = 0.0
         begin = time.perf_counter()
@@ -211,8 +212,8 @@ def row_of(robot, name, found, agreed):
 
 
 def measure(robot, resources, options):
-    asked = chosen(problems.load(resources, robot), options.problems)
-    joints = list(asked[0].goal)
+    requested = chosen(problems.load(resources, robot), options.problems)
+    joints = list(requested[0].goal)
     found: list[list[Any]] = []
     with Stage() as stage:
         _, urls, _ = start_daemon(stage, scene_file_of(robot, resources), options=["--threads", "1"])
@@ -220,7 +221,7 @@ def measure(robot, resources, options):
         theirs = [Theirs(*files, tree=tree) for tree in (True, False)]
         checkers: list[Any] = [Ours(*files), Ours(*files, url=urls["shm"]), *theirs]
         limits = limits_of(theirs[-1].contender.model, joints)
-        for problem in asked:
+        for problem in requested:
             rounds = []
             for _ in range(options.rounds):
                 rounds.append([solve(checker, problem, joints, limits, options) for checker in checkers])
@@ -234,7 +235,7 @@ def measure(robot, resources, options):
     if not found:
         raise RuntimeError(f"{robot}: nobody solves a problem within {options.states} states")
     agreed = sum(len({one["states"] for one in each}) == 1 for each in found)
-    print(f"{robot}: {len(found)} of {len(asked)} problems solved by all; {agreed} with the same trees")
+    print(f"{robot}: {len(found)} of {len(requested)} problems solved by all; {agreed} with the same trees")
     return [row_of(robot, c.name, [each[i] for each in found], agreed) for i, c in enumerate(checkers)]
 
 
@@ -247,8 +248,8 @@ def main():
     options = parser.parse_args()
     resources = problems.fetch()
     rows = shown(row for robot in options.robots for row in measure(robot, resources, options))
-    asked = f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad"
-    write(rows, options.csv, stamped(asked))
+    requested = f"up to {options.problems} problems of each robot, a sample every {options.resolution:g} rad"
+    write(rows, options.csv, stamped(requested))
 
 
 if __name__ == "__main__":

@@ -130,13 +130,13 @@ class Clearance:
         self.files = problems.files_of(resources, robot)
         self.client = clearance.connect(url) if url else None
         self.current: Any = None
-        self.asked: Any = None
+        self.requested: Any = None
 
     def proves(self, q):
         """Returns whether a program without our code finds every pair's bounds at one state proved (in process)."""
         import check_certificate
 
-        document = self.asked.certificate(joints=self.joints, positions=q[None]).document
+        document = self.requested.certificate(joints=self.joints, positions=q[None]).document
         return all(is_proved for is_proved, _ in check_certificate.verdicts(document))
 
     def begin(self, problem):
@@ -144,15 +144,15 @@ class Clearance:
         if self.client:
             for thing in problem.obstacles:
                 self.client.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
-            self.asked = self.client
-            self.joints = self.asked.joints(self.names)
+            self.requested = self.client
+            self.joints = self.requested.joints(self.names)
             return
         scene = self.clearance.Scene()
         scene.add_robot(self.robot, mesh_as=self.mesh_as, **self.files)
         for thing in problem.obstacles:
             scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
-        self.asked = self.clearance.Engine(scene, backend="cpu", threads=1)
-        self.joints = self.asked.joints(self.names)
+        self.requested = self.clearance.Engine(scene, backend="cpu", threads=1)
+        self.joints = self.requested.joints(self.names)
 
     def end(self):
         if self.client:
@@ -177,7 +177,7 @@ class Clearance:
     def _prepared(self, question):
         def run(Q):
             row = np.empty((1, Q.shape[1]))
-            ask = self.asked.prepare(joints=self.joints, positions=row, **question)
+            ask = self.requested.prepare(joints=self.joints, positions=row, **question)
             answers = []
             for q in Q:
                 row[0] = q
@@ -199,10 +199,10 @@ class Clearance:
         return run
 
     def _valid(self, Q):
-        return np.asarray(self.asked.check(Q, joints=self.joints).free)
+        return np.asarray(self.requested.check(Q, joints=self.joints).free)
 
     def _least(self, Q):
-        answer = self.asked.distances(joints=self.joints, positions=Q, reduce="min", fields=_BOUNDS)
+        answer = self.requested.distances(joints=self.joints, positions=Q, reduce="min", fields=_BOUNDS)
         return answer.lower.ravel(), answer.upper.ravel()
 
 

@@ -55,11 +55,12 @@ class Asked:
         for first in range(0, len(self.start), AT_ONCE):
             yield self.start[first : first + AT_ONCE], self.end[first : first + AT_ONCE]
 
-    def motions(self, **asked):
+    def motions(self, **requested):
         """Columns of all edges, and the time taken."""
         answers, seconds = [], 0.0
         for start, end in self.batches():
-            took, answer = timed(self.engine.motions, joints=self.joints, start=start, end=end, fields=FIELDS, **asked)
+            took, answer = timed(self.engine.motions, joints=self.joints, start=start, end=end, fields=FIELDS,
+                **requested)
             answers.append(answer)
             seconds += took
         return seconds, {n: np.concatenate([getattr(a, n) for a in answers]) for n in FIELDS}
@@ -90,13 +91,13 @@ def settings():
         yield "least", 0.0, tolerance
 
 
-def measure(asked, rounds):
+def measure(requested, rounds):
     """(seconds by round, answer) of each setting; all alternate."""
     taken, answers = {}, {}
     for _ in range(rounds):
         for setting in settings():
             question, margin, value = setting
-            seconds, answers[setting] = getattr(asked, question)(margin, value)
+            seconds, answers[setting] = getattr(requested, question)(margin, value)
             taken.setdefault(setting, []).append(seconds)
     return taken, answers
 
@@ -141,8 +142,8 @@ def main():
     made.add_argument("--edges", type=int, default=2000)
     made.add_argument("--rounds", type=int, default=5)
     options = made.parse_args()
-    asked = Asked(options.edges, options.seed)
-    taken, answers = measure(asked, options.rounds)
+    requested = Asked(options.edges, options.seed)
+    taken, answers = measure(requested, options.rounds)
     rows = shown(row_of(setting, taken, answers) for setting in settings())
     write(rows, options.csv, f"{options.edges} edges, seed {options.seed}, {options.rounds} rounds, one thread")
     return 1 if any(row["wrong"] for row in rows) else 0

@@ -56,7 +56,7 @@ void sway(MovingScene& s, Random& random, int steps) {
   }
 }
 
-void ask_all(MovingScene& s) {
+void request_all(MovingScene& s) {
   s.pairs = Engine(s.scene).pairs({});
 }
 
@@ -142,7 +142,7 @@ MovingScene crowd(Random& random, int steps, int count, double box, Add add) {
     add(s.scene, "body" + std::to_string(i), i, at);
   }
   sway(s, random, steps);
-  ask_all(s);
+  request_all(s);
   return s;
 }
 
@@ -159,7 +159,7 @@ MovingScene cell(const std::string& folder, int steps) {
       const Pose about_base = turn({0, 0, 1}, kStepAngle * i);  // the base is at x = y = 0
       s.steps[static_cast<std::size_t>(i)].push_back({b, compose(about_base, *body.pose)});
     }
-  ask_all(s);
+  request_all(s);
   return s;
 }
 
@@ -232,7 +232,7 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
   } else if (name == "extremes") {
     s.scene = Scene::load(folder + "/extremes/scene.yaml");
     sway(s, random, steps);
-    ask_all(s);
+    request_all(s);
     s.what = "scenes/extremes: tiny, huge, flat, thin and far bodies, all pairs";
   } else if (name == "spheres") {
     s = crowd(random, steps, 16, 2, [&](Scene& scene, const std::string& body, int, const Options& at) {

@@ -94,7 +94,7 @@ class Bench {
     query.rel_tol = s.rel_tol;
     query.abs_tol = s.abs_tol;
     query.max_distance = s.reach < kInf ? s.reach * exact_value_.median : kInf;
-    query.warm_slot = s.asked == Asked::kWarm ? kWarmSlot : 0;
+    query.warm_slot = s.requested == Requested::kWarm ? kWarmSlot : 0;
     const std::size_t pairs = scene_.pairs.size(), steps = scene_.steps.size();
     const auto check = [&](std::size_t step, std::size_t first) {
       for (std::size_t i = 0; quality && i < pairs; ++i)
@@ -114,7 +114,7 @@ class Bench {
     };
     engine_.set_poses(scene_.steps[0]);
     ask(false);  // warms caches, and the warm state, as a loop would
-    if (s.asked == Asked::kBatch) {
+    if (s.requested == Requested::kBatch) {
       query.bodies = bodies_;
       query.configurations = configurations_;
       query.configuration_count = static_cast<std::uint32_t>(steps);
@@ -142,13 +142,13 @@ class Bench {
   bool by_thread_;
 };
 
-const char* name_of(Asked asked) {
-  switch (asked) {
-    case Asked::kCold:
+const char* name_of(Requested requested) {
+  switch (requested) {
+    case Requested::kCold:
       return "cold";
-    case Asked::kWarm:
+    case Requested::kWarm:
       return "warm";
-    case Asked::kBatch:
+    case Requested::kBatch:
       return "batch";
   }
   return "";
@@ -170,9 +170,9 @@ std::vector<Setting> all_settings(bool brief) {
   }
   std::vector<Setting> settings;
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const Asked asked : {Asked::kCold, Asked::kWarm, Asked::kBatch})
+    for (const Requested requested : {Requested::kCold, Requested::kWarm, Requested::kBatch})
       for (const double reach : reaches)
-        for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, asked});
+        for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, requested});
   return settings;
 }
 
@@ -238,7 +238,7 @@ void write_rows(std::ostream& out, const MovingScene& scene, const ExactDistance
   for (const Point& p : points) {
     const Setting& s = p.setting;
     out << scene.name << ',' << options.backend << ",full," << (s.precision == Precision::kF32 ? "f32" : "f64") << ','
-        << name_of(s.asked);
+        << name_of(s.requested);
     for (const double x : {s.rel_tol, s.abs_tol, s.reach, s.reach < kInf ? s.reach * exact_value.median : kInf})
       number(x);
     out << ',' << scene.pairs.size() << ',' << scene.steps.size();

@@ -92,8 +92,8 @@ class RunLog:
         ticks, start = self.ticks.array, self.samples.array[0, 0]
         for begin in np.arange(0, self.t[-1], seconds):
             at = slice(*np.searchsorted(self.t, [begin, begin + seconds]))
-            asked = slice(*np.searchsorted(ticks[:, 0] - start, [begin, begin + seconds]))
-            rows = ticks[asked]
+            requested = slice(*np.searchsorted(ticks[:, 0] - start, [begin, begin + seconds]))
+            rows = ticks[requested]
             if at.start < at.stop and len(rows):
                 took = 1e6 * np.percentile(rows[:, 1], [50, 99.9])
                 late = np.diff(rows[:, 0]) > 2e-3

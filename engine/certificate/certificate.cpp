@@ -33,12 +33,12 @@ class RowCertificateJob final : public CertificateJob {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
       reject_proxies(pair);
       here_ = &placement(0, k);
-      asked_ = {pair, here_, plan_.query.max_distance};
+      requested_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};
-      evaluator_.begin({&asked_, 1}, {&answer_, 1});
+      evaluator_.begin({&requested_, 1}, {&answer_, 1});
       step_ = Step::kAnswer;
     }
-    const BodyPair pair = asked_.pair;
+    const BodyPair pair = requested_.pair;
     if (step_ == Step::kAnswer) {
       if (!evaluator_.advance(slice)) return false;
       text_.begin_row(row, k, pair, answer_);
@@ -65,7 +65,7 @@ class RowCertificateJob final : public CertificateJob {
   Evaluator evaluator_;
   Step step_ = Step::kBegin;  // of the current row
   const BodyPoses* here_ = nullptr;
-  PlacedBodies asked_{};
+  PlacedBodies requested_{};
   PairAnswer answer_;
   std::unique_ptr<RowProver> prover_;
 };

@@ -45,12 +45,12 @@ Vec3d between(const Aabb& a, const Aabb& b) {
   return n;
 }
 
-std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& asked) {
+std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& requested) {
   std::array<NarrowLimits, 4> limits;
-  limits.fill(asked);
+  limits.fill(requested);
   limits[1].max_distance = limits[2].max_distance = limits[3].max_distance = std::numeric_limits<double>::infinity();
   limits[2].abs_tol = limits[3].abs_tol = 0;
-  limits[2].rel_tol = std::min(asked.rel_tol, kFine);
+  limits[2].rel_tol = std::min(requested.rel_tol, kFine);
   limits[3].rel_tol = 0;
   return limits;
 }

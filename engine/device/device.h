@@ -87,7 +87,7 @@ struct FixedBodies {
 };
 
 /// Requested tolerance of the least distance of motions.
-struct LeastAsked {
+struct LeastRequested {
   bool is_wanted = false;
   double abs_tol = 0, rel_tol = 0;
 };
@@ -137,7 +137,7 @@ struct QuerySetup {
   // Motions:
   const MotionArrays* motions = nullptr;
   std::uint32_t max_evaluations = 0;
-  LeastAsked least;
+  LeastRequested least;
 };
 
 /// Kind of input per configuration.

@@ -15,13 +15,13 @@
 namespace clearance::cuda {
 
 /// Identifies the pairs that a list was built for, so that a later query can reuse it.
-struct AskedPairs {
+struct RequestedPairs {
   std::shared_ptr<const PairTable> table;  ///< or, if null:
   std::vector<BodyPair> pairs;
   std::vector<std::uint32_t> moved;
 
-  AskedPairs() = default;
-  explicit AskedPairs(const Plan& plan);
+  RequestedPairs() = default;
+  explicit RequestedPairs(const Plan& plan);
   bool fit(const Plan& plan) const;
 };
 
@@ -42,7 +42,7 @@ struct ChunkPlan {
   std::uint32_t last_configurations = 1;  ///< of the last chunk
   std::shared_ptr<const ResidentPairs> resident;
 
-  AskedPairs asked;
+  RequestedPairs requested;
   std::uint64_t all_configurations = 1;
 };
 
@@ -51,7 +51,7 @@ struct PairListOnDevice {
   std::shared_ptr<const ResidentPairs> resident;  ///< null if the device lacks one of their bodies
   std::vector<std::uint32_t> of_elements;         ///< bodies that are, or contain, clouds or meshes
   ElementKinds kinds;                             ///< kinds that the device answers
-  AskedPairs asked;
+  RequestedPairs requested;
 };
 
 /// Clouds and meshes at the revision of a query.

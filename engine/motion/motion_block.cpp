@@ -54,7 +54,7 @@ MotionBlock::MotionBlock(const MotionQuery& question, const EvaluateOptions& opt
 void MotionBlock::begin_searches(std::uint64_t count) {
   assert(count > 0 && count <= searches_.size());
   count_ = count;
-  is_asked_ = false;
+  is_requested_ = false;
 }
 
 void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
@@ -70,30 +70,30 @@ void MotionBlock::count_begun(WorkMeter& meter) const {
 
 bool MotionBlock::advance(WorkMeter& meter) {
   while (true) {
-    if (!is_asked_) {
+    if (!is_requested_) {
       if (!ask(meter)) return true;
-      answers_.resize(std::max(answers_.size(), asked_.size()));
+      answers_.resize(std::max(answers_.size(), requested_.size()));
       is_rough_ = rough_.has_value();
-      (is_rough_ ? *rough_ : evaluator_).begin(asked_, answers_);
-      is_asked_ = true;
+      (is_rough_ ? *rough_ : evaluator_).begin(requested_, answers_);
+      is_requested_ = true;
     }
     if (!(is_rough_ ? *rough_ : evaluator_).advance(meter)) return false;
-    if (std::exchange(is_rough_, false) && ask_again()) continue;
+    if (std::exchange(is_rough_, false) && request_again()) continue;
     for (std::size_t i = 0; i < again_at_.size(); ++i) answers_[again_at_[i]] = again_answers_[i];
     again_at_.clear();
-    is_asked_ = false;
+    is_requested_ = false;
     take();
     if (meter.is_over()) return false;
   }
 }
 
 // Selects pairs that the coarse pass could not place on either side of their targets. Returns false if there are none.
-bool MotionBlock::ask_again() {
+bool MotionBlock::request_again() {
   again_.clear();
-  for (std::size_t i = 0; i < asked_.size(); ++i) {
+  for (std::size_t i = 0; i < requested_.size(); ++i) {
     const PairAnswer& answer = answers_[i];
     if (!(answer.lower <= requests_[i].target && answer.upper > requests_[i].target)) continue;
-    again_.push_back(asked_[i]);
+    again_.push_back(requested_[i]);
     again_at_.push_back(i);
   }
   if (again_.empty()) return false;
@@ -118,13 +118,13 @@ bool MotionBlock::ask(WorkMeter& meter) {
   }
   if (used_ == 0) return false;
   place(meter);
-  asked_.clear();
+  requested_.clear();
   requests_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->ask(places_[k].node, {placements_[k], places_[k].twists}, asked_, requests_);
-    places_[k].end = asked_.size();
+    places_[k].search->ask(places_[k].node, {placements_[k], places_[k].twists}, requested_, requests_);
+    places_[k].end = requested_.size();
   }
-  meter.count(asked_.size() / kPairsPerUnit);
+  meter.count(requested_.size() / kPairsPerUnit);
   return true;
 }
 

@@ -82,7 +82,7 @@ void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double 
 }
 
 bool MotionSearch::next(Node& node) {
-  while (!done_ && may_ask()) {
+  while (!done_ && may_request()) {
     std::pop_heap(spans_.begin(), spans_.end(), is_less_promising);
     node = std::move(spans_.back());
     spans_.pop_back();
@@ -106,14 +106,14 @@ bool MotionSearch::next(Node& node) {
     return true;
   }
   end_if_done();
-  return !done_ && may_ask() && under_way_ == 0 && next(node);  // another search has begun
+  return !done_ && may_request() && under_way_ == 0 && next(node);  // another search has begun
 }
 
 void MotionSearch::end_if_done() {
   if (done_ || under_way_ > 0) return;
   const bool converged =
       std::all_of(goals_.begin(), goals_.end(), [&](const Goal& goal) { return has_converged(goal); });
-  if (!converged && may_ask()) return;
+  if (!converged && may_request()) return;
   give_up();
   done_ = !seek_contact();
 }
@@ -129,7 +129,7 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& asked,
+void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
                        std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
@@ -137,13 +137,13 @@ void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodie
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
-  const auto ask_about = [&](BodyPair pair, const PairRequest& q) {
-    asked.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
+  const auto request_about = [&](BodyPair pair, const PairRequest& q) {
+    requested.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
     requests.push_back(q);
   };
   if (node.seeds) {
     const BodyPair pair = pairs.at(node.open[seed]);
-    return ask_about(pair, request_for(seed, node, pair, placed));
+    return request_about(pair, request_for(seed, node, pair, placed));
   }
   motion_query_.bounds.speeds(moving, placed, speeds_);
   for (std::size_t i = 0; i < node.open.size(); ++i) {
@@ -151,7 +151,7 @@ void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodie
     const bool usable = !is_unusable(motion_query_.scene, placed, pair);
     if (usable && leaves_by_boxes(i, node, pair, placed)) continue;
     const PairRequest request = request_for(i, node, pair, placed);
-    if (!usable || !leaves_along_boxes(request, node, pair, moment)) ask_about(pair, request);
+    if (!usable || !leaves_along_boxes(request, node, pair, moment)) request_about(pair, request);
   }
 }
 
@@ -170,17 +170,18 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
 }
 
 // Most others do not come near along the direction between their boxes, at their present speeds.
-bool MotionSearch::leaves_along_boxes(const PairRequest& asked, const Node& node, BodyPair pair, const Moment& moment) {
+bool MotionSearch::leaves_along_boxes(const PairRequest& requested, const Node& node, BodyPair pair,
+                                      const Moment& moment) {
   const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
-  if (!a || !b || asked.way == 0) return false;
+  if (!a || !b || requested.way == 0) return false;
   const Vec3d n = way_between(*a, *b);
   const double length = norm(n);
-  if (!(length > asked.target)) return false;
-  const HalfSpans gaps = half_spans(pair, asked.rates, n, 0, moment, node.half(), true);
+  if (!(length > requested.target)) return false;
+  const HalfSpans gaps = half_spans(pair, requested.rates, n, 0, moment, node.half(), true);
   const double low = std::min(gaps.before, gaps.after);
-  Goal& goal = goal_of(node.open[asked.open]);
-  if (!(low > target_of(node.open[asked.open], goal, 0))) return false;
-  leave(goal, node.open[asked.open], std::max(low, node.low[asked.open]), node.begin);
+  Goal& goal = goal_of(node.open[requested.open]);
+  if (!(low > target_of(node.open[requested.open], goal, 0))) return false;
+  leave(goal, node.open[requested.open], std::max(low, node.low[requested.open]), node.begin);
   return true;
 }
 
@@ -246,25 +247,25 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
 }
 
 // Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
-void MotionSearch::divide(const PairRequest& asked, const PairAnswer& answer, const Moment& moment, const Node& node,
-                          Half (&halves)[2]) {
-  const std::uint64_t position = node.open[asked.open];
+void MotionSearch::divide(const PairRequest& requested, const PairAnswer& answer, const Moment& moment,
+                          const Node& node, Half (&halves)[2]) {
+  const std::uint64_t position = node.open[requested.open];
   Goal& goal = goal_of(position);
-  const double inner = asked.inner;
-  const double by_speed = difference_below(answer.lower, asked.way);
-  double low = std::max(node.low[asked.open], by_speed);
+  const double inner = requested.inner;
+  const double by_speed = difference_below(answer.lower, requested.way);
+  double low = std::max(node.low[requested.open], by_speed);
   const bool beyond = answer.status == Status::kBeyond;
-  if (beyond) low = std::max(low, std::nextafter(asked.target, kInf));
+  if (beyond) low = std::max(low, std::nextafter(requested.target, kInf));
   HalfSpans gaps{low, low, -kInf};
   const Vec3d& n = answer.normal;
   const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
-  if (!beyond && !is_proved(position, goal, low, inner) && asked.way > 0 && has_normal)
-    gaps = half_spans(motion_query_.plan.pairs.at(position), asked.rates, n, inner, moment, node.half(), false);
+  if (!beyond && !is_proved(position, goal, low, inner) && requested.way > 0 && has_normal)
+    gaps = half_spans(motion_query_.plan.pairs.at(position), requested.rates, n, inner, moment, node.half(), false);
   const double target = target_of(position, goal, inner);
   for (Half& half : halves) {
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
-    if (proved || asked.way == 0 || node.half() <= kLeastHalf) {
+    if (proved || requested.way == 0 || node.half() <= kLeastHalf) {
       goal.forced |= !proved && !decides();
       leave(goal, position, gap, half.node.begin);
     } else {

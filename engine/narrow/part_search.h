@@ -127,8 +127,8 @@ CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance
   bool there = nearest.next(p);
   while (there) {
     const double cut_off = search.cut_off(max_distance);
-    std::size_t asked = 0;
-    for (; there && asked < search.round && search.asks(p.gap, cut_off); ++asked) {
+    std::size_t requested = 0;
+    for (; there && requested < search.round && search.asks(p.gap, cut_off); ++requested) {
       if (search.ends_before(p.gap)) {
         search.leave_out(p.gap);
         return PartEnd::kApart;
@@ -141,7 +141,7 @@ CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance
         return PartEnd::kApart;
       }
     }
-    if (there && asked == 0) {
+    if (there && requested == 0) {
       search.leave_out(p.gap);
       return PartEnd::kApart;
     }

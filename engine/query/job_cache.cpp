@@ -45,7 +45,7 @@ Job::StatePtr JobCache::take(const QueryView& query, const std::shared_ptr<const
     if (found == jobs_.rend()) return job;
     job.reset(found->job.release());
     jobs_.erase(std::next(found).base());
-    ++asked_again_;
+    ++requested_again_;
   }
   Plan& plan = *job->cached_plan();
   plan.snapshot = snapshot;
@@ -63,7 +63,7 @@ void JobCache::put_back(std::unique_ptr<Job::State> job) {
 
 std::uint64_t JobCache::cache_hits() const {
   const std::lock_guard lock(mutex_);
-  return asked_again_;
+  return requested_again_;
 }
 
 }  // namespace clearance

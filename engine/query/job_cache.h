@@ -46,7 +46,7 @@ class JobCache {
   bool keeps_any_;
   mutable std::mutex mutex_;
   std::vector<Kept> jobs_;  // the last one put back is at the end
-  std::uint64_t asked_again_ = 0;
+  std::uint64_t requested_again_ = 0;
 };
 
 }  // namespace clearance

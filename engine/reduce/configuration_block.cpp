@@ -42,44 +42,44 @@ void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::uint64_t 
   placed_ = placed;
   first_ = first;
   gaps_ = {};
-  is_asked_ = false;
+  is_requested_ = false;
   for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
 }
 
 bool ConfigurationBlock::advance(WorkMeter& meter) {
   while (true) {
-    if (!is_asked_) {
+    if (!is_requested_) {
       if (!ask(meter)) return true;
-      answers_.resize(std::max(answers_.size(), asked_.size()));
-      evaluator_.begin(asked_, answers_);
-      is_asked_ = true;
+      answers_.resize(std::max(answers_.size(), requested_.size()));
+      evaluator_.begin(requested_, answers_);
+      is_requested_ = true;
     }
     if (!evaluator_.advance(meter)) return false;
-    is_asked_ = false;
+    is_requested_ = false;
     take();
     if (meter.is_over()) return false;
   }
 }
 
-// Collects the next pairs of all configurations in asked_. Returns false if there are none.
+// Collects the next pairs of all configurations in requested_. Returns false if there are none.
 bool ConfigurationBlock::ask(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }
-  asked_.clear();
-  asked_end_.clear();
+  requested_.clear();
+  requested_end_.clear();
   for (std::size_t i = 0; i < placed_.size(); ++i) {
     while (reductions_[i].stage() != Reduction::kDone && !ask(i, meter)) reductions_[i].end_stage();
-    asked_end_.push_back(asked_.size());
+    requested_end_.push_back(requested_.size());
   }
-  return !asked_.empty();
+  return !requested_.empty();
 }
 
 // Collects the next pairs of a configuration's stage. Returns false if the stage is over.
 bool ConfigurationBlock::ask(std::size_t i, WorkMeter& meter) {
   Reduction& r = reductions_[i];
-  if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates) return r.ask(placed_[i], asked_);
+  if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates) return r.ask(placed_[i], requested_);
   const std::uint64_t pairs = plan_.pairs.size();
   if (compares_boxes_)
     r.scan(gaps_.subspan(i * pairs, pairs), placed_[i]);
@@ -91,8 +91,8 @@ bool ConfigurationBlock::ask(std::size_t i, WorkMeter& meter) {
 void ConfigurationBlock::take() {
   std::size_t begin = 0;
   for (std::size_t i = 0; i < placed_.size(); ++i) {
-    if (asked_end_[i] > begin) reductions_[i].take(std::span(answers_).subspan(begin, asked_end_[i] - begin));
-    begin = asked_end_[i];
+    if (requested_end_[i] > begin) reductions_[i].take(std::span(answers_).subspan(begin, requested_end_[i] - begin));
+    begin = requested_end_[i];
   }
 }
 

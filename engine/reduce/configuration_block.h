@@ -46,10 +46,10 @@ class ConfigurationBlock {
   std::uint64_t first_ = 0;
   std::span<const double> gaps_;  // (configurations, pairs)
   std::vector<BodyPair> room_;
-  bool is_asked_ = false;
-  std::vector<PlacedBodies> asked_;
-  std::vector<std::size_t> asked_end_;  // by configuration: end in asked_
-  std::vector<PairAnswer> answers_;     // (asked_.size(),) and more
+  bool is_requested_ = false;
+  std::vector<PlacedBodies> requested_;
+  std::vector<std::size_t> requested_end_;  // by configuration: end in requested_
+  std::vector<PairAnswer> answers_;         // (requested_.size(),) and more
 };
 
 }  // namespace clearance

@@ -119,9 +119,9 @@ bool Reduction::run(std::uint64_t unit, int worker, const BodyPoses& placement, 
 // Evaluates a unit's pairs.
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& placement, WorkMeter& meter) {
   const auto begin_next = [&] {
-    w.asked.clear();
-    ask(w, placement, w.asked);
-    w.evaluator.begin(w.asked, std::span(answers()).subspan(w.first, w.asked.size()));
+    w.requested.clear();
+    ask(w, placement, w.requested);
+    w.evaluator.begin(w.requested, std::span(answers()).subspan(w.first, w.requested.size()));
   };
   const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
   if (w.step == 0) {
@@ -151,7 +151,7 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 }
 
 // Appends the pairs of the next step.
-void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& asked) {
+void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
   const double far = loser_beyond(w.cut_off, options_.limits);
@@ -159,7 +159,7 @@ void Reduction::ask(WorkerState& w, const BodyPoses& placement, std::vector<Plac
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
     const double cut = std::min(cut_off(positions[i]), far);
-    asked.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
+    requested.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
   }
 }
 
@@ -204,16 +204,16 @@ bool Reduction::take(WorkerState& w) {
   return decided;
 }
 
-bool Reduction::ask(const BodyPoses& placement, std::vector<PlacedBodies>& asked) {
+bool Reduction::ask(const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
   assert(stage_ == kSeeds || stage_ == kCandidates);
   WorkerState& w = workers_[0];
   if (w.step == 0) {
     if (stage_ == kCandidates && stops_at_overlap()) sort_candidates(placement);
     begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
   }
-  const std::size_t before = asked.size();
-  ask(w, placement, asked);
-  if (asked.size() > before) return true;
+  const std::size_t before = requested.size();
+  ask(w, placement, requested);
+  if (requested.size() > before) return true;
   w.step = 0;
   return false;
 }

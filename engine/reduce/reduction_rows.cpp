@@ -61,12 +61,12 @@ Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement)
 }
 
 void Reduction::widen(Row& row, double lower, const BodyPoses& placement) const {
-  const NarrowLimits& asked = options_.limits;
+  const NarrowLimits& requested = options_.limits;
   const auto slack_of = [&](BodyPair p) {
     const bool is_placed = p.a < scene_.bodies().size() && p.b < scene_.bodies().size();
     return is_placed ? pair_slack(placement, p) : Slack();
   };
-  widen_to_group(row.answer, lower, asked.max_distance, asked.abs_tol, asked.rel_tol, slack_of(row.pair),
+  widen_to_group(row.answer, lower, requested.max_distance, requested.abs_tol, requested.rel_tol, slack_of(row.pair),
                  slack_of(row.pair_lower));
 }
 

@@ -238,12 +238,12 @@ Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const
   return std::move(planner.plan());
 }
 
-void Plan::take_configurations(const QueryView& asked) {
-  const std::uint32_t count = asked.configuration_count;
-  check_count("configurations", "poses", asked.configurations.size(), count, asked.bodies.size());
-  check_count("positions", "numbers", asked.positions.size(), count, asked.joints.size());
-  configurations = asked.configurations;
-  positions = asked.positions;
+void Plan::take_configurations(const QueryView& requested) {
+  const std::uint32_t count = requested.configuration_count;
+  check_count("configurations", "poses", requested.configurations.size(), count, requested.bodies.size());
+  check_count("positions", "numbers", requested.positions.size(), count, requested.joints.size());
+  configurations = requested.configurations;
+  positions = requested.positions;
 }
 
 void Plan::keep_configurations() {

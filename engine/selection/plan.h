@@ -40,7 +40,7 @@ struct Plan {
   /// Unique number of a configuration in a round, as key of data cached for it.
   std::uint64_t number(std::uint64_t configuration) const { return round * size.configurations + configuration; }
   /// Replaces the configurations by those of a query. Throws QueryError unless they are as many numbers.
-  void take_configurations(const QueryView& asked);
+  void take_configurations(const QueryView& requested);
   /// Copies configurations and positions from the caller's memory.
   void keep_configurations();
 };

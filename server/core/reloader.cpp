@@ -50,7 +50,7 @@ std::optional<Reloader::Outcome> Reloader::take() {
 void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& parts) {
   if (thread_.joinable()) return;
   assert(!ended_ && !outcome_.engine);
-  if (asked_.exchange(false)) {
+  if (requested_.exchange(false)) {
     outcome_.load = ++loads_;
     start([this, parts] {
       load(parts);

@@ -62,7 +62,7 @@ class Reloader {
 
   /// Requests a load. It follows one under way, which may have read the old files. From any thread, and from a signal
   /// handler.
-  void ask() noexcept { asked_ = true; }
+  void ask() noexcept { requested_ = true; }
   /// Number of the load that a request of now would get. This and the following are for one thread.
   std::uint64_t next_load() const { return loads_ + 1; }
 
@@ -84,7 +84,7 @@ class Reloader {
   Make make_;
   Build build_;
   std::function<void()> done_;
-  std::atomic<bool> asked_{false}, ended_{false};
+  std::atomic<bool> requested_{false}, ended_{false};
   Outcome outcome_;
   std::deque<Edit> edits_;
   std::uint64_t loads_ = 0, edits_pushed_ = 0, edits_begun_ = 0;

@@ -62,7 +62,7 @@ const RequestType* find_type(std::uint16_t type) {
     {kAllow,      kMayPose,  kLoop,        kBody,  kPosesDone,    [](auto& on, auto& r) { on.updates.allow(r); }},
     {kAddBody,    kMayPose,  kSceneThread, kWhole, kSceneChanged, [](auto& on, auto& r) { on.scenes.add_body(r); }},
     {kRemoveBody, kMayPose,  kSceneThread, kBody,  kSceneChanged, [](auto& on, auto& r) { on.scenes.remove_body(r); }},
-    {kReload,     kMayAdmin, kSceneThread, kEmpty, kSceneChanged, [](auto& on, auto& r) { on.scenes.ask_reload(r); }},
+    {kReload,     kMayAdmin, kSceneThread, kEmpty, kSceneChanged, [](auto& on, auto& r) { on.scenes.request_reload(r); }},
   };
   // clang-format on
   const auto found = std::find_if(std::begin(kRequests), std::end(kRequests), [type](const RequestType& row) {

@@ -36,7 +36,7 @@ class SceneChanges {
   bool reload() noexcept;
 
   // Requests. They take the sink, which is answered later, unless they throw RejectedRequest.
-  void ask_reload(Request& request);
+  void request_reload(Request& request);
   void add_body(Request& request);
   void remove_body(Request& request);
 
@@ -52,7 +52,7 @@ class SceneChanges {
  private:
   /// A request answered when the load or edit of this number has ended.
   struct Waiter {
-    PendingRequest asked;
+    PendingRequest requested;
     std::uint64_t load = 0, edit = 0;  ///< one of them is 0
     std::string name;                  ///< of the added or removed body
     bool removes = false;

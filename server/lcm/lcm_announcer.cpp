@@ -19,16 +19,16 @@ int LcmAnnouncer::serve() {
   const std::uint64_t revision = handler_.engine().scene_revision();
   if (now >= next_period_ || revision != scene_revision_) {
     scene_revision_ = revision;
-    ask_scene();
-    if (now >= next_period_) ask_states(), ask_status();
+    request_scene();
+    if (now >= next_period_) request_states(), request_status();
     next_period_ = now + kPeriod;
   }
   // A dropped request must not end the distances for good.
-  if (asked_distances_ && now - asked_at_ > kLcmSayAgain) asked_distances_ = false;
+  if (requested_distances_ && now - requested_at_ > kLcmSayAgain) requested_distances_ = false;
   if (distances_wanted() && now >= next_distances_) {
     pose_revision_ = handler_.engine().pose_revision();
     next_distances_ = now + std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / distances_hz_));
-    ask_distances();
+    request_distances();
   }
   return handed_in_;
 }
@@ -61,7 +61,7 @@ LcmSink::Deliver LcmAnnouncer::guarded(Take take) {
   };
 }
 
-void LcmAnnouncer::ask_scene() {
+void LcmAnnouncer::request_scene() {
   ask(wire::FrameType::kDescribe, [this](LcmLink& link, std::span<const std::byte> frame) {
     auto messages = scene_messages(frame, link.server_id);
     backend_ = messages.front().backend;
@@ -69,14 +69,14 @@ void LcmAnnouncer::ask_scene() {
   });
 }
 
-void LcmAnnouncer::ask_states() {
+void LcmAnnouncer::request_states() {
   ask(wire::FrameType::kGetStates, [this](LcmLink& link, std::span<const std::byte> frame) {
     link.push_all(link.announcements, "CLEARANCE_STATES",
                   states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
   });
 }
 
-void LcmAnnouncer::ask_status() {
+void LcmAnnouncer::request_status() {
   ask(wire::FrameType::kGetStats, [this](LcmLink& link, std::span<const std::byte> frame) {
     auto message = status_message(frame, link.server_id);
     message.sequence = ++status_sequence_;
@@ -88,14 +88,14 @@ void LcmAnnouncer::ask_status() {
 }
 
 bool LcmAnnouncer::distances_wanted() const {
-  return distances_hz_ > 0 && !asked_distances_ && handler_.engine().pose_revision() != pose_revision_;
+  return distances_hz_ > 0 && !requested_distances_ && handler_.engine().pose_revision() != pose_revision_;
 }
 
-void LcmAnnouncer::ask_distances() {
-  asked_distances_ = true;
-  asked_at_ = Clock::now();
+void LcmAnnouncer::request_distances() {
+  requested_distances_ = true;
+  requested_at_ = Clock::now();
   hand_in(nearest_query_frame(), [this](LcmLink& link, std::span<const std::byte> frame) {
-    asked_distances_ = false;
+    requested_distances_ = false;
     link.push_all(link.outbox, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
   });
 }

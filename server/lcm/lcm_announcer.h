@@ -33,10 +33,10 @@ class LcmAnnouncer {
   void hand_in(std::span<const std::byte> frame, Take take);
   void ask(wire::FrameType type, Take take);
   LcmSink::Deliver guarded(Take take);
-  void ask_scene();
-  void ask_states();
-  void ask_status();
-  void ask_distances();
+  void request_scene();
+  void request_states();
+  void request_status();
+  void request_distances();
   bool distances_wanted() const;
 
   RequestHandler& handler_;
@@ -46,11 +46,11 @@ class LcmAnnouncer {
   int handed_in_ = 0;
   std::uint64_t own_client_ = next_client_id();
   std::uint64_t scene_revision_ = 0, pose_revision_ = 0;
-  bool asked_distances_ = false;
+  bool requested_distances_ = false;
   std::int64_t states_sequence_ = 0, status_sequence_ = 0, distances_sequence_ = 0;
   std::string backend_;
   Clock::time_point opened_ = Clock::now();
-  Clock::time_point next_period_{}, next_distances_{}, asked_at_{};
+  Clock::time_point next_period_{}, next_distances_{}, requested_at_{};
 };
 
 }  // namespace clearance

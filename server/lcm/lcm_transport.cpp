@@ -147,21 +147,21 @@ class LcmTransport final : public Transport {
   }
 
   void on_joint_query(std::span<const std::byte> packet) {
-    joint_query_t asked;
-    if (!decode(packet, asked) || !is_named("joint_query_t", asked.query)) return;
-    const query_t& query = asked.query;
-    if (query.body_count != 0 && query.configuration_count != asked.row_count)  // each row needs both
+    joint_query_t requested;
+    if (!decode(packet, requested) || !is_named("joint_query_t", requested.query)) return;
+    const query_t& query = requested.query;
+    if (query.body_count != 0 && query.configuration_count != requested.row_count)  // each row needs both
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(asked.row_count) + " of joints: expected equal numbers, or no bodies");
+                        std::to_string(requested.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
-    for (const std::string& name : asked.joints) {
+    for (const std::string& name : requested.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
         return refuse(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
-    hand_in(query, [&] { return query_frame_of(asked, joints); });
+    hand_in(query, [&] { return query_frame_of(requested, joints); });
   }
 
   bool is_named(const std::string& type, const query_t& query) {
@@ -233,8 +233,7 @@ class LcmTransport final : public Transport {
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
     if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    handler_->on_large_frame(
-        header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {

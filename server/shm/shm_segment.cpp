@@ -254,8 +254,8 @@ std::byte* Segment::reply_area(std::uint32_t slot) {
 }
 
 void Segment::pin() {
-  if (pin_asked_ || !pinner_) return;
-  pin_asked_ = true;
+  if (pin_requested_ || !pinner_) return;
+  pin_requested_ = true;
   pin_ = pinner_->pin(mapping_);
 }
 

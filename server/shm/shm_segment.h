@@ -108,7 +108,7 @@ class Segment {
   std::uint32_t reply_head_ = 0;    ///< replies posted
   std::uint32_t last_slot_ = 0;     ///< of the last request taken
   std::vector<Slot> slots_;
-  bool pin_asked_ = false;
+  bool pin_requested_ = false;
   SegmentPinner::Ticket* pin_ = nullptr;
   const char* why_ = "";
 };

@@ -15,7 +15,7 @@
 namespace clearance {
 
 struct DeferredQuery {
-  PendingRequest asked;
+  PendingRequest requested;
   ServiceClass service;
   QueryOptions query;
   OwnPayload payload;

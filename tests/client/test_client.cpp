@@ -167,19 +167,19 @@ TEST(Client, WaitsForOneReplyAsLongAsItIsTold) {
 }
 
 TEST(Client, EmptyPairsMeanAllOrNone) {
-  std::vector<wire::QueryHeader> asked;
+  std::vector<wire::QueryHeader> requested;
   ScriptedServer server([&](const wire::FrameHeader& header, std::span<const std::byte> payload) -> std::vector<Bytes> {
-    std::memcpy(&asked.emplace_back(), payload.data(), sizeof(wire::QueryHeader));
+    std::memcpy(&requested.emplace_back(), payload.data(), sizeof(wire::QueryHeader));
     return {reply_frame(header)};
   });
   Client client = connect(server.url());
   (void)client.distances();
   (void)client.distances({.all_pairs = false});
   server.stop();
-  ASSERT_EQ(asked.size(), 2u);
-  EXPECT_EQ(asked[0].all_pairs, 1);
-  EXPECT_EQ(asked[1].all_pairs, 0);
-  EXPECT_EQ(asked[1].pair_count, 0u);
+  ASSERT_EQ(requested.size(), 2u);
+  EXPECT_EQ(requested[0].all_pairs, 1);
+  EXPECT_EQ(requested[1].all_pairs, 0);
+  EXPECT_EQ(requested[1].pair_count, 0u);
 }
 
 TEST(Client, PendingOutlivesItsClient) {

@@ -17,11 +17,11 @@ class Signs final : public Channel {
   void forget(std::uint64_t) override {}
   std::string url() const override { return ""; }
   std::uint64_t sign_of_life() override {
-    ++asked;
+    ++requested;
     return sign;
   }
   std::uint64_t sign = 7;
-  int asked = 0;
+  int requested = 0;
 };
 
 class Watched : public testing::Test {
@@ -62,7 +62,7 @@ TEST_F(Watched, ADaemonThatShowsNoneIsNotTakenForDead) {
 
 TEST_F(Watched, TimeInWhichWeDidNotRunDoesNotCount) {
   EXPECT_FALSE(watch_.look(signs_, now_)) << "nobody waited before";
-  EXPECT_EQ(signs_.asked, 0);
+  EXPECT_EQ(signs_.requested, 0);
   for (int i = 0; i < 100; ++i) {
     now_ += 10s;  // stopped, or suspended together with the daemon
     EXPECT_FALSE(watch_.look(signs_, now_));

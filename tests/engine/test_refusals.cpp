@@ -19,19 +19,19 @@ TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
   QueryView q;
   const std::vector<BodyPair> all = engine.pairs(q);
   q.all_pairs = false;
-  const auto ask_for = [&](BodyPair selector, std::size_t times) {
+  const auto evaluate_for = [&](BodyPair selector, std::size_t times) {
     const std::vector<BodyPair> selectors(times, selector);
     q.pairs = selectors;
     return engine.pairs(q);
   };
-  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 1), all);
-  EXPECT_EQ(ask_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
-  EXPECT_TRUE(ask_for({kGroupBit, kGroupBit}, 20).empty());
+  EXPECT_EQ(evaluate_for({kEveryBody, kEveryBody}, 1), all);
+  EXPECT_EQ(evaluate_for({kEveryBody, kEveryBody}, 3).size(), 3 * all.size());
+  EXPECT_TRUE(evaluate_for({kGroupBit, kGroupBit}, 20).empty());
   // 0.4 and 0.8 MB of selectors would be 35 GB of pairs, and hours of searching among pairs that do not exist.
   for (const auto& [selector, times] :
        {std::pair{BodyPair{kEveryBody, kEveryBody}, 50'000}, {BodyPair{kGroupBit, kGroupBit}, 100'000}})
     try {
-      ask_for(selector, static_cast<std::size_t>(times));
+      evaluate_for(selector, static_cast<std::size_t>(times));
       FAIL();
     } catch (const QueryError& error) {
       EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);

@@ -40,16 +40,16 @@ TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
   const Scene scene = arm_scene(at_home());
   const Engine engine(scene);
   const std::vector<BodyPair> pairs = engine.pairs({});
-  const auto is_asked = [&](const char* a, const char* b) {
+  const auto is_requested = [&](const char* a, const char* b) {
     std::uint32_t i = scene.find_body(a), j = scene.find_body(b);
     if (i > j) std::swap(i, j);
     return std::find(pairs.begin(), pairs.end(), BodyPair{i, j}) != pairs.end();
   };
-  EXPECT_FALSE(is_asked("arm/upper", "arm/fore")) << "across the frame of the elbow";
-  EXPECT_FALSE(is_asked("arm/palm", "arm/flange"));
-  EXPECT_TRUE(is_asked("arm/base", "arm/fore"));
-  EXPECT_TRUE(is_asked("arm/left_finger", "arm/right_finger"));
-  EXPECT_TRUE(is_asked("table", "arm/palm"));
+  EXPECT_FALSE(is_requested("arm/upper", "arm/fore")) << "across the frame of the elbow";
+  EXPECT_FALSE(is_requested("arm/palm", "arm/flange"));
+  EXPECT_TRUE(is_requested("arm/base", "arm/fore"));
+  EXPECT_TRUE(is_requested("arm/left_finger", "arm/right_finger"));
+  EXPECT_TRUE(is_requested("table", "arm/palm"));
 }
 
 // The distance of links without a moving joint between them is constant: their pair is used only if an SRDF enables it.

@@ -301,12 +301,12 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
   Engine engine(scene), other(scene);
   const JointPosition bent[] = {{1, 0.7}, {3, -1.0}};
   engine.set_joints(bent);
-  const std::uint32_t asked[] = {5, 0};  // in any order
+  const std::uint32_t requested[] = {5, 0};  // in any order
   const double rows[] = {1.5, 0.3, 0.2, -0.4};
   const Pose balls[] = {Pose{{0.3, 0.2, 0.4}}, Pose{{0.1, 0.5, 0.6}}};
   QueryView query;
   query.configuration_count = 2;
-  query.joints = asked;
+  query.joints = requested;
   query.positions = rows;
   query.bodies = std::span(&ball, 1);
   query.configurations = balls;

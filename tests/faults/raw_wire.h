@@ -47,20 +47,20 @@ class RawShmWire final : public RawWire {
   RawReply ask(const std::vector<std::byte>& frame) override {
     const shm::SegmentHeader& header = *client_.header;
     std::memcpy(client_.base + header.request_offset, frame.data(), frame.size());
-    ++asked_;
-    client_.post(shm::pack_ticket(0, asked_), frame.size(), asked_);
+    ++requested_;
+    client_.post(shm::pack_ticket(0, requested_), frame.size(), requested_);
     const auto deadline = std::chrono::steady_clock::now() + std::chrono::seconds(30);
-    while (header.reply_head.load() != asked_) {
+    while (header.reply_head.load() != requested_) {
       if (std::chrono::steady_clock::now() > deadline) throw std::runtime_error("no reply");
       std::this_thread::yield();
     }
     return raw_reply(
-        {client_.base + header.reply_offset, header.replies[(asked_ - 1) % shm::kRingEntries].frame_bytes.load()});
+        {client_.base + header.reply_offset, header.replies[(requested_ - 1) % shm::kRingEntries].frame_bytes.load()});
   }
 
  private:
   RawClient client_;
-  std::uint32_t asked_ = 0;
+  std::uint32_t requested_ = 0;
 };
 
 class RawZmqWire final : public RawWire {
@@ -72,9 +72,9 @@ class RawZmqWire final : public RawWire {
   }
   RawReply ask(const std::vector<std::byte>& frame) override {
     const std::size_t head = sizeof(wire::FrameHeader);
-    return ask_parts({{frame.begin(), frame.begin() + head}, {frame.begin() + head, frame.end()}});
+    return request_parts({{frame.begin(), frame.begin() + head}, {frame.begin() + head, frame.end()}});
   }
-  RawReply ask_parts(const std::vector<std::vector<std::byte>>& parts) {
+  RawReply request_parts(const std::vector<std::vector<std::byte>>& parts) {
     for (std::size_t i = 0; i < parts.size(); ++i)
       socket_.send(zmq::buffer(parts[i].data(), parts[i].size()),
                    i + 1 < parts.size() ? zmq::send_flags::sndmore : zmq::send_flags::none);

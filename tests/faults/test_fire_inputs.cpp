@@ -41,7 +41,7 @@ class FireInputs : public testing::Test {
   void SetUp() override {
     for (const std::string& url : arena_.urls()) {
       good_.emplace(url, patient(url));
-      ask_all(url);  // segments reach their final size
+      request_all(url);  // segments reach their final size
     }
     before_ = arena_.census();
   }
@@ -56,13 +56,13 @@ class FireInputs : public testing::Test {
     EXPECT_EQ(arena_.end(), 0);
   }
 
-  void ask_all(const std::string& url) {
+  void request_all(const std::string& url) {
     for (std::size_t i = 0; i < exam_.questions().size(); ++i) expect_good(url, "nothing");
   }
   /// The next query's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
-    const KnownQuery& question = *exam_.questions()[asked_++ % exam_.questions().size()];
-    ASSERT_TRUE(is_right(ask_surely(good_.at(url), question), question)) << after;
+    const KnownQuery& question = *exam_.questions()[requested_++ % exam_.questions().size()];
+    ASSERT_TRUE(is_right(request_surely(good_.at(url), question), question)) << after;
     ++right_;
   }
   std::uint64_t counter(const std::string& name) { return stats_of(good_.at(arena_.zmq()))[name]; }
@@ -102,7 +102,7 @@ class FireInputs : public testing::Test {
   std::map<std::string, Client> good_;  // by URL
   Census before_;
   std::mt19937_64 random_{11};
-  std::uint64_t id_ = 0, asked_ = 0, right_ = 0;
+  std::uint64_t id_ = 0, requested_ = 0, right_ = 0;
 };
 
 TEST_F(FireInputs, FramesOverEveryTransport) {
@@ -160,7 +160,7 @@ TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {
     std::vector<Bytes> parts(1 + random_() % 6);
     for (Bytes& part : parts) part = noise(random_() % 3 ? random_() % 130 : random_() % 5000);
     if (parts.size() == 2 && parts[0].size() == sizeof(wire::FrameHeader)) parts.pop_back();
-    const RawReply reply = wire->ask_parts(parts);
+    const RawReply reply = wire->request_parts(parts);
     EXPECT_EQ(reply.error.code, static_cast<std::uint16_t>(wire::ErrorCode::kBadFrame)) << i;
     expect_good(arena_.zmq(), "parts");
     if (HasFatalFailure()) return;

@@ -45,7 +45,7 @@ class FireLimits : public testing::Test {
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     for (const std::string& url : arena_.urls()) {
       Client client = patient(url);
-      EXPECT_TRUE(is_right(ask_surely(client, *exam_.questions()[0]), *exam_.questions()[0])) << url;
+      EXPECT_TRUE(is_right(request_surely(client, *exam_.questions()[0]), *exam_.questions()[0])) << url;
     }
     Client client = patient(arena_.zmq());
     EXPECT_EQ(unbalanced(stats_of(client)), "");

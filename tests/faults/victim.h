@@ -55,6 +55,6 @@ void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random)
 /// until it is killed.
 [[noreturn]] void scribble(const std::string& socket_path, std::mt19937_64& random);
 /// Sends requests of all sizes through the client library without end.
-[[noreturn]] void ask_without_end(const std::string& url, std::mt19937_64& random);
+[[noreturn]] void request_without_end(const std::string& url, std::mt19937_64& random);
 
 }  // namespace clearance::faults

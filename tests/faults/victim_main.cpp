@@ -42,7 +42,7 @@ std::vector<std::byte> request_of(std::uint64_t id, std::uint32_t configurations
   return frame;
 }
 
-void ask_without_end(const std::string& url, std::mt19937_64& random) {
+void request_without_end(const std::string& url, std::mt19937_64& random) {
   for (;;) {
     try {
       Client client = connect(url);
@@ -81,7 +81,7 @@ int main_of(int argc, char** argv) {
   }
   const std::string url = argv[2];
   std::mt19937_64 random(std::strtoull(argv[3], nullptr, 10));
-  if (what == "ask") ask_without_end(url, random);
+  if (what == "ask") request_without_end(url, random);
   if (what == "scribble") scribble(path_of(url), random);
   const Fate fate(argv[4], std::atoi(argv[5]));
   if (url.rfind("shm://", 0) == 0) talk_shm(path_of(url), fate, random);

@@ -110,7 +110,7 @@ bool is_right(const Reply& reply, const KnownQuery& question) {
   return bytes_of(reply) == question.answer;
 }
 
-Reply ask_surely(Client& client, const KnownQuery& question) {
+Reply request_surely(Client& client, const KnownQuery& question) {
   const std::string url = client.url();
   client.set_timeout(patience(url));
   for (auto spent = patience(url);; spent += patience(url)) try {

@@ -41,7 +41,7 @@ class Exam {
 /// Returns whether the reply has the engine's bits.
 bool is_right(const Reply& reply, const KnownQuery& question);
 /// Returns the answer, repeating the query if LCM lost one. Throws as Client::distances().
-Reply ask_surely(Client& client, const KnownQuery& question);
+Reply request_surely(Client& client, const KnownQuery& question);
 
 /// LCM loses packets if a core reads them too late; an answer is then late, but never wrong.
 inline bool may_lose(const std::string& url) {

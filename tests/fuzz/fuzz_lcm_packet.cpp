@@ -22,7 +22,7 @@ bool decoded(Bytes packet, Message& message) {
 }
 
 /// Returns whether a packet is a query that the daemon would start.
-bool asked(Bytes packet) {
+bool requested(Bytes packet) {
   clearance_lcm::query_t query;
   if (!decoded(packet, query)) return false;
   try {
@@ -64,7 +64,7 @@ CLEARANCE_FUZZ_TARGET(lcm_packet) {
         break;
       }
       case 2:
-        good = asked(packet);
+        good = requested(packet);
         break;
       default: {
         clearance_lcm::frame_t part;

@@ -135,8 +135,8 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
     const std::vector<Pose> poses = poses_of(random);
     q.configurations = poses;
     q.reduce = Reduce::kNone;
-    const std::vector<BodyPair> asked = engine.pairs(q);
-    const std::vector<Exact> exact = exact_answer(engine.scene(), asked, poses);
+    const std::vector<BodyPair> requested = engine.pairs(q);
+    const std::vector<Exact> exact = exact_answer(engine.scene(), requested, poses);
     for (const Exact& one : exact) {
       overlapping += !(one.above > 0);
       apart += one.above > 0;
@@ -173,7 +173,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
           ASSERT_EQ(least.size.rows, kBatch * groups);
           for (std::size_t row = 0; row < least.size.rows; ++row) {
             const Exact of_group =
-                least_of(asked, &exact[row / groups * P], reduce, static_cast<std::uint32_t>(row % groups));
+                least_of(requested, &exact[row / groups * P], reduce, static_cast<std::uint32_t>(row % groups));
             hold(of_group, least.view.lower[row], least.view.upper[row], name + (warm ? "least, warm" : "least, cold"));
           }
         }
@@ -190,7 +190,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
         here.warm_slot = warm;
         const Answer nearest = ask(engine, here);
         for (std::uint32_t b = 0; b < kBodies; ++b)
-          hold(least_of(asked, &exact[k * asked.size()], Reduce::kNearest, b), nearest.view.lower[b],
+          hold(least_of(requested, &exact[k * requested.size()], Reduce::kNearest, b), nearest.view.lower[b],
                nearest.view.upper[b], warm ? "where bodies stand, warm" : "where bodies stand");
       }
     }

@@ -108,7 +108,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
     Found least, any;
     for (const double room : {0.6, 1.5}) {
       MeshCase c(300, room, 5);
-      c.ask_about(all ? c.pairs_of_all() : c.pairs_of_meshes());
+      c.request_about(all ? c.pairs_of_all() : c.pairs_of_meshes());
       const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
       const std::string name = std::string(all ? "all" : "meshes") + ", room " + std::to_string(room);
       for (const double distance : {kInf, 0.1})
@@ -154,7 +154,7 @@ TEST_F(CudaElements, RepeatThemselves) {
 
 TEST_F(CudaElements, RepeatThemselvesOfMeshes) {
   MeshCase c(300, 0.8, 3);
-  c.ask_about(c.pairs_of_meshes());
+  c.request_about(c.pairs_of_meshes());
   expect_repeated(std::move(c.scene), c.q);
 }
 
@@ -192,7 +192,7 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
   std::vector<BodyPair> pairs;
   for (const std::uint32_t link : c.links)
     for (const std::uint32_t other : {c.cloud, c.nothing, c.several}) pairs.push_back({other, link});
-  c.ask_about(pairs);
+  c.request_about(pairs);
   c.q.reduce = Reduce::kMin;
   const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   expect_same(ask(device, c.q), ask(cpu, c.q), "clouds before meshes", false);

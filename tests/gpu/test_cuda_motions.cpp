@@ -14,7 +14,7 @@ namespace clearance::test {
 namespace {
 
 // A row for each of 20,000 edges.
-void ask_both(double margin, double size, bool when) {
+void request_both(double margin, double size, bool when) {
   const ArmEdges edges(11, 20000, size);
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(margin, when);
@@ -33,7 +33,7 @@ TEST(CudaMotions, HaveTheCpusVerdicts) {
   SKIP_WITHOUT_DEVICE();
   for (const double margin : {0.0, 0.02})
     for (const double size : {0.2, 1.5})
-      for (const bool when : {false, true}) ask_both(margin, size, when);
+      for (const bool when : {false, true}) request_both(margin, size, when);
 }
 
 // Whether the bits are the same each time: those of the device, and of the CPU where it finishes a motion.

@@ -276,25 +276,25 @@ TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
 TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
   const Engine device(simple_scene(300, 4, 12), {"cuda"}), cpu(simple_scene(300, 4, 12), {"cpu"});
   std::vector<Answer> expected;
-  std::vector<QueryView> asked;
+  std::vector<QueryView> requested;
   for (const auto& [name, q] : questions()) {
-    asked.push_back(q);
+    requested.push_back(q);
     expected.push_back(ask(cpu, q));
   }
-  for (std::size_t i = 0; i < asked.size(); i += 5) {
-    const Answer room = ask(cpu, asked[i]);
-    const Job given_up = device.start(asked[i], room.view);
+  for (std::size_t i = 0; i < requested.size(); i += 5) {
+    const Answer room = ask(cpu, requested[i]);
+    const Job given_up = device.start(requested[i], room.view);
   }
   std::vector<std::thread> threads;
-  std::vector<std::vector<Answer>> answers(4, std::vector<Answer>(asked.size()));
+  std::vector<std::vector<Answer>> answers(4, std::vector<Answer>(requested.size()));
   for (std::size_t t = 0; t < answers.size(); ++t)
     threads.emplace_back([&, t] {
-      for (std::size_t i = 0; i < asked.size(); ++i)
-        answers[t][(i + t) % asked.size()] = ask(device, asked[(i + t) % asked.size()]);
+      for (std::size_t i = 0; i < requested.size(); ++i)
+        answers[t][(i + t) % requested.size()] = ask(device, requested[(i + t) % requested.size()]);
     });
   for (std::thread& t : threads) t.join();
   for (const auto& mine : answers)
-    for (std::size_t i = 0; i < asked.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
+    for (std::size_t i = 0; i < requested.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
 }
 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {

@@ -30,7 +30,7 @@ struct Trajectory {
       p.qz += 0.005 * random.normal();
     }
   }
-  const QueryView& ask_for(Reduce reduce, std::uint64_t client) {
+  const QueryView& evaluate_for(Reduce reduce, std::uint64_t client) {
     q.reduce = reduce;
     q.max_distance = reduce == Reduce::kWithin ? 0.4 : kInf;
     q.fields = kAllFields;
@@ -80,9 +80,9 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
         Compared sum;
         std::uint64_t allocations = 0;
         for (int i = 0; i < 6; ++i) {
-          const Answer cold = ask(cpu, t.ask_for(reduce, 0));
-          expect_same(ask(device, t.ask_for(reduce, 0)), cold, what + ", cold", true);
-          const Answer warm = ask(device, t.ask_for(reduce, client));
+          const Answer cold = ask(cpu, t.evaluate_for(reduce, 0));
+          expect_same(ask(device, t.evaluate_for(reduce, 0)), cold, what + ", cold", true);
+          const Answer warm = ask(device, t.evaluate_for(reduce, client));
           ASSERT_EQ(warm.info.backend, "cuda");
           if (i == 0 && precision == Precision::kF64) {  // float64 starts where float32 ended
             expect_same(warm, cold, what + ", nothing to begin from", true);
@@ -99,7 +99,8 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
         EXPECT_GT(sum.different, 10u) << what;
         // With all bodies elsewhere.
         std::reverse(t.poses.begin(), t.poses.end());
-        expect_to_meet(ask(device, t.ask_for(reduce, client)), ask(cpu, t.ask_for(reduce, 0)), what + ", elsewhere");
+        expect_to_meet(ask(device, t.evaluate_for(reduce, client)), ask(cpu, t.evaluate_for(reduce, 0)),
+                       what + ", elsewhere");
       }
       EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
     }

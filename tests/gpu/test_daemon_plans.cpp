@@ -68,12 +68,12 @@ class DaemonPlans : public testing::Test {
 };
 
 /// Input of a device query in either process.
-struct Asked {
+struct Requested {
   std::vector<std::uint32_t> bodies, joints;
   std::vector<Pose> poses;
   std::vector<double> positions;
 
-  Asked(const Scene& scene, bool by_joints, std::uint64_t seed) {
+  Requested(const Scene& scene, bool by_joints, std::uint64_t seed) {
     for (const char* name : {"cup", "can", "box"}) bodies.push_back(scene.find_body(name));
     if (by_joints)
       for (std::uint32_t j = 0; j < scene.joints().size(); ++j) joints.push_back(j);
@@ -94,7 +94,7 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
         for (const bool by_joints : {false, true}) {
           SCOPED_TRACE(url + ", reduce " + std::to_string(static_cast<int>(reduce)) + ", precision " +
                        std::to_string(static_cast<int>(precision)) + (by_joints ? ", joints" : ""));
-          Asked asked(engine.scene(), by_joints, 7);
+          Requested requested(engine.scene(), by_joints, 7);
           QueryView q;
           q.precision = precision;
           q.reduce = reduce;
@@ -102,8 +102,8 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
           if (by_joints) q.fields |= kFieldGradientJoints;
           q.margin = reduce == Reduce::kAny ? 0.05 : 0;
           q.configuration_count = kConfigurations;
-          q.bodies = asked.bodies;
-          q.joints = asked.joints;
+          q.bodies = requested.bodies;
+          q.joints = requested.joints;
           const auto here = engine.plan_on_device(q);
           const QuerySize size = here->size();
           Query query;
@@ -111,8 +111,8 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
           query.reduce = reduce;
           query.fields = q.fields;
           query.margin = q.margin;
-          query.bodies = asked.bodies;
-          query.joints = asked.joints;
+          query.bodies = requested.bodies;
+          query.joints = requested.joints;
           RemotePlan plan = client.plan_on_device(query, kConfigurations);
           const PlanInfo& info = plan.info();
           ASSERT_EQ(info.rows, size.rows);
@@ -121,16 +121,16 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
             MappedMemory memory(info.memory_handle, info.device_uuid);
             std::uint64_t bytes = 0;
             reply_view_over(nullptr, size.rows, size.fields, &bytes, size.joints);
-            DeviceMemory poses(asked.poses.size() * sizeof(Pose)), rows(bytes),
-                positions(std::max<std::size_t>(asked.positions.size() * sizeof(double), 1));
+            DeviceMemory poses(requested.poses.size() * sizeof(Pose)), rows(bytes),
+                positions(std::max<std::size_t>(requested.positions.size() * sizeof(double), 1));
             std::vector<std::byte> before;
             for (int turn = 0; turn < 2; ++turn) {
-              asked = Asked(engine.scene(), by_joints, 100 + static_cast<std::uint64_t>(turn));
-              memory.put(info.poses_offset, asked.poses.data(), poses.size());
-              poses.put(asked.poses.data(), poses.size());
+              requested = Requested(engine.scene(), by_joints, 100 + static_cast<std::uint64_t>(turn));
+              memory.put(info.poses_offset, requested.poses.data(), poses.size());
+              poses.put(requested.poses.data(), poses.size());
               if (by_joints) {
-                memory.put(info.positions_offset, asked.positions.data(), positions.size());
-                positions.put(asked.positions.data(), positions.size());
+                memory.put(info.positions_offset, requested.positions.data(), positions.size());
+                positions.put(requested.positions.data(), positions.size());
               }
               plan.run();
               rows.fill(0);

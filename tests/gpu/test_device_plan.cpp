@@ -42,12 +42,12 @@ class DevicePlans : public testing::Test {
 };
 
 // Configurations of a query, some axis-aligned at round coordinates, so that bodies touch exactly.
-struct Asked {
+struct Requested {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose> poses;
   QueryView q;
 
-  Asked(const Scene& scene, std::uint32_t configurations, double box) {
+  Requested(const Scene& scene, std::uint32_t configurations, double box) {
     Random random(7);
     for (std::uint32_t b = 0; b < scene.bodies().size() && bodies.size() < 20; ++b)
       if (!scene.bodies()[b].is_static) bodies.push_back(b);
@@ -158,15 +158,15 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
         for (const std::uint32_t fields :
              {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFieldBounds, std::uint32_t{kFieldCompact}})
           for (const double max_distance : {std::numeric_limits<double>::infinity(), 1.0}) {
-            Asked asked(device.scene(), configurations, box);
-            asked.q.fields = fields;
-            asked.q.format = fields == kFieldCompact ? Format::kCompact : Format::kFull;
-            asked.q.precision = precision;
-            asked.q.max_distance = max_distance;
-            Running running(device, asked.q);
+            Requested requested(device.scene(), configurations, box);
+            requested.q.fields = fields;
+            requested.q.format = fields == kFieldCompact ? Format::kCompact : Format::kFull;
+            requested.q.precision = precision;
+            requested.q.max_distance = max_distance;
+            Running running(device, requested.q);
             running.rows.fill(0x5a);
             running.run();
-            expect_the_cpus(running.answer(), ask(cpu, asked.q),
+            expect_the_cpus(running.answer(), ask(cpu, requested.q),
                             "box " + std::to_string(box) + ", K " + std::to_string(configurations) + ", fields " +
                                 std::to_string(fields) + (precision == Precision::kF32 ? ", f32" : "") +
                                 (max_distance < 2 ? ", near" : ""));
@@ -177,12 +177,12 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
 TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
   const auto scene = [] { return scene_of_all_kinds(60, 6); };
   const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
-  Asked asked(device.scene(), 6000, 6);
-  asked.q.fields = kBounds;
-  Running running(device, asked.q);
+  Requested requested(device.scene(), 6000, 6);
+  requested.q.fields = kBounds;
+  Running running(device, requested.q);
   ASSERT_GT(running.plan->size().rows, std::uint64_t{1} << 22);
   running.run();
-  expect_the_cpus(running.answer(), ask(cpu, asked.q), "several chunks");
+  expect_the_cpus(running.answer(), ask(cpu, requested.q), "several chunks");
 }
 
 // Captured in a graph, a device query reads its input memory again on each launch.
@@ -206,17 +206,17 @@ void expect_captured(const Engine& device, Running& running, Running& plain, con
 
 TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAnew) {
   const Engine device(scene_of_all_kinds(80, 4), {"cuda"});
-  Asked asked(device.scene(), 64, 4), others(device.scene(), 64, 3);
-  asked.q.fields = others.q.fields = kDefaultFields;
-  Running running(device, asked.q), plain(device, others.q);
+  Requested requested(device.scene(), 64, 4), others(device.scene(), 64, 3);
+  requested.q.fields = others.q.fields = kDefaultFields;
+  Running running(device, requested.q), plain(device, others.q);
   expect_captured(device, running, plain, others.q);
 }
 
 TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
   const Engine device(scene_of_all_kinds(40, 4), {"cuda"});
-  Asked asked(device.scene(), 8, 4);
-  asked.q.fields = kDefaultFields;
-  Running running(device, asked.q);
+  Requested requested(device.scene(), 8, 4);
+  requested.q.fields = kDefaultFields;
+  Running running(device, requested.q);
   const ReplyView own = running.plan->own_rows();
   EXPECT_TRUE(own.lower && own.upper && own.status && own.distance && !own.point_a);
   EXPECT_EQ(running.plan->own_rows().lower, own.lower) << "the same each time";
@@ -227,8 +227,8 @@ TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
 
 // A robot on an uncertain cart, bodies that follow its links, bodies of several convex parts, all with slack, and
 // certain bodies. Some configurations are bad, some beyond limits.
-struct JointAsked : UncertainCase {
-  JointAsked(std::uint32_t configurations, std::uint64_t seed) : UncertainCase(configurations, seed) {
+struct JointRequested : UncertainCase {
+  JointRequested(std::uint32_t configurations, std::uint64_t seed) : UncertainCase(configurations, seed) {
     poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
     positions[1] = 5;  // beyond its limits
     positions[2 * joints.size()] = std::numeric_limits<double>::quiet_NaN();
@@ -240,24 +240,24 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
        {kBounds, kDefaultFields, kAllFields | kFieldBounds, kAllFields | kFieldGradientJoints})
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const double max_distance : {std::numeric_limits<double>::infinity(), 0.2}) {
-        JointAsked asked(200, 11);
-        const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
-        asked.q.fields = fields;
-        asked.q.precision = precision;
-        asked.q.max_distance = max_distance;
-        Running running(device, asked.q);
+        JointRequested requested(200, 11);
+        const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+        requested.q.fields = fields;
+        requested.q.precision = precision;
+        requested.q.max_distance = max_distance;
+        Running running(device, requested.q);
         running.rows.fill(0x5a);
         running.run();
-        expect_the_cpus(running.answer(), ask(cpu, asked.q),
+        expect_the_cpus(running.answer(), ask(cpu, requested.q),
                         "fields " + std::to_string(fields) + (precision == Precision::kF32 ? ", f32" : "") +
                             (max_distance < 1 ? ", near" : ""));
         if (fields != kDefaultFields) continue;
-        asked.bodies.clear();  // joints alone
-        asked.poses.clear();
-        asked.point();
-        Running alone(device, asked.q);
+        requested.bodies.clear();  // joints alone
+        requested.poses.clear();
+        requested.point();
+        Running alone(device, requested.q);
         alone.run();
-        expect_the_cpus(alone.answer(), ask(cpu, asked.q), "joints alone");
+        expect_the_cpus(alone.answer(), ask(cpu, requested.q), "joints alone");
       }
 }
 
@@ -309,28 +309,28 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
       Soundness all;
       for (const int way : {0, 1, 2})
         for (std::size_t first = 0; first < 12; ++first) {
-          JointAsked asked(100, 13 + first);
+          JointRequested requested(100, 13 + first);
           // Few of the pairs at a time, since otherwise every configuration has an overlap.
           std::size_t at = 0;
-          std::erase_if(asked.pairs, [&](BodyPair) { return at++ % 12 != first; });
-          asked.point();
-          const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(asked.scene), {"cpu"});
-          std::vector<double> margins(asked.pairs.size());
+          std::erase_if(requested.pairs, [&](BodyPair) { return at++ % 12 != first; });
+          requested.point();
+          const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+          std::vector<double> margins(requested.pairs.size());
           Random random(8);
           for (double& margin : margins) margin = random.uniform(0, 0.05);
-          asked.q.fields = fields;
-          asked.q.reduce = reduce;
+          requested.q.fields = fields;
+          requested.q.reduce = reduce;
           if (reduce == Reduce::kMin) {
-            if (way == 1) asked.q.max_distance = 0.05;
-            if (way == 2) asked.q.rel_tol = 0.1;
+            if (way == 1) requested.q.max_distance = 0.05;
+            if (way == 2) requested.q.rel_tol = 0.1;
           } else {
-            if (way == 1) asked.q.margin = 0.02;
-            if (way == 2) asked.q.pair_margins = margins;
+            if (way == 1) requested.q.margin = 0.02;
+            if (way == 2) requested.q.pair_margins = margins;
           }
-          Running running(device, asked.q);
+          Running running(device, requested.q);
           running.rows.fill(0x5a);
           running.run();
-          all.add(running.answer(), ask(cpu, asked.q), reduce == Reduce::kAny,
+          all.add(running.answer(), ask(cpu, requested.q), reduce == Reduce::kAny,
                   "reduce " + std::to_string(int(reduce)) + ", way " + std::to_string(way));
         }
       EXPECT_EQ(all.rows, 3600u);
@@ -349,13 +349,13 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
       for (const bool several : {false, true}) {
         const auto scene = [&] { return several ? scene_of_all_kinds(60, 9) : mixed_scene(60, 9, 5); };
         const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
-        Asked asked(device.scene(), configurations, 9);
-        asked.q.fields = kDefaultFields | kFieldPoints;
-        asked.q.reduce = reduce;
-        Running running(device, asked.q);
+        Requested requested(device.scene(), configurations, 9);
+        requested.q.fields = kDefaultFields | kFieldPoints;
+        requested.q.reduce = reduce;
+        Running running(device, requested.q);
         running.rows.fill(0x5a);
         running.run();
-        const Answer got = running.answer(), expected = ask(cpu, asked.q);
+        const Answer got = running.answer(), expected = ask(cpu, requested.q);
         const std::uint64_t K = std::max(configurations, 1u);
         Soundness all;
         all.add(got, expected, reduce == Reduce::kAny, "reduce " + std::to_string(int(reduce)));
@@ -398,11 +398,11 @@ TEST_F(DevicePlans, CallNothingFreeThatTouches) {
 
 TEST_F(DevicePlans, ReducedFromJointsAreCapturedInGraphs) {
   for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
-    JointAsked asked(64, 3), others(64, 4);
-    const Engine device(std::move(asked.scene), {"cuda"});
-    asked.q.fields = others.q.fields = kDefaultFields | kFieldGradientJoints;
-    asked.q.reduce = others.q.reduce = reduce;
-    Running running(device, asked.q), plain(device, others.q);
+    JointRequested requested(64, 3), others(64, 4);
+    const Engine device(std::move(requested.scene), {"cuda"});
+    requested.q.fields = others.q.fields = kDefaultFields | kFieldGradientJoints;
+    requested.q.reduce = others.q.reduce = reduce;
+    Running running(device, requested.q), plain(device, others.q);
     expect_captured(device, running, plain, others.q);
   }
 }

@@ -114,8 +114,8 @@ def writing_in_its_loop():
     assert len(written) > 100 and not elsewhere, (len(written), *elsewhere[:1])
 
 
-def expected_rows(front, **asked):
-    r = front.distances(("*", "*"), reduce="within", max_distance=0.25, fields=("default", "pair"), **asked)
+def expected_rows(front, **requested):
+    r = front.distances(("*", "*"), reduce="within", max_distance=0.25, fields=("default", "pair"), **requested)
     return {tuple(p): (lo, up) for p, lo, up in zip(r.pairs.tolist(), r.lower.tolist(), r.upper.tolist())}
 
 

@@ -151,13 +151,13 @@ TEST_F(LcmDaemonTest, BeyondThisMachineAProcessOutsideReadsThePackets) {
       if (known == name) return value;
     return std::uint64_t{0};
   };
-  const auto asked = [&] {  // repeated, because packets are lost while that process is gone
+  const auto requested = [&] {  // repeated, because packets are lost while that process is gone
     for (;;) try {
         return connect(address.url(), std::chrono::seconds(2)).distances().rows();
       } catch (const ConnectionError&) {  // or TimeoutError
       }
   };
-  EXPECT_EQ(asked(), 6u);
+  EXPECT_EQ(requested(), 6u);
   while (counter("outside.memory_bytes") == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_EQ(counter("outside.restarts"), 0u);
   for (const auto& task : std::filesystem::directory_iterator("/proc")) {
@@ -167,7 +167,7 @@ TEST_F(LcmDaemonTest, BeyondThisMachineAProcessOutsideReadsThePackets) {
     if (in >> pid >> command >> state >> parent && parent == daemon.pid()) kill(std::stoi(pid), SIGKILL);
   }
   while (counter("outside.restarts") < 1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_EQ(asked(), 6u);
+  EXPECT_EQ(requested(), 6u);
 }
 
 TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTransport) {

@@ -420,8 +420,8 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     const std::int64_t young = engine_->body_state(1).receipt_ns, old = engine_->body_state(2).receipt_ns;
     // Slightly less than the age of the others: they are certainly too old, and ball 0 is not unless this takes longer
     // than the difference.
-    const std::int64_t asked = monotonic_ns();
-    query.max_pose_age_ns = asked - old - 1;
+    const std::int64_t requested = monotonic_ns();
+    query.max_pose_age_ns = requested - old - 1;
     const auto reply = ask(query);
     const std::int64_t answered = monotonic_ns();
     ASSERT_TRUE(reply);
@@ -430,7 +430,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     EXPECT_EQ(reply->status[0], reply_t::STATUS_STALE_POSE);
     EXPECT_EQ(reply->status[1], reply_t::STATUS_STALE_POSE);
     EXPECT_EQ(reply->oldest_receipt_ns, old);
-    if (answered - asked >= young - old) continue;
+    if (answered - requested >= young - old) continue;
     told_apart = true;
     EXPECT_NE(reply->status[2], reply_t::STATUS_STALE_POSE) << "the table never moves, and ball 0 is young";
   }

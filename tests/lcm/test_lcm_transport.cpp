@@ -231,7 +231,7 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
 TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   start();
   set_poses(1, 0.1);
-  const auto ask_for = [&](query_t query) {
+  const auto evaluate_for = [&](query_t query) {
     query.request_id = question().request_id;
     answers_.clear();
     EXPECT_TRUE(bus_->publish_message("CLEARANCE_QUERY", query));
@@ -240,25 +240,25 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   };
   query_t query = question();
   query.min_pose_stamp_ns = 1001;
-  reply_t reply = ask_for(query);
+  reply_t reply = evaluate_for(query);
   EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(reply.error_text, "no poses with stamp 1001 or newer are there");
   query.pose_wait_ns = 2'000'000;
-  reply = ask_for(query);
+  reply = evaluate_for(query);
   EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(reply.error_text, "no poses with stamp 1001 or newer came within 2.000000 ms");
   query.deadline_ns = 1'000'000;  // in the record, like the reply's
-  EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_DEADLINE);
+  EXPECT_EQ(evaluate_for(query).error_code, reply_t::ERROR_DEADLINE);
   query.pose_wait_ns = -1;
-  EXPECT_EQ(ask_for(query).error_text, "query: pose_wait_ns must be 0 to 10000000000, got -1");
+  EXPECT_EQ(evaluate_for(query).error_text, "query: pose_wait_ns must be 0 to 10000000000, got -1");
 
   query = question();
   query.min_pose_stamp_ns = 1000;
   query.wait_for_one = true;  // the table has no stamp of its own
-  EXPECT_EQ(ask_for(query).error_code, reply_t::ERROR_POSES_LATE);
+  EXPECT_EQ(evaluate_for(query).error_code, reply_t::ERROR_POSES_LATE);
   query.wait_for = 1;
   query.max_pose_age_ns = 1;
-  reply = ask_for(query);
+  reply = evaluate_for(query);
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
   EXPECT_EQ(std::count(reply.status.begin(), reply.status.end(), reply_t::STATUS_STALE_POSE), reply.row_count);
   EXPECT_EQ(reply.row_count, 21);

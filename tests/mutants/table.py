@@ -284,8 +284,8 @@ MUTANTS = [
         ("motion_lean", "motion/motion_step.h", "n + lean_a * @s@", "(0 * s)"),
         (
             "motion_way", "motion/motion_search.cpp",
-            "difference_below(answer.lower, asked.way)",
-            "difference_below(answer.lower, 0.9 * asked.way)",
+            "difference_below(answer.lower, requested.way)",
+            "difference_below(answer.lower, 0.9 * requested.way)",
         ),
         (
             "motion_boxes", "motion/motion_search.cpp",

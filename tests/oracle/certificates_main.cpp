@@ -133,20 +133,20 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
   X.translation = places[static_cast<std::size_t>(random.integer(0, static_cast<int>(places.size()) - 1))];
   const std::uint32_t plane = scene.add_half_space("plane", {.radius = random.chance(0.5) ? 0 : 0.01, .pose = X});
   const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
-  test::Motions asked = made.motions;
-  asked.pairs.clear();
+  test::Motions requested = made.motions;
+  requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
-    if ((pair.a == plane || pair.b == plane) && asked.pairs.size() < kMostPairs)
-      asked.pairs.push_back(random.chance(0.5) ? pair : BodyPair{pair.b, pair.a});
-  if (asked.pairs.empty()) return;
+    if ((pair.a == plane || pair.b == plane) && requested.pairs.size() < kMostPairs)
+      requested.pairs.push_back(random.chance(0.5) ? pair : BodyPair{pair.b, pair.a});
+  if (requested.pairs.empty()) return;
   const Reduce reduce = number % 2 == 0 ? Reduce::kNone : Reduce::kAny;
-  QueryView query = asked.view(reduce);
+  QueryView query = requested.view(reduce);
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
-  count.prove_document(o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
-                       engine.certificate(query), asked.count() * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
-                       number < o.python_motions);
+  count.prove_document(
+      o.out + "/plane_" + test::name_of(kind) + "_" + std::to_string(number) + ".json", engine.certificate(query),
+      requested.count() * (reduce == Reduce::kNone ? requested.pairs.size() : 1), number < o.python_motions);
 }
 
 // Some motions of robots with all kinds of joints, and of bodies next to and on them, in a scene of their own.
@@ -160,18 +160,18 @@ void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   const test::MotionCase made(random, kind, kAtOnce, folder);
   check_motions_over_plane(o, made, kind, number, count);
   const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
-  test::Motions asked = made.motions;
-  asked.pairs.clear();
+  test::Motions requested = made.motions;
+  requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
-    if (made.exact.answers(pair)) asked.pairs.push_back(pair);
-  if (asked.pairs.empty()) return;
+    if (made.exact.answers(pair)) requested.pairs.push_back(pair);
+  if (requested.pairs.empty()) return;
   const Reduce reduce = kReduces[number % 3];
-  QueryView query = asked.view(reduce);
+  QueryView query = requested.view(reduce);
   query.abs_tol = 1e-3;
   query.margin = 1e-3;
   query.fields |= kFieldFirstContact;
   count.prove_document(o.out + "/motion_" + test::name_of(kind) + "_" + std::to_string(number) + ".json",
-                       engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? asked.pairs.size() : 1),
+                       engine.certificate(query), kAtOnce * (reduce == Reduce::kNone ? requested.pairs.size() : 1),
                        number < o.python_motions);
 }
 
@@ -191,7 +191,7 @@ std::uint64_t share(const CaseClass& c, std::uint64_t cases) {
 void check_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std::uint64_t python, std::size_t setting,
                  bool beside_planes, Count& count) {
   constexpr std::uint64_t kAtOnce = 100;
-  const auto& [name, asked] = settings()[setting];
+  const auto& [name, requested] = settings()[setting];
   const std::uint64_t each = share(c, cases), kept = python == 0 ? 0 : std::min(share(c, python), each);
   for (std::uint64_t begin = 0; begin < each;) {
     const std::uint64_t end = std::min(begin + kAtOnce, begin < kept ? kept : each);
@@ -204,7 +204,7 @@ void check_cases(const Options& o, const CaseClass& c, std::uint64_t cases, std:
     }
     count.prove_document(
         o.out + "/" + c.name + (beside_planes ? "_plane_" : "_") + name + "_" + std::to_string(begin) + ".json",
-        Bench(made, asked.backend).certificate(asked), made.size(), begin < kept);
+        Bench(made, requested.backend).certificate(requested), made.size(), begin < kept);
     begin = end;
   }
 }

@@ -90,7 +90,7 @@ bool certify_slack(const Options& o) {
     if (i % 100 == 0) try_age(random, findings);
   }
   if (o.slack > 0)
-    std::cerr << "slack: " << findings.asked << " answers: " << findings.misses << " intervals that miss, "
+    std::cerr << "slack: " << findings.requested << " answers: " << findings.misses << " intervals that miss, "
               << findings.untrue << " untrue statuses, " << findings.wide << " too wide, " << findings.unresolved
               << " unsettled\n";
   return findings.all() == 0;

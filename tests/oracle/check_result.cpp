@@ -74,21 +74,21 @@ class ResultChecker {
 
   void status() {
     const double lower = answer_.lower, upper = answer_.upper;
-    const double asked =
+    const double requested =
         std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(compact() ? upper : answer_.distance));
-    const bool narrow = compact() || upper - lower <= asked || (answer_.flags & kFlagRoundingLimited) != 0;
+    const bool narrow = compact() || upper - lower <= requested || (answer_.flags & kFlagRoundingLimited) != 0;
     switch (answer_.status) {
       case Status::kOk:
         // Compact bounds are rounded outward, perhaps to 0.
         if (!(lower > 0) && !(compact() && lower >= 0)) violation("ok, but lower is not above 0");
         if (exact_value_.distance.compare(0) <= 0) violation("ok, but the bodies touch or overlap");
-        if (!narrow) violation(text("ok, but wider than asked: %.3g > %.3g", upper - lower, asked));
+        if (!narrow) violation(text("ok, but wider than asked: %.3g > %.3g", upper - lower, requested));
         break;
       case Status::kOverlap:
         if (!(upper <= 0)) violation("overlap, but upper is above 0");
         if (exact_value_.distance.compare(0) > 0) violation("overlap, but the bodies are apart");
         if (!setting_.signed_distance && (lower != 0 || upper != 0)) violation("overlap without depth, but not 0, 0");
-        if (!narrow) violation(text("overlap, but wider than asked: %.3g > %.3g", upper - lower, asked));
+        if (!narrow) violation(text("overlap, but wider than asked: %.3g > %.3g", upper - lower, requested));
         break;
       case Status::kContact:
         if (!(lower <= 0 && upper >= 0)) violation("contact, but the bounds prove a side");
@@ -117,10 +117,10 @@ class ResultChecker {
   void accuracy() {
     if (answer_.status == Status::kBeyond) return;
     const double loose = compact() ? 4 * kEpsFloat * std::abs(exact_) + std::numeric_limits<float>::min() : 0;
-    const double asked = std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) + loose;
-    v_.width = (answer_.upper - answer_.lower) / (asked + 32 * kEps * scale_);
+    const double requested = std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) + loose;
+    v_.width = (answer_.upper - answer_.lower) / (requested + 32 * kEps * scale_);
     const double distance = compact() ? answer_.upper : answer_.distance;
-    v_.error = std::abs(distance - exact_) / (asked + 16 * kEps * scale_);
+    v_.error = std::abs(distance - exact_) / (requested + 16 * kEps * scale_);
     if (!(v_.error <= 1))
       inaccuracy(text("distance %.17g is off the exact %.17g by %.3g of what is allowed", distance, exact_, v_.error));
   }

@@ -40,7 +40,7 @@ std::vector<Row> ask(const Engine& engine, QueryView query) {
   return rows;
 }
 
-Row ask_one(const Engine& engine, double max_distance = kInf, bool depth = false, Reduce reduce = Reduce::kNone) {
+Row request_one(const Engine& engine, double max_distance = kInf, bool depth = false, Reduce reduce = Reduce::kNone) {
   QueryView query;
   query.max_distance = max_distance;
   query.signed_distance = depth;
@@ -51,7 +51,7 @@ Row ask_one(const Engine& engine, double max_distance = kInf, bool depth = false
 
 // \param truth the exact distance, or the least of samples, in which case `exact` is false and `upper` is not tested
 void hold(const Row& row, const Value& exact_value, bool exact, Findings& findings, double max_distance = kInf) {
-  ++findings.asked;
+  ++findings.requested;
   const bool clipped = exact_value.compare(0.0) < 0;  // bounds are those of an unsigned distance
   const double least = clipped ? 0 : exact_value.upper();
   findings.misses += row.lower > least || (exact && !clipped && row.upper < exact_value.lower());
@@ -113,7 +113,7 @@ void try_uncertain(Random& random, Findings& findings) {
   Case c{cloud(random, 12, 0.5), cloud(random, 20, 0.4), random.rotation({0, 0, 0}), {}};
   c.X_wb = random.rotation(random.direction() * random.uniform(0.5, 2.0));
   const Engine engine(scene_of(c, of_a, of_b, padding), kFewLanes);
-  const Row row = ask_one(engine);
+  const Row row = request_one(engine);
   // The nominal placement is allowed, and the free position and padding are the radius': the exact distance of the
   // grown nominal parts bounds the least from above.
   Case nominal = c;
@@ -131,9 +131,9 @@ void try_uncertain(Random& random, Findings& findings) {
   const Vec3d way{here.direction.x.get_d(), here.direction.y.get_d(), here.direction.z.get_d()};
   const double bounds[] = {kInf, 0.5 * std::max(row.lower + row.upper, 0.0)};
   std::vector<Row> rows;
-  for (const double max_distance : bounds) rows.push_back(ask_one(engine, max_distance));
-  rows.push_back(ask_one(engine, bounds[1], false, Reduce::kMin));
-  rows.push_back(ask_one(engine, bounds[1], false, Reduce::kWithin));
+  for (const double max_distance : bounds) rows.push_back(request_one(engine, max_distance));
+  rows.push_back(request_one(engine, bounds[1], false, Reduce::kMin));
+  rows.push_back(request_one(engine, bounds[1], false, Reduce::kWithin));
   for (int k = 0; k < 12; ++k) {
     Case sample = c;
     sample.X_wa = allowed(random, c.X_wa, of_a, way);
@@ -178,9 +178,9 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
   const Engine engine(std::move(scene), kFewLanes);
   const Value exact = exact_answer(exact_value).distance;
   for (const double max_distance : {kInf, 2 * h}) {
-    const Row row = ask_one(engine, max_distance, depth);
+    const Row row = request_one(engine, max_distance, depth);
     if (depth) {
-      ++findings.asked;
+      ++findings.requested;
       findings.misses += exact.compare(row.lower) < 0 || exact.compare(row.upper) > 0;
       findings.untrue += (row.status == Status::kOk && exact.compare(0.0) <= 0) ||
                          (row.status == Status::kOverlap && exact.compare(0.0) > 0);
@@ -243,8 +243,8 @@ bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
   const Real side = std::sqrt(p.x * p.x + p.y * p.y) - Real(r), end = std::abs(p.z) - Real(half);
   const Real apart = side > 0 && end > 0 ? std::sqrt(side * side + end * end) : std::max(side, end);
   const Real exact_value = apart - Real(ball), error = 1e-17L * (8 + 4 * Real(r + half));
-  const Row plain = ask_one(engine), deep = ask_one(engine, kInf, true);
-  ++findings.asked;
+  const Row plain = request_one(engine), deep = request_one(engine, kInf, true);
+  ++findings.requested;
   if (exact_value > 0) findings.misses += plain.lower > exact_value + error || plain.upper < exact_value - error;
   findings.misses += deep.lower > exact_value + error || deep.upper < exact_value - error;
   findings.untrue += (plain.status == Status::kOk && exact_value < -error) ||
@@ -259,8 +259,8 @@ void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings) {
   add_cylinder(scene, as, "a", 0.3, 1, random.rotation());
   add_cylinder(scene, as, "b", 0.3, 1, random.rotation(random.direction() * random.uniform(0.05, 0.2)));
   const Engine engine(std::move(scene), kFewLanes);
-  ++findings.asked;
-  findings.unresolved += ask_one(engine).status != Status::kOverlap;
+  ++findings.requested;
+  findings.unresolved += request_one(engine).status != Status::kOverlap;
 }
 
 void try_age(Random& random, Findings& findings) {
@@ -279,7 +279,7 @@ void try_age(Random& random, Findings& findings) {
   options.pose = Pose{{0, 5, 0}};
   scene.add_box("cup", {1, 1, 1}, options);  // moves as its parent does
   Engine engine(std::move(scene), kFewLanes);
-  findings.untrue += ask_one(engine).status != Status::kNoPose;
+  findings.untrue += request_one(engine).status != Status::kNoPose;
   const BodyPose poses[] = {{box, Pose{{3, 0, 0}}}};
   const std::int64_t before_set = monotonic_ns();
   engine.set_poses(poses);
@@ -290,14 +290,14 @@ void try_age(Random& random, Findings& findings) {
   QueryView query;
   query.pairs = pairs;
   query.all_pairs = false;
-  const std::int64_t before_ask = monotonic_ns();
+  const std::int64_t before_request = monotonic_ns();
   const std::vector<Row> rows = ask(engine, query);
-  const std::int64_t after_ask = monotonic_ns();
-  const double least = speed * 1e-9 * static_cast<double>(before_ask - after_set),
-               most = speed * 1e-9 * static_cast<double>(after_ask - before_set);
+  const std::int64_t after_request = monotonic_ns();
+  const double least = speed * 1e-9 * static_cast<double>(before_request - after_set),
+               most = speed * 1e-9 * static_cast<double>(after_request - before_set);
   const double exact[] = {2, std::hypot(2.0, 4.0)};
   for (int i = 0; i < 2; ++i) {
-    ++findings.asked;
+    ++findings.requested;
     findings.misses += rows[i].lower > std::max(exact[i] - least, 0.0) || rows[i].upper < exact[i];
     findings.wide += rows[i].lower < exact[i] - most - 1e-9 || rows[i].upper > exact[i] + 1e-9;
     findings.untrue += !(rows[i].flags & kFlagUncertaintyLimited);

@@ -8,7 +8,7 @@ namespace clearance::exact {
 
 /// Errors found. All must be 0 for the engine, but not for a mutant.
 struct Findings {
-  int asked = 0;
+  int requested = 0;
   int misses = 0;      ///< intervals without the exact distance
   int untrue = 0;      ///< statuses and flags that contradict the exact result
   int wide = 0;        ///< intervals wider than tolerance and slack

@@ -90,8 +90,8 @@ def test_what_has_changed_is_parsed_again(engine, parsed):
     margin, fields, pairs = {("arm", "*"): 0.0}, ["lower"], np.array([[0, 3]], dtype=np.uint32)
 
     def ask(**more):
-        asked = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "margin": margin}
-        return engine.distances(**{**asked, **more})
+        requested = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "margin": margin}
+        return engine.distances(**{**requested, **more})
 
     assert ask().status[0] == clearance.Status.BEYOND
     margin[("arm", "*")] = 50.0
@@ -154,14 +154,14 @@ def test_the_same_objects_are_the_same_question_and_others_are_not(engine, parse
     arm = engine.joints("arm")
     q = rows(8, 1, len(arm))
     near, far = 0.0, 50.0
-    asked = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "max_results": 1}
+    requested = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "max_results": 1}
     for margin in (near, near, near, far, far, far, near, far):
-        free = engine.distances(margin=margin, **asked).status[0] == clearance.Status.BEYOND
+        free = engine.distances(margin=margin, **requested).status[0] == clearance.Status.BEYOND
         assert free == (margin == near)
     assert len(parsed) == 2
     for wrong in ({"max_results": 1.0}, {"max_results": True}, {"signed_distance": 0}):
         with pytest.raises(TypeError):
-            engine.distances(margin=far, **{**asked, **wrong})
-    assert engine.distances(**asked).status[0] == clearance.Status.BEYOND, "without the option: its default"
-    other = {**asked, "positions": rows(9, 2, len(arm))}
+            engine.distances(margin=far, **{**requested, **wrong})
+    assert engine.distances(**requested).status[0] == clearance.Status.BEYOND, "without the option: its default"
+    other = {**requested, "positions": rows(9, 2, len(arm))}
     assert len(engine.distances(margin=far, **other).status) == 2

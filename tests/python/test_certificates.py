@@ -129,8 +129,8 @@ def test_links_of_robots(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_box("wall", [0.1, 2, 2], static=True, pose=at(0.9))
     engine = clearance.Engine(scene)
-    asked = {"joints": "arm", "positions": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
-    certificate = engine.certificate(**asked)
+    requested = {"joints": "arm", "positions": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
+    certificate = engine.certificate(**requested)
     assert check_all(checker, certificate).keys() >= {"ok", "overlap"}
     links = [row for row in certificate.document["rows"] if any(t["of"] == "pair" for t in terms_of(row))]
     assert links, "rows of two links"
@@ -231,7 +231,7 @@ def documents(root, tmp_path_factory):
     places = {"box": at(0), "hull": at(1.5, 0.2, 0.1, q), "round": at(0.1, 1.4, 0.2, q), "vague": at(-1.5, 0.3, 0.2, q)}
     places |= {"cylinder": at(0, -1.2, 0.1, q), "blunt": at(0.4, 0.3, 1.2, q), "egg": at(0.1, 0.3, -1.5)}
     engine.set_poses(places)
-    asked = {
+    requested = {
         "apart": {"pairs": [("box", "hull")], "rel_tol": 1e-12},
         "round": {"pairs": [("hull", "round")], "rel_tol": 1e-12},
         "slack": {"pairs": [("box", "vague")], "rel_tol": 1e-12},
@@ -240,7 +240,7 @@ def documents(root, tmp_path_factory):
         "follower": {"pairs": [("follower", "box")], "rel_tol": 1e-12},
         "beyond": {"pairs": [("box", "hull")], "max_distance": 0.1},
     }
-    made = {name: engine.certificate(**arguments).document for name, arguments in asked.items()}
+    made = {name: engine.certificate(**arguments).document for name, arguments in requested.items()}
     engine.set_poses({"hull": at(0.1, 0.05, 0.02, q)})
     made["depth"] = engine.certificate(pairs=[("box", "hull")], signed_distance=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "hull")]).document

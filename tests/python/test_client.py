@@ -110,20 +110,20 @@ def test_a_query_waits_for_its_poses(daemon, engine):
     mover = next(iter(clients.values()))
     before = mover.body_states()[mover.body_id("bottle")].pose
     stamp = 1_000_000_000_000
-    asked = {"pairs": [("bottle", "ball")], "pose_wait_s": 10, "wait_for": "bottle"}
+    requested = {"pairs": [("bottle", "ball")], "pose_wait_s": 10, "wait_for": "bottle"}
     try:
         for client in clients.values():
             stamp += 2
-            waiting = client.submit(min_pose_stamp_ns=stamp, **asked)
+            waiting = client.submit(min_pose_stamp_ns=stamp, **requested)
             assert mover.stats()["frames"] > 0 and not waiting.done()  # the daemon serves others meanwhile
             mover.set_poses({"bottle": at(0.1, 0.2, 0.3)}, stamp_ns=stamp, sequence=stamp // 2)
             answer = waiting.result(timeout=PATIENCE_S)
             assert answer.snapshot_stamp_ns == stamp and answer.snapshot_sequence == stamp // 2
-            prepared = client.prepare(min_pose_stamp_ns=1, **asked)
+            prepared = client.prepare(min_pose_stamp_ns=1, **requested)
             assert (
                 prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
             )
-            asked_too_early = {**asked, "pose_wait_s": 0.001}
+            asked_too_early = {**requested, "pose_wait_s": 0.001}
             with pytest.raises(clearance.RequestError, match=r"no poses with stamp .* came within 1.0* ms") as late:
                 client.distances(min_pose_stamp_ns=stamp + 1, **asked_too_early)
             assert late.value.code == ErrorCode.POSES_LATE

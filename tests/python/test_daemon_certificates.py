@@ -44,28 +44,29 @@ def test_rows_are_proved_and_are_those_of_distances(client, root, tmp_path):
 def test_links_in_configurations_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
     with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         arm = client.joints("arm")
-        asked = {"joints": arm.names, "positions": rows_of(arm, 4)}
-        count = client.distances(**asked).lower.size
-        document = proved(root, tmp_path, client.certificate(**asked), count)
+        requested = {"joints": arm.names, "positions": rows_of(arm, 4)}
+        count = client.distances(**requested).lower.size
+        document = proved(root, tmp_path, client.certificate(**requested), count)
         assert {row["configuration"] for row in document["rows"]} == {0, 1, 2, 3}
-        assert document["rows"] == arm_engine.certificate(**asked).document["rows"]
+        assert document["rows"] == arm_engine.certificate(**requested).document["rows"]
 
 
 def test_motions_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
     with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         arm = client.joints("arm")
         start = rows_of(arm, 1)
-        asked = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "none", "pairs": ("arm", "cup")}
-        asked["margin"] = 0.4  # which a pair reaches during its motion
-        result = client.motions(**asked)
-        document = proved(root, tmp_path, client.certificate(**asked), result.lower.size)
+        requested = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "none",
+            "pairs": ("arm", "cup")}
+        requested["margin"] = 0.4  # which a pair reaches during its motion
+        result = client.motions(**requested)
+        document = proved(root, tmp_path, client.certificate(**requested), result.lower.size)
         assert [row["lower"] for row in document["rows"]] == result.lower.ravel().tolist()
         assert [row["upper"] for row in document["rows"]] == result.upper.ravel().tolist()
         first = [[float(row["first_contact"][name]) for name in ("free_until", "hit_at")] for row in document["rows"]]
         assert first == result.first_contact.reshape(-1, 2).tolist()
         assert any(until < hit < np.inf for until, hit in first), "something is hit"
         assert any(len(pair["spans"]) > 1 for row in document["rows"] for pair in row["pairs"]), "not all overlap"
-        assert document["rows"] == arm_engine.certificate(**asked).document["rows"]
+        assert document["rows"] == arm_engine.certificate(**requested).document["rows"]
 
 
 def test_what_is_refused_is_named(client):

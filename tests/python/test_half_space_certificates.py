@@ -152,7 +152,7 @@ def robot(tmp_path_factory):
 
 
 def moves(count, seed, spread=0.6):
-    asked = test_motion_certificates.moves(count, seed, spread)
+    requested = test_motion_certificates.moves(count, seed, spread)
     rng = np.random.default_rng(seed)
 
     def poses(ends):
@@ -160,7 +160,8 @@ def moves(count, seed, spread=0.6):
         other = np.concatenate([places[:, 1:], places[:, 1:]], axis=1) + rng.normal(size=(count, 2, 7)) * 0.1
         return joints, np.concatenate([places[:, :1], other], axis=1)
 
-    return {**asked, "bodies": ["cart", "ring", "cloud"], "start": poses(asked["start"]), "end": poses(asked["end"])}
+    return {**requested, "bodies": ["cart", "ring", "cloud"], "start": poses(requested["start"]),
+        "end": poses(requested["end"])}
 
 
 PAIRS = [("arm", "floor"), ("wall", "arm"), ("ring", "floor"), ("wall", "cloud"), ("floor", "cart")]
@@ -175,8 +176,8 @@ def test_motions_are_proved(checker, robot, reduce, seen):
     found, statuses = set(), set()
     for seed, spread in ((1, 0.3), (2, 0.6), (5, 1.2)):
         pairs = {"any": PAIRS[:2], "none": EACH, "min": PAIRS}[reduce]
-        asked = {**moves(2, seed, spread), "reduce": reduce, "pairs": pairs}
-        document = test_motion_certificates.check(checker, robot, found, **asked, margin=0.01, abs_tol=5e-3)
+        requested = {**moves(2, seed, spread), "reduce": reduce, "pairs": pairs}
+        document = test_motion_certificates.check(checker, robot, found, **requested, margin=0.01, abs_tol=5e-3)
         statuses |= {row["status"] for row in document["rows"]}
     assert statuses >= seen, statuses
     kinds = {x[:2] for x in found if isinstance(x, tuple)}
@@ -191,8 +192,8 @@ def test_an_edge_over_a_floor_is_proved_free(checker, root):
     engine = clearance.Engine(scene)
     engine.allow("arm/wrist_1", "arm/flange")
     home = [[joint.position for joint in engine.joint_states()]]
-    asked = {"joints": "arm", "start": home, "end": [[home[0][0] + 0.1, *home[0][1:]]], "reduce": "any"}
-    document = engine.certificate(**asked, margin=0.01, pairs=[("arm", "*")]).document
+    requested = {"joints": "arm", "start": home, "end": [[home[0][0] + 0.1, *home[0][1:]]], "reduce": "any"}
+    document = engine.certificate(**requested, margin=0.01, pairs=[("arm", "*")]).document
     assert document["rows"][0]["status"] == "beyond"
     ground = next(body["id"] for body in document["bodies"] if body["name"] == "ground")
     assert sum(ground in pair["bodies"] for pair in document["rows"][0]["pairs"]) > 3
@@ -201,8 +202,8 @@ def test_an_edge_over_a_floor_is_proved_free(checker, root):
 
 
 def test_motions_before_two_half_spaces_that_say_nothing(checker, robot):
-    asked = {**moves(1, 1), "pairs": [("arm/finger", "floor"), ("wall", "floor")], "reduce": "none"}
-    document = test_motion_certificates.check(checker, robot, set(), **asked)
+    requested = {**moves(1, 1), "pairs": [("arm/finger", "floor"), ("wall", "floor")], "reduce": "none"}
+    document = test_motion_certificates.check(checker, robot, set(), **requested)
     assert [row["status"] for row in document["rows"]][1] == "unconverged"
 
 
@@ -235,13 +236,13 @@ def documents(checker, robot):
     scene = add_planes(test_certificates.zoo())
     engine = clearance.Engine(scene)
     engine.set_poses({"box": at(0.4, 0.2, 0.5, (0.9, 0.1, 0.3, 0.2)), "egg": at(0.6, 0.1, 0.7), "hull": at(0.1)})
-    asked = {
+    requested = {
         "apart": {"pairs": [("box", "wall")], "rel_tol": 1e-12},
         "first": {"pairs": [("floor", "box")], "rel_tol": 1e-12},
         "egg": {"pairs": [("egg", "wall")], "rel_tol": 1e-12},
         "beyond": {"pairs": [("box", "wall")], "max_distance": 0.1},
     }
-    made = {name: engine.certificate(**arguments).document for name, arguments in asked.items()}
+    made = {name: engine.certificate(**arguments).document for name, arguments in requested.items()}
     engine.set_poses({"box": at(0.4, 0.2, -0.35, (0.9, 0.1, 0.3, 0.2))})
     made["depth"] = engine.certificate(pairs=[("box", "floor")], signed_distance=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "floor")]).document

@@ -273,9 +273,9 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
         bounds = client.distances(joints=arm, positions=rows, fields="bounds")
         assert same_bits(bounds, engine.distances(joints=arm, positions=rows, fields="bounds"))
         pairs = [("table", "arm/palm"), ("cup", "arm/fore"), ("cup", "arm/palm"), ("arm/base", "arm/palm")]
-        asked = (rows, arm, np.linspace(0.1, 1, len(arm)), {("arm", "*"): 0.01, ("arm", "cup"): 0.0}, pairs)
-        scales = client.free_scale(*asked)
-        assert np.array_equal(scales, engine.free_scale(*asked)) and 0 < (scales > 0).sum() < len(rows)
+        requested = (rows, arm, np.linspace(0.1, 1, len(arm)), {("arm", "*"): 0.01, ("arm", "cup"): 0.0}, pairs)
+        scales = client.free_scale(*requested)
+        assert np.array_equal(scales, engine.free_scale(*requested)) and 0 < (scales > 0).sum() < len(rows)
         assert np.array_equal(client.free_scale(rows, arm), engine.free_scale(rows, arm)), "weights are 1"
         with pytest.raises(clearance.QueryError, match="weights: expected 8 numbers, one for each joint, got 2"):
             client.free_scale(rows, arm, [1, 2])

@@ -91,13 +91,13 @@ def test_signed_values_below_0_are_the_pieces(front):
 
 
 def test_reductions_and_decisions(front):
-    asked = {"pairs": [("bracket", "*")], "configurations": PLACES, "bodies": ["ball"], "model": "pieces"}
-    least = front.distances(reduce="min", **asked)
+    requested = {"pairs": [("bracket", "*")], "configurations": PLACES, "bodies": ["ball"], "model": "pieces"}
+    least = front.distances(reduce="min", **requested)
     for row, exact in enumerate(TRUE):
         assert least.lower[row] <= exact <= least.upper[row] + 1e-12
-    within = front.distances(reduce="within", max_distance=0.1, **asked)
+    within = front.distances(reduce="within", max_distance=0.1, **requested)
     assert within.lower.size == 2 and within.configuration.tolist() == [1, 2]
-    nearest = front.distances(reduce="nearest", **asked)
+    nearest = front.distances(reduce="nearest", **requested)
     assert nearest.lower.size == len(PLACES) * 4
     exact_value = {"pairs": [("bracket", "ball")],
         "bodies": ["ball"]}  # results cached for one are not used for the other
@@ -126,8 +126,8 @@ def test_what_is_refused(front):
 
 
 def test_a_certificate_is_of_the_mesh(front, checker):
-    asked = dict(pairs=[("bracket", "ball")], bodies=["ball"], configurations=PLACES)
-    document, answer = front.certificate(**asked).document, front.distances(**asked)
+    requested = dict(pairs=[("bracket", "ball")], bodies=["ball"], configurations=PLACES)
+    document, answer = front.certificate(**requested).document, front.distances(**requested)
     assert [float(row["lower"]) for row in document["rows"]] == answer.lower.ravel().tolist()
     assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
     assert all(is_proved for is_proved, _ in checker.verdicts(document))
@@ -165,19 +165,21 @@ def test_links_of_robots(scene):
     path.write_text(robot + "bodies:\n  - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}\n")
     engine = clearance.Engine(clearance.Scene.load(path), threads=1)
     turns = np.linspace(-3, 3, 61)[:, None]
-    asked = {"pairs": [("arm/hand", "ball")], "joints": "arm", "positions": turns}
-    exact_value, pieces = engine.distances(**asked), engine.distances(model="pieces", **asked)
+    requested = {"pairs": [("arm/hand", "ball")], "joints": "arm", "positions": turns}
+    exact_value, pieces = engine.distances(**requested), engine.distances(model="pieces", **requested)
     assert (pieces.lower <= exact_value.lower + 1e-9).all() and (exact_value.upper <= pieces.upper + 1e-9).all()
     apart = exact_value.lower > 0.05
     assert apart.sum() > 20 and (exact_value.status == Status.OVERLAP).sum() > 3
     assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK
     assert (exact_value.upper - exact_value.lower).max() < 1e-5
-    free, wider = (engine.check(turns, joints="arm", pairs=asked["pairs"], model=m).free for m in ("truth", "pieces"))
+    free, wider = (engine.check(turns, joints="arm", pairs=requested["pairs"], model=m).free for m in ("truth",
+        "pieces"))
     assert (wider <= free).all() and wider.sum() > 20
-    at_truth, at_pieces = (engine.free_scale(turns, "arm", pairs=asked["pairs"], model=m) for m in ("truth", "pieces"))
+    at_truth, at_pieces = (engine.free_scale(turns, "arm", pairs=requested["pairs"], model=m) for m in ("truth",
+        "pieces"))
     assert (at_pieces[~wider] == 0).all() and (at_pieces[apart[:, 0]] > 0).all() and (at_truth[free] > 0).all()
     for start, end in ((0, 8), (20, 30)):
-        ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": asked["pairs"]}
+        ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": requested["pairs"]}
         least = engine.motions(model="pieces", **ends)
         assert least.lower[0] <= exact_value.upper[start : end + 1].min() and least.lower[0] <= least.upper[0]
 

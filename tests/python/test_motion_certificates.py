@@ -62,9 +62,9 @@ def moves(count, seed, spread=0.6):
     return {"joints": "arm", "bodies": ["cart", "egg"], "start": (start, poses()), "end": (end, poses())}
 
 
-def check(checker, engine, seen, **asked):
+def check(checker, engine, seen, **requested):
     """Checks that all rows are proved, and equal those of motions(); counts kinds of proofs."""
-    result, document = engine.motions(**asked), engine.certificate(**asked).document
+    result, document = engine.motions(**requested), engine.certificate(**requested).document
     rows = document["rows"]
     for name in ("lower", "upper"):
         assert np.array_equal([float(row[name]) for row in rows], getattr(result, name).ravel()), name
@@ -97,8 +97,8 @@ def test_first_contact(checker, engine):
     kinds = set()
     pairs = [("arm/finger", "egg"), ("arm/fore", "wall"), ("arm/upper", "vague")]
     for seed, reduce in ((3, "min"), (6, "min"), (3, "any"), (7, "any"), (3, "none")):
-        asked = {**moves(2, seed, spread=1.2), "pairs": pairs, "margin": [0.4, 0.01, 0.4], "reduce": reduce}
-        for row in check(checker, engine, set(), **asked, abs_tol=0.1)["rows"]:
+        requested = {**moves(2, seed, spread=1.2), "pairs": pairs, "margin": [0.4, 0.01, 0.4], "reduce": reduce}
+        for row in check(checker, engine, set(), **requested, abs_tol=0.1)["rows"]:
             kinds.add((reduce, *kind_of_contact(row)))
             until, hit = (float(row["first_contact"][name]) for name in ("free_until", "hit_at"))
             assert until <= hit and (hit < np.inf) == (row["first_contact"]["witness"] is not None)
@@ -112,10 +112,10 @@ def test_first_contact(checker, engine):
 
 
 def test_first_contact_that_nobody_asks_for(checker, engine):
-    asked = {**moves(2, 6, spread=1.2), "pairs": [("arm/finger", "egg")], "margin": 0.3}
-    rows = engine.certificate(**asked, fields="default").document["rows"]
+    requested = {**moves(2, 6, spread=1.2), "pairs": [("arm/finger", "egg")], "margin": 0.3}
+    rows = engine.certificate(**requested, fields="default").document["rows"]
     assert [row["first_contact"] for row in rows] == [None, None]
-    whole = engine.certificate(**asked).document["rows"]
+    whole = engine.certificate(**requested).document["rows"]
     assert [(r["lower"], r["upper"]) for r in rows] == [(r["lower"], r["upper"]) for r in whole]
     assert not any(pair["free"] for row in rows for pair in row["pairs"])
 
@@ -152,9 +152,9 @@ def test_half_turns_and_long_ways(checker):
 @pytest.fixture(scope="module")
 def document(engine):
     """A row that is apart, proved by several spans of moving bodies."""
-    asked = {"pairs": [("arm/finger", "egg")], "reduce": "none"}
+    requested = {"pairs": [("arm/finger", "egg")], "reduce": "none"}
     for seed in range(10, 40):
-        found = engine.certificate(**moves(1, seed), **asked).document
+        found = engine.certificate(**moves(1, seed), **requested).document
         (row,) = found["rows"]
         orders = {p["order"] for span in row["pairs"][0]["spans"] for p in span["lower"]}
         if row["status"] == "ok" and 2 in orders and len(row["pairs"][0]["spans"]) > 1:
@@ -228,9 +228,9 @@ def test_tampering_is_found(checker, document, name):
 @pytest.fixture(scope="module")
 def touching(checker, engine):
     """A row that is free for a while, by its own spans, some of which are halves of others, and then hit."""
-    asked = {"pairs": [("arm/finger", "egg")], "reduce": "none", "margin": 0.2, "abs_tol": 0.1}
+    requested = {"pairs": [("arm/finger", "egg")], "reduce": "none", "margin": 0.2, "abs_tol": 0.1}
     for seed in range(10, 90):
-        found = engine.certificate(**moves(1, seed, spread=1.2), **asked).document
+        found = engine.certificate(**moves(1, seed, spread=1.2), **requested).document
         (row,) = found["rows"]
         if kind_of_contact(row) == ("a while", "spans of its own", "points") and 2 < len(free(found)["spans"]) < 6:
             assert next(checker.verdicts(found))[0]
@@ -320,9 +320,9 @@ def test_tampering_with_first_contact_is_found(checker, touching, name):
 
 def test_decisions(checker, engine):
     """`beyond` needs all pairs beyond their own margins, and a hit needs a witness within its margin."""
-    asked = {**moves(1, 3, spread=0.2), "reduce": "any"}
+    requested = {**moves(1, 3, spread=0.2), "reduce": "any"}
     pairs = [("arm/upper", "wall"), ("arm/upper", "egg")]
-    document = engine.certificate(**asked, pairs=pairs, margin=[0.001, 0.3]).document
+    document = engine.certificate(**requested, pairs=pairs, margin=[0.001, 0.3]).document
     (row,) = document["rows"]
     assert row["status"] == "beyond" and [p["margin"] for p in row["pairs"]] == [0.001, 0.3]
     assert next(checker.verdicts(document))[0]
@@ -331,7 +331,7 @@ def test_decisions(checker, engine):
         mutated = copy.deepcopy(document)
         change(mutated["rows"][0])
         assert not next(checker.verdicts(mutated))[0]
-    hit = engine.certificate(**asked, pairs=pairs, margin=2.0).document
+    hit = engine.certificate(**requested, pairs=pairs, margin=2.0).document
     (row,) = hit["rows"]
     assert row["status"] == "ok" and row["witness"] and next(checker.verdicts(hit))[0]
     for pair in row["pairs"]:
@@ -340,13 +340,13 @@ def test_decisions(checker, engine):
 
 
 def test_rows_by_number_and_what_has_none(engine):
-    asked = moves(2, 1)
-    each = {**asked, "reduce": "none", "pairs": [("arm/upper", "*")]}
+    requested = moves(2, 1)
+    each = {**requested, "reduce": "none", "pairs": [("arm/upper", "*")]}
     all_rows = engine.certificate(**each).document["rows"]
     some = engine.certificate([len(all_rows) - 1, 0], **each).document["rows"]
     assert some == [all_rows[-1], all_rows[0]]
     with pytest.raises(clearance.QueryError, match=r"rows\[0\]: expected one of 2 rows, got 2"):
-        engine.certificate([2], **asked)
+        engine.certificate([2], **requested)
     with pytest.raises(ValueError, match="end: expected positions of joints"):
         engine.certificate(joints="arm", start=[[0, 0, 0]])
 

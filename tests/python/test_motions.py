@@ -199,8 +199,8 @@ def test_a_device_answers_the_default_columns(urdf):
     arm = cpu.joints("arm")
     start, end = edges_of(arm, 2000)
     for margin in (0.0, 0.01):
-        asked = {"joints": arm, "start": start, "end": end, "pairs": PAIRS, "reduce": "any", "margin": margin}
-        ours, theirs = device.motions(**asked), cpu.motions(**asked)
+        requested = {"joints": arm, "start": start, "end": end, "pairs": PAIRS, "reduce": "any", "margin": margin}
+        ours, theirs = device.motions(**requested), cpu.motions(**requested)
         assert ours.backend == "cuda"
         assert np.mean((ours.status == Status.BEYOND) == (theirs.status == Status.BEYOND)) > 0.999, "undecided aside"
         (until, hit), (until_there, hit_there) = ours.first_contact.T, theirs.first_contact.T

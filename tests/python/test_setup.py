@@ -56,8 +56,8 @@ def test_without_root_the_exact_command_is_printed(bare_machine):
     assert result.returncode == 1
     command = re.search(r"apt-get update && apt-get install -y --no-install-recommends (.*)", result.stdout)
     assert command, result.stdout + result.stderr
-    asked = command.group(1).split()
-    assert set(package_list()) <= set(asked)
+    requested = command.group(1).split()
+    assert set(package_list()) <= set(requested)
     assert "apt-get was called" not in result.stderr
 
 

@@ -346,11 +346,11 @@ def test_motions_are_proved(checker):
     scene.add_points("cloud", np.random.default_rng(2).normal(size=(30, 3)), static=True, pose=at(0, 2.5, 0))
     engine = clearance.Engine(scene)
     through = at(0.05, 0, -0.8, (0.9, 0.3, 0, 0))
-    asked = dict(
+    requested = dict(
         bodies=["hand"], start=[[at(0, 0, 1.0)], [at(0, 0, 1.5)]], end=[[through], [at(1.0, 0, 0)]], abs_tol=3e-2
     )
     for reduce, margin, seen in (("none", 0.0, {"ok", "overlap"}), ("any", 0.01, {"beyond", "contact"})):
-        document = engine.certificate(reduce=reduce, margin=margin, **asked).document
+        document = engine.certificate(reduce=reduce, margin=margin, **requested).document
         proved(checker, document)
         rows = document["rows"]
         assert {row["status"] for row in rows} >= seen

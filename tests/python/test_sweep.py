@@ -156,8 +156,8 @@ def test_a_run_that_is_killed_five_times_gives_the_bytes_of_one_that_is_not(tmp_
     assert sorted(made) == list(range(40))  # nothing lost, nothing twice
     table, ends = table_of(result), np.load(tmp_path / "motions.npy")
     rows = np.sort(chance.sample(range(len(ends)), 50))
-    asked = {"joints": job["joints"], "pairs": job["pairs"], "abs_tol": 1e-5}
-    r = engine_of(tmp_path).motions(start=ends[rows, 0], end=ends[rows, 1], **asked)
+    requested = {"joints": job["joints"], "pairs": job["pairs"], "abs_tol": 1e-5}
+    r = engine_of(tmp_path).motions(start=ends[rows, 0], end=ends[rows, 1], **requested)
     assert table["lower"][rows].tobytes() == r.lower.tobytes()
     assert table["upper"][rows].tobytes() == r.upper.tobytes()
 
@@ -219,8 +219,8 @@ class Wrong(Worker):
 
         honest = work.answer
 
-        def answer(*asked):
-            columns = honest(*asked)
+        def answer(*requested):
+            columns = honest(*requested)
             columns["lower"] = np.nextafter(columns["lower"], -np.inf)
             return columns
 

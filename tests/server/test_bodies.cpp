@@ -31,13 +31,13 @@ class Bodies : public LoopTest {
                        return std::make_unique<Engine>(std::move(next), Engine::Options{.threads = 1});
                      });
   }
-  std::unique_ptr<MemoryFrame> ask_scene(MemoryClient& client, std::vector<std::byte> frame) {
+  std::unique_ptr<MemoryFrame> request_scene(MemoryClient& client, std::vector<std::byte> frame) {
     transport_->send(client, std::move(frame));
     while (client.replies.empty()) loop_->turn();
     return take(client);
   }
   wire::SceneChange change(std::vector<std::byte> frame) {
-    const auto reply = ask_scene(a_, std::move(frame));
+    const auto reply = request_scene(a_, std::move(frame));
     EXPECT_EQ(reply->type(), FrameType::kSceneChanged);
     if (reply->type() != FrameType::kSceneChanged) return {};
     return wire::parse_scene_changed(wire::split_payload(reply->header(), reply->payload()).body);
@@ -45,7 +45,7 @@ class Bodies : public LoopTest {
   /// The rejection's message; checks that the scene is unchanged.
   std::string rejection(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
     const std::uint64_t before = loop_->engine().scene_revision();
-    const auto error = error_of(ask_scene(a_, std::move(frame)));
+    const auto error = error_of(request_scene(a_, std::move(frame)));
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code) << error.text;
     EXPECT_EQ(loop_->engine().scene_revision(), before);
     return error.text;
@@ -214,7 +214,7 @@ TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
   whole.add_mesh("hull", corners, triangles, MeshAs::kHull, at(3, 0, 0));
   EXPECT_EQ(loop_->engine().scene().revision(), whole.revision());
 
-  const auto reply = ask_scene(a_, simple_frame(FrameType::kDescribe, 9));
+  const auto reply = request_scene(a_, simple_frame(FrameType::kDescribe, 9));
   const auto parts = wire::parse_scene(wire::split_payload(reply->header(), reply->payload()).body);
   ASSERT_EQ(parts.bodies.size(), 7u);
   const auto says = [&](std::uint64_t i, std::uint64_t count, bool is_solid) {

@@ -80,7 +80,7 @@ void move_tool(Client& client) {
 
 /// How the calls after a restart end, until one is answered or rejected by name.
 enum class Ending { kAnswered, kNewEpoch };
-Ending ask_until_someone_is_there(Client& client) {
+Ending request_until_someone_is_there(Client& client) {
   return surely([&] {
     try {
       client.distances();
@@ -105,7 +105,7 @@ TEST_P(Restarts, AreNeverPassedOverInSilence) {
 
   site.kill();
   site.start();
-  EXPECT_EQ(ask_until_someone_is_there(client), Ending::kNewEpoch);
+  EXPECT_EQ(request_until_someone_is_there(client), Ending::kNewEpoch);
   EXPECT_THROW(distance_of(client), NewEpoch) << "and so it stays";
   EXPECT_THROW(move_tool(client), NewEpoch);
   EXPECT_THROW(surely([&] { return client.body_states(); }), NewEpoch);
@@ -162,13 +162,13 @@ TEST(Hangs, AreNoticedWhereARequestNeedsTheSlotOfOneThatWasGivenUp) {
   site.signal(SIGSTOP);
   constexpr int kSlots = 16;
   int given_up = 0;
-  const auto ask_until_hung = [&] {
+  const auto request_until_hung = [&] {
     for (; given_up <= kSlots; ++given_up) try {
         client.distances();
       } catch (const TimeoutError&) {
       }
   };
-  EXPECT_THROW(ask_until_hung(), DaemonHung);
+  EXPECT_THROW(request_until_hung(), DaemonHung);
   site.signal(SIGCONT);
   client.set_timeout(kPatience);
   EXPECT_NEAR(distance_of(client), kAtLoad, 1e-6);
@@ -268,7 +268,7 @@ TEST(Endpoints, TheNextOneIsAnotherDaemon) {
       two.kill();  // gone
     if (round == 1) one.signal(SIGCONT);
     EXPECT_THROW(client.distances(), ConnectionError);
-    EXPECT_EQ(ask_until_someone_is_there(client), Ending::kNewEpoch);
+    EXPECT_EQ(request_until_someone_is_there(client), Ending::kNewEpoch);
     EXPECT_EQ(client.url(), urls[1 - round]);
     client.acknowledge_epoch();
     EXPECT_NEAR(distance_of(client), round == 0 ? kAtLoad : kSet, 1e-6) << "nothing was carried over";

@@ -260,8 +260,8 @@ class PyClient {
   }
 
   /// \param configurations number of configurations; 0 for the current poses
-  std::unique_ptr<PyRemotePlan> plan_on_device(const Query& asked, std::uint32_t configurations) const {
-    clearance::Query query = query_of(asked);
+  std::unique_ptr<PyRemotePlan> plan_on_device(const Query& requested, std::uint32_t configurations) const {
+    clearance::Query query = query_of(requested);
     query.configurations = {};
     query.positions = {};
     return std::make_unique<PyRemotePlan>(

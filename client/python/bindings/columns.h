@@ -123,11 +123,11 @@ inline void bind_query(nb::module_& m) {
 
 /// Returns the rows of query_options.h that are members of Asked: {name: (tag, kind, default, words, unit, text,
 /// bytes in a record)}.
-template <class Asked>
+template <class Requested>
 nb::dict query_options() {
   nb::dict rows;
   for_each_query_option([&rows](const QueryOption& option, auto member) {
-    if constexpr (requires(Asked& asked) { member(asked); }) {
+    if constexpr (requires(Requested& requested) { member(requested); }) {
       using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
       const bool is_word = option.legal.kind == Legal::Kind::kWord;
       const char* kind = std::is_same_v<T, bool>       ? "bool"

@@ -290,8 +290,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
             max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
-        asked = (pairs, bodies, model, *arguments)
-        known, key = self._asked.find(self._scene_revision(), configurations, rows, asked, more)
+        requested = (pairs, bodies, model, *arguments)
+        known, key = self._asked.find(self._scene_revision(), configurations, rows, requested, more)
         if known is not None:
             query = known.at(configurations, rows)
         else:
@@ -329,8 +329,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         if positions is not None:
             positions = to_floats(positions, "positions", "(K, J) numbers")
         more = {"fields": _CHECKED, "timeout_s": timeout_s, **more}
-        asked = {"joints": joints, "positions": positions, "margin": margin}
-        result = self.distances(pairs, configurations, bodies, reduce="any", **asked, **more)
+        requested = {"joints": joints, "positions": positions, "margin": margin}
+        result = self.distances(pairs, configurations, bodies, reduce="any", **requested, **more)
         if joints is not None:
             return Check(result, beyond_limits(positions, self._joint_table.limits(joints), "positions"))
         return Check(result, self._beyond_now(result) if configurations is None else None)
@@ -374,8 +374,8 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         table = self._joint_table
         rows, ids = table.rows(positions, joints)
         each = np.ones(len(ids)) if weights is None else to_floats(weights, "weights")
-        asked = {"pairs": pairs, "joints": joints, "positions": rows, "margin": margin, "weights": each, **more}
-        return self.distances(reduce="any", fields="free_scale", **asked).free_scale
+        requested = {"pairs": pairs, "joints": joints, "positions": rows, "margin": margin, "weights": each, **more}
+        return self.distances(reduce="any", fields="free_scale", **requested).free_scale
 
     def prepare(self, **arguments: Any) -> Prepared:
         """Parses a query once, for a control loop that repeats it.

@@ -167,17 +167,17 @@ def motion_arguments(
     joints = _joints_of(answers, joints)
     ends = _ends(start, joints, bodies, "start"), _ends(end, joints, bodies, "end")
     positions, configurations = (_interleave(*each) for each in zip(*ends))
-    asked: dict[str, Any] = {"reduce": "min", "max_evaluations": 256, "bodies": bodies, "joints": joints}
-    asked |= {"positions": positions, "configurations": configurations}
-    asked |= {"fields": MOTION_FIELDS if fields is None else fields, **more}
-    if asked["reduce"] == "any":  # wider tolerances leave motions undecided
+    requested: dict[str, Any] = {"reduce": "min", "max_evaluations": 256, "bodies": bodies, "joints": joints}
+    requested |= {"positions": positions, "configurations": configurations}
+    requested |= {"fields": MOTION_FIELDS if fields is None else fields, **more}
+    if requested["reduce"] == "any":  # wider tolerances leave motions undecided
         defaults: dict[str, Any] = {"abs_tol": 0.0, "rel_tol": None}
     else:
         defaults = {"abs_tol": 1e-3, "rel_tol": 0.0}
     for name, value in defaults.items():
-        if asked.get(name) is None:
-            asked[name] = value
-    return asked
+        if requested.get(name) is None:
+            requested[name] = value
+    return requested
 
 
 def _joints_of(answers: HasJoints, joints: Optional[JointsRef]) -> Optional[Joints]:

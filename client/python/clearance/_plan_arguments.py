@@ -27,14 +27,14 @@ def plan_query(
     count = to_count(configurations, "configurations")
     if fields is None and more.get("format") != "compact":
         fields = "status" if reduce == "any" else ("lower", "upper")
-    asked: dict[str, Any] = {"pairs": pairs, "fields": fields, "reduce": reduce, **more}
+    requested: dict[str, Any] = {"pairs": pairs, "fields": fields, "reduce": reduce, **more}
     if count == 0 and (bodies is not None or joints is not None):
         raise ValueError(f"{'joints' if bodies is None else 'bodies'}: only together with configurations")
     if count > 0:
         if joints is not None:
             ids = front._joint_table.ids_of(joints, "joints")
-            asked.update(joints=ids, positions=np.zeros((1, len(ids))))
+            requested.update(joints=ids, positions=np.zeros((1, len(ids))))
         if joints is None or bodies is not None:
             moved = front._names.movable if bodies is None else front._names.bodies_array(bodies, "bodies")
-            asked.update(configurations=np.zeros((1, len(moved), 7)), bodies=moved)
-    return front._parse_named(asked), count
+            requested.update(configurations=np.zeros((1, len(moved), 7)), bodies=moved)
+    return front._parse_named(requested), count

@@ -42,7 +42,7 @@ class JointProblem:
     ):
         self.engine = engine
         self.joints = engine.joints(joints)
-        self.asked: dict[str, Any] = {"joints": self.joints, "margin": margin, "pairs": pairs}
+        self.requested: dict[str, Any] = {"joints": self.joints, "margin": margin, "pairs": pairs}
         self.max_evaluations = max_evaluations
         bounded = np.isfinite(self.joints.lower) & np.isfinite(self.joints.upper)
         self._bounded: list[int] = np.flatnonzero(bounded).tolist()
@@ -104,12 +104,12 @@ class JointProblem:
 
     def free(self, rows: np.ndarray) -> np.ndarray:
         """Returns whether (K, J) positions are free: (K,) bool."""
-        return self.engine.check(rows, **self.asked).free
+        return self.engine.check(rows, **self.requested).free
 
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
         """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
-        asked = {**self.asked, "reduce": "any", "max_evaluations": self.max_evaluations}
-        return self.engine.motions(start=start, end=self.unwrapped(start, end), **asked)
+        requested = {**self.requested, "reduce": "any", "max_evaluations": self.max_evaluations}
+        return self.engine.motions(start=start, end=self.unwrapped(start, end), **requested)
 
     def shortened(self, path: np.ndarray) -> np.ndarray:
         """Returns a shortcut of a path (N, J), which connects each kept waypoint to the farthest one with a motion
@@ -144,9 +144,9 @@ class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has 
     def clearance(self, state: Any) -> float:
         """Returns the certified lower bound of the least distance, in metres."""
         problem = self._problem
-        asked = {"joints": problem.joints, "pairs": problem.asked["pairs"]}
+        requested = {"joints": problem.joints, "pairs": problem.requested["pairs"]}
         row = problem.row(state)[None]
-        return float(problem.engine.distances(positions=row, reduce="min", fields=["lower"], **asked).lower[0])
+        return float(problem.engine.distances(positions=row, reduce="min", fields=["lower"], **requested).lower[0])
 
 
 class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]

@@ -151,7 +151,7 @@ class Session:
         plan: Optional[int] = None,
     ) -> int:
         """Sends a query. plan: number of configurations of OPEN_PLAN."""
-        asked = query.__dict__
+        requested = query.__dict__
         is_query, has_configurations = type == FrameType.QUERY, type not in (FrameType.PAIRS, FrameType.OPEN_PLAN)
         revision = self._revision_of_ids()
         pairs, bodies, poses = query.pairs, query.bodies, query.configurations
@@ -161,9 +161,9 @@ class Session:
             body_count=0 if bodies is None else len(bodies),
             configuration_count=plan if plan is not None else 0 if configurations is None else len(configurations),
             all_pairs=pairs is None,
-            **{name: asked[name] for name, row in self._options.items() if not row[0]},
+            **{name: requested[name] for name, row in self._options.items() if not row[0]},
         )
-        if not asked["min_pose_stamp_ns"]:  # a query without a stamp can still have a maximum wait
+        if not requested["min_pose_stamp_ns"]:  # a query without a stamp can still have a maximum wait
             header["pose_wait_ns"] = 0
         parts = [header]
         if pairs is not None:
@@ -172,9 +172,9 @@ class Session:
             parts.append(np.concatenate([bodies, np.zeros(len(bodies) % 2, np.uint32)]))
         if has_configurations and poses is not None:
             parts.append(poses)
-        later = {n: r for n, r in self._options.items() if r[0] and asked[n] != r[2]}
-        tagged = {r[0]: struct.pack(_OPTION_FORMATS[r[1], r[6]], asked[name]) for name, r in later.items()}
-        arrays = {name: asked[name] for name in _ARRAY_TAGS if asked[name] is not None and len(asked[name])}
+        later = {n: r for n, r in self._options.items() if r[0] and requested[n] != r[2]}
+        tagged = {r[0]: struct.pack(_OPTION_FORMATS[r[1], r[6]], requested[name]) for name, r in later.items()}
+        arrays = {name: requested[name] for name in _ARRAY_TAGS if requested[name] is not None and len(requested[name])}
         if not has_configurations:
             arrays.pop("positions", None)
         tagged.update((_ARRAY_TAGS[name], np.ascontiguousarray(array).tobytes()) for name, array in arrays.items())

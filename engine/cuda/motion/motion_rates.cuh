@@ -171,11 +171,12 @@ struct MovingPair {
   // status is kBeyond, the pair is beyond `asked` over the whole span.
   // \param targets of both halves
   // \param goes_on set for halves whose proof is not sufficient
-  __device__ void divide(const PairAnswer& answer, double asked, const double (&targets)[2], bool (&goes_on)[2]) const {
+  __device__ void divide(const PairAnswer& answer, double requested, const double (&targets)[2],
+                         bool (&goes_on)[2]) const {
     const double by_speed = difference_below(answer.lower, way);
     const bool is_beyond = answer.status == Status::kBeyond;
     if (is_beyond || (is_past(by_speed, targets[0]) && is_past(by_speed, targets[1]))) {
-      leave_out(m, span, is_beyond && by_speed < asked ? asked : by_speed);
+      leave_out(m, span, is_beyond && by_speed < requested ? requested : by_speed);
       return;
     }
     if (way == 0) {  // no relative motion, and neither beyond its target nor within

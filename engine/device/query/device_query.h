@@ -78,12 +78,12 @@ class DeviceQuery : public ParallelJob {
       for (std::size_t i = begin, j; i < end; i = j) {
         const std::uint64_t k = open(i).configuration;
         const BodyPoses& here = placement(worker, k);
-        room.asked.clear();
-        for (j = i; j < end && open(j).configuration == k; ++j) room.asked.push_back(asked(open(j).pair, here));
-        room.answers.resize(std::max(room.answers.size(), room.asked.size()));
-        evaluators_[w].run(room.asked, room.answers);
-        for (std::size_t n = 0; n < room.asked.size(); ++n) {
-          take(i + n, room.asked[n], room.answers[n]);
+        room.requested.clear();
+        for (j = i; j < end && open(j).configuration == k; ++j) room.requested.push_back(requested(open(j).pair, here));
+        room.answers.resize(std::max(room.answers.size(), room.requested.size()));
+        evaluators_[w].run(room.requested, room.answers);
+        for (std::size_t n = 0; n < room.requested.size(); ++n) {
+          take(i + n, room.requested[n], room.answers[n]);
           evaluated += reached_narrow_phase(room.answers[n]);
         }
       }
@@ -103,10 +103,10 @@ class DeviceQuery : public ParallelJob {
   static constexpr std::uint64_t kUnitsPerChunk = 1024;  // work units counted for waiting for a chunk
   static constexpr std::uint64_t kRestUnit = 16;         // rows per thread and unit
   struct RestScratch {
-    std::vector<PlacedBodies> asked;
+    std::vector<PlacedBodies> requested;
     std::vector<PairAnswer> answers;
   };
-  PlacedBodies asked(std::uint64_t pair, const BodyPoses& placement) const {
+  PlacedBodies requested(std::uint64_t pair, const BodyPoses& placement) const {
     if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
     const double margin = plan_.margins.of(pair);
     return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};

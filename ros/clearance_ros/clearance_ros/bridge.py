@@ -127,14 +127,14 @@ class Bridge:
         distance; 0 ignores age.
         """
         stale = self.stale(max_age_s)
-        asked: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
+        requested: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
         if stale and max_age_s > 0:
-            asked["max_pose_age_ns"] = int(max_age_s * 1e9)
-        r = self.client.distances(reduce="within", max_distance=within, **asked)
+            requested["max_pose_age_ns"] = int(max_age_s * 1e9)
+        r = self.client.distances(reduce="within", max_distance=within, **requested)
         names = [body.name for body in self.client.bodies]
         rows = zip(r.pairs.tolist(), r.status.tolist(), r.lower.tolist(), r.upper.tolist())
         pairs = [Pair(names[a], names[b], clearance.Status(s).name.lower(), lo, up) for (a, b), s, lo, up in rows]
-        least = self.client.distances(reduce="min", **asked | {"fields": ("default", "pair", "flags")})
+        least = self.client.distances(reduce="min", **requested | {"fields": ("default", "pair", "flags")})
         known = bool(len(least.lower)) and least.status[0] <= clearance.Status.UNCONVERGED
         whole = known and not stale and not least.flags[0] & clearance.Flag.INCOMPLETE
         return Report(

@@ -51,7 +51,7 @@ class HostMotions {
     m_.margins = margins_.data();
     m_.ends = plan.positions.data();
     const std::size_t S = m_.span_capacity;
-    ask_question(q, pairs);
+    request_question(q, pairs);
     m_.moves = bodies_.moves;
     m_.positions = room<double>(S * J);
     m_.travels = room<double>(motions * m_.moves.frames.robot_count);
@@ -76,7 +76,7 @@ class HostMotions {
     m_.lock = room<std::uint32_t>(motions);
     for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = room<MotionSpan>(S);
     for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = room<std::uint32_t>(2 * S);
-    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.asked}) *at = room<SpanPair>(m_.pair_capacity);
+    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.requested}) *at = room<SpanPair>(m_.pair_capacity);
     m_.hits = room<MotionHitRow>(m_.hit_capacity);
     for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = room<MotionHitRow>(motions);
     m_.counts = room<std::uint32_t>(kMotionCounts);
@@ -144,7 +144,7 @@ class HostMotions {
   static void launch(std::size_t threads, const Kernel& kernel) {
     EmulatedGrid::one().launch(static_cast<unsigned>(threads / kMotionThreads + 1), kMotionThreads, kernel);
   }
-  void ask_question(const QueryView& q, std::uint32_t pairs) {
+  void request_question(const QueryView& q, std::uint32_t pairs) {
     ChunkView& c = m_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;

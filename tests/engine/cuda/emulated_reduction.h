@@ -90,7 +90,7 @@ class HostReduction {
     r_.groups = q.reduce == Reduce::kNearest ? static_cast<std::uint32_t>(cpu.scene().bodies().size()) : 1;
     r_.rows = r_.capacity = K * P;
     r_.reply_rows = rows_.size.rows;
-    ask_question(K, P);
+    request_question(K, P);
     const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
     keys_.assign(6 * groups, kNoKey);
     unusable_.assign(groups, kNoPair);
@@ -189,7 +189,7 @@ class HostReduction {
   ReducedView r_{};
 
  private:
-  void ask_question(std::uint32_t K, std::uint32_t P) {
+  void request_question(std::uint32_t K, std::uint32_t P) {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
@@ -297,9 +297,9 @@ class HostReduction {
       rotations_of(given.poses, rotations);
       placement.configure(k, given, rotations);
       const std::uint64_t p = r_.rest_rows[i] % r_.chunk.pair_count;
-      PlacedBodies asked{plan.pairs.at(p), &placement, q_.max_distance};
-      if (any()) asked.max_distance = asked.stop_below = plan.margins.of(p);
-      evaluator.run({&asked, 1}, {&answers[i], 1});
+      PlacedBodies requested{plan.pairs.at(p), &placement, q_.max_distance};
+      if (any()) requested.max_distance = requested.stop_below = plan.margins.of(p);
+      evaluator.run({&requested, 1}, {&answers[i], 1});
     }
     launch(answers.size() + 1, kItemThreads,
            [&] { (any() ? take_open_answers : take_answers)(r_, answers.data(), counts_[kRest]); });

@@ -63,7 +63,7 @@ struct MeshCase {
       for (const std::uint32_t other : {hull, cloud, nothing, several, shelf}) of.push_back({other, link});
     return of;
   }
-  void ask_about(std::vector<BodyPair> of) {
+  void request_about(std::vector<BodyPair> of) {
     pairs = std::move(of);
     q.pairs = pairs;
     q.bodies = links;

@@ -157,7 +157,7 @@ std::uint64_t compare_all(const Engine& cpu, QueryView q, const std::string& wha
 TEST(MeshKernels, HoldWhatTheCpuHolds) {
   for (const double room : {0.6, 1.5}) {
     MeshCase c(6, room, 5);
-    c.ask_about(c.pairs_of_meshes());
+    c.request_about(c.pairs_of_meshes());
     c.poses[5].translation.x = std::numeric_limits<double>::quiet_NaN();
     const Engine cpu(std::move(c.scene), {"cpu"});
     EXPECT_LT(compare_all(cpu, c.q, "room " + std::to_string(room)), 4u);
@@ -167,7 +167,7 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
 // These pairs alone, and among others that the device answers.
 TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
   MeshCase c(4, 0.8, 7);
-  c.ask_about(c.pairs_of_all());
+  c.request_about(c.pairs_of_all());
   const Engine cpu(std::move(c.scene), {"cpu"});
   EXPECT_GT(compare_all(cpu, c.q, "left"), 60u);
 }

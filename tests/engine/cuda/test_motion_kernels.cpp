@@ -18,7 +18,8 @@ namespace clearance::test {
 namespace {
 
 // Answer for a single pair at one time of a motion.
-Answer ask_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time, const BodyPair& pair) {
+Answer request_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time,
+                  const BodyPair& pair) {
   const Samples there(edges.motions, motion, time);
   const std::vector<BodyPair> pairs{pair};
   QueryView single;
@@ -34,7 +35,7 @@ Answer ask_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion,
 void print_levels(const HostMotions& host) {
   for (std::uint32_t level = 0; level < host.levels(); ++level)
     std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                host.count(kAskedCount, level));
+                host.count(kRequestedCount, level));
   std::printf("\n");
 }
 
@@ -73,7 +74,7 @@ Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
           expect_same_contact(contact, wanted.view.first_contact + 2 * i, i);
         }
         // The same pair on the CPU at that time.
-        const Answer at = ask_at(cpu, edges, i, hit->time, host.plan().pairs.at(hit->pair));
+        const Answer at = request_at(cpu, edges, i, hit->time, host.plan().pairs.at(hit->pair));
         EXPECT_LE(at.view.lower[0], hit->answer.upper + 1e-9) << i;
         EXPECT_GE(at.view.upper[0], hit->answer.lower - 1e-9) << i;
         break;
@@ -126,7 +127,7 @@ Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& ho
     expect_narrow(answer.lower, answer.upper, answer.flags, q, i);
     EXPECT_NE(answer.status, Status::kUnconverged) << i;
     ++(answer.status == Status::kOk ? found.apart : found.touching);
-    const Answer at = ask_at(cpu, edges, i, row.time, host.plan().pairs.at(row.pair));
+    const Answer at = request_at(cpu, edges, i, row.time, host.plan().pairs.at(row.pair));
     EXPECT_LE(at.view.lower[0], row.answer.upper + 1e-9) << i;
     EXPECT_GE(at.view.upper[0], row.answer.upper - q.abs_tol) << i;
     if (!(q.fields & kFieldFirstContact)) continue;

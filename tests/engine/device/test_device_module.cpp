@@ -20,7 +20,7 @@ class DeviceModule : public testing::Test {
 };
 using DeviceModuleDeathTest = DeviceModule;
 
-[[noreturn]] void ask_for_cuda(const std::string& library) {
+[[noreturn]] void request_for_cuda(const std::string& library) {
   setenv("CLEARANCE_CUDA_MODULE", library.c_str(), 1);
   try {
     const Engine engine(Scene(), {"cuda"});
@@ -32,7 +32,7 @@ using DeviceModuleDeathTest = DeviceModule;
 }
 
 void expect_rejected(const std::string& library, const std::string& reason) {
-  EXPECT_EXIT(ask_for_cuda(library), testing::ExitedWithCode(3), "backend 'cuda' is not there \\(.*" + reason);
+  EXPECT_EXIT(request_for_cuda(library), testing::ExitedWithCode(3), "backend 'cuda' is not there \\(.*" + reason);
 }
 
 TEST_F(DeviceModuleDeathTest, IsMissing) {

@@ -34,7 +34,7 @@ void expect_same(const Answer& a, const Answer& b) {
 }
 
 /// Answers a query without a cached job, by publishing the same poses once more.
-Answer ask_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
+Answer request_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
   const BodyPose same{body, engine.body_state(body).X_wb};
   engine.set_poses({&same, 1});
   return ask(engine, query);
@@ -87,7 +87,7 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::ui
         q.precision = precision;
         reduction.set(q);
         const Answer answer = ask(kept, q);
-        expect_same(answer, ask_anew(anew, body, q));
+        expect_same(answer, request_anew(anew, body, q));
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
       }
@@ -340,7 +340,7 @@ TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
     q.reduce = Reduce::kMin;
     return q;
   };
-  for (int k = 0; k < kRounds; ++k) wanted.push_back(ask_anew(anew, ball, query(k)));
+  for (int k = 0; k < kRounds; ++k) wanted.push_back(request_anew(anew, ball, query(k)));
   std::array<std::vector<Answer>, kThreads> found;
   std::vector<std::thread> threads;
   for (auto& answers : found)

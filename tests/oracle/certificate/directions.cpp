@@ -75,10 +75,10 @@ void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, c
   const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
   const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
   // The root is above |n|, so that a negative product is too low. It is raised a little.
-  Dyadic asked = need * length_above(n);
-  if (need.sign() < 0) asked -= asked * blur();
+  Dyadic requested = need * length_above(n);
+  if (need.sign() < 0) requested -= requested * blur();
   const Dyadic between =
-      dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - asked;
+      dot(of_b.n_moved, look.X_wb.origin) + of_b.more - dot(of_a.n_moved, look.X_wa.origin) - of_a.more - requested;
   const Dyadic &over_a = look.X_wa.divisor, &over_b = look.X_wb.divisor, all = over_a * over_b * between;
   if (over_b * ahead + over_a * behind > all)
     throw Rejection("pieces from " + std::to_string(runs.a.begin) + " and " + std::to_string(runs.b.begin) +

@@ -52,7 +52,7 @@ std::vector<Row> ask(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartP
 }
 
 struct Found {
-  int asked = 0, wrong = 0, by_parts = 0, overlapping = 0, held = 0;
+  int requested = 0, wrong = 0, by_parts = 0, overlapping = 0, held = 0;
 };
 
 /// Whether a row contradicts the exact result.
@@ -91,7 +91,7 @@ void try_pair(Random& random, Kind kind, Found& found) {
     const std::vector<Row> rows = ask(with, c.X_wa, part_b, c.X_wb, limits),
                            plain = ask(without, c.X_wa, part_b, c.X_wb, limits);
     for (std::size_t i = 0; i < rows.size(); ++i) {
-      ++found.asked;
+      ++found.requested;
       found.wrong += is_wrong(rows[i], exact_value, limits[i]);
       // Triangles give the same answer, except for the proved lower bound.
       found.wrong += rows[i].status != plain[i].status;
@@ -136,7 +136,7 @@ TEST(DecomposedBodies, AreNoFartherThanTheJudgeSays) {
     for (const Kind kind : kKinds) try_pair(random, kind, found);
     try_held(random, found);
   }
-  std::printf("%d rows, %d wrong, %d by pieces; %d pairs overlap, %d rows of bodies that are held\n", found.asked,
+  std::printf("%d rows, %d wrong, %d by pieces; %d pairs overlap, %d rows of bodies that are held\n", found.requested,
               found.wrong, found.by_parts, found.overlapping, found.held);
   EXPECT_EQ(found.wrong, 0);
   EXPECT_GE(found.by_parts, 10);

@@ -34,12 +34,12 @@ Vec3d sample(Random& random, std::span<const Vec3d> of) {
 }
 
 struct Tally {
-  int cases = 0, samples = 0, wrong = 0, bitten = 0, asked = 0;
+  int cases = 0, samples = 0, wrong = 0, bitten = 0, requested = 0;
   double worst = kInf;  // least ratio of observed to bound among tight cases
   void take(double bound, double observed, double negligible) {
     ++cases;
     if (bound < negligible) return;
-    ++asked;
+    ++requested;
     worst = std::min(worst, observed / bound);
     bitten += observed > 0.5 * bound;
   }
@@ -114,7 +114,7 @@ void try_meshes(int count, bool ends, Tally& inner, Tally& outer) {
 
 void print(const char* what, const Tally& t) {
   std::printf("%s: %d bounds, %d samples, %d beyond; %d of %d bounds met to a half, the least to %.3g\n", what, t.cases,
-              t.samples, t.wrong, t.bitten, t.asked, t.worst);
+              t.samples, t.wrong, t.bitten, t.requested, t.worst);
 }
 
 #ifdef CLEARANCE_MUTANT
@@ -133,10 +133,10 @@ TEST(Decomposition, BoundsHoldAndBite) {
   print("outer", outer);
   EXPECT_EQ(inner.wrong, 0);
   EXPECT_EQ(outer.wrong, 0);
-  EXPECT_GE(inner.asked, 6);
-  EXPECT_GE(outer.asked, 20);
-  EXPECT_GE(inner.bitten, 0.6 * inner.asked);
-  EXPECT_GE(outer.bitten, 0.5 * outer.asked);
+  EXPECT_GE(inner.requested, 6);
+  EXPECT_GE(outer.requested, 20);
+  EXPECT_GE(inner.bitten, 0.6 * inner.requested);
+  EXPECT_GE(outer.bitten, 0.5 * outer.requested);
 }
 
 TEST(Decomposition, OfWhatIsOneIsExact) {

@@ -115,7 +115,7 @@ std::vector<Case> hard_cases() {
 }
 
 // Creates convex parts, builds an engine and queries it in all ways.
-Bytes ask_all(std::span<const Case> cases, int threads) {
+Bytes request_all(std::span<const Case> cases, int threads) {
   Bytes all;
   for (const char* backend : {"cpu", "reference"}) {
     const Bench bench(cases, backend, threads);
@@ -129,10 +129,10 @@ Bytes ask_all(std::span<const Case> cases, int threads) {
 
 TEST(FpEnvironment, HardPairsHaveTheSameBitsInEveryState) {
   const std::vector<Case> cases = hard_cases();
-  const Bytes expected = ask_all(cases, 1);
+  const Bytes expected = request_all(cases, 1);
   for (const State& state : states()) {
     Bytes seen;
-    in(state, [&] { seen = ask_all(cases, 1); });
+    in(state, [&] { seen = request_all(cases, 1); });
     EXPECT_TRUE(seen == expected) << state.name;
   }
 }
@@ -141,7 +141,7 @@ TEST(FpEnvironment, HardPairsHaveTheSameBitsInEveryState) {
 TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
   constexpr int kThreads = 2;  // with fewer libgomp ends the rest, so that other threads would return
   const std::vector<Case> cases = hard_cases();
-  const Bytes expected = ask_all(cases, kThreads);
+  const Bytes expected = request_all(cases, kThreads);
   for (const State& state : states()) {
     Bytes seen;
     int in_state = 0, still_in_state = 0;
@@ -156,7 +156,7 @@ TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
         before[static_cast<std::size_t>(omp_get_thread_num())] = Registers::now();
         ++set;
       });
-      seen = ask_all(cases, kThreads);
+      seen = request_all(cases, kThreads);
       every([&](int&, int& still) {
         still += Registers::now() == before[static_cast<std::size_t>(omp_get_thread_num())];
         fesetenv(FE_DFL_ENV);
@@ -172,13 +172,13 @@ TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
 TEST(FpEnvironment, SoTheyHaveWhereEachOfACallersThreadsAsks) {
   std::vector<Case> cases = hard_cases();
   cases.resize(40);
-  const Bytes expected = ask_all(cases, 1);
+  const Bytes expected = request_all(cases, 1);
   const int count = static_cast<int>(states().size());
   std::vector<Bytes> seen(states().size());
 #pragma omp parallel for num_threads(4) schedule(dynamic)
   for (int i = 0; i < count; ++i) {
     states()[static_cast<std::size_t>(i)].set();
-    seen[static_cast<std::size_t>(i)] = ask_all(cases, 1);
+    seen[static_cast<std::size_t>(i)] = request_all(cases, 1);
     fesetenv(FE_DFL_ENV);
   }
   for (std::size_t i = 0; i < seen.size(); ++i) EXPECT_TRUE(seen[i] == expected) << states()[i].name;

@@ -51,7 +51,7 @@ NarrowLimits limits_of_kind(int kind, double distance) {
 class Lanes : public testing::TestWithParam<std::string_view> {};
 
 // Pairs for one batch, and each of them alone.
-struct Asked {
+struct Requested {
   std::vector<ConvexPartPtr> parts;  // two for each hull pair
   std::vector<Placed> placed;
   std::vector<std::size_t> hulls;  // of each pair: index into `pieces` of the first one
@@ -75,16 +75,16 @@ struct Seen {
   int converged = 0, unresolved = 0, beyond = 0;
 };
 
-void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool same_hulls, NarrowLimits limits,
-                              Seen& seen) {
-  const std::size_t count = asked.placed.size();
+void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& requested, bool same_hulls,
+                              NarrowLimits limits, Seen& seen) {
+  const std::size_t count = requested.placed.size();
   std::vector<LaneHull> hulls;
-  for (const ConvexPartPtr& part : asked.parts) hulls.emplace_back(*part);
+  for (const ConvexPartPtr& part : requested.parts) hulls.emplace_back(*part);
   std::vector<LanePair> pairs;
   for (std::size_t k = 0; k < count; ++k) {
-    const auto& [at_a, at_b] = asked.placed[k];
-    pairs.push_back({&hulls[asked.hulls[k]], &hulls[asked.hulls[k] + 1], &at_a.R_wb, &at_b.R_wb, &at_a.t_w, &at_b.t_w,
-                     asked.max_distances[k]});
+    const auto& [at_a, at_b] = requested.placed[k];
+    pairs.push_back({&hulls[requested.hulls[k]], &hulls[requested.hulls[k] + 1], &at_a.R_wb, &at_b.R_wb, &at_a.t_w,
+                     &at_b.t_w, requested.max_distances[k]});
   }
   std::vector<LaneAnswer> answers(count);
   std::vector<LaneWitness> witnesses(count);
@@ -92,11 +92,11 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Asked& asked, bool
   kernel.run({pairs.data(), count, same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations, answers.data(),
               witnesses.data(), rest.data()});
   for (std::size_t k = 0; k < count; ++k) {
-    const auto& [at_a, at_b] = asked.placed[k];
-    const ConvexPart &a = *asked.parts[asked.hulls[k]], &b = *asked.parts[asked.hulls[k] + 1];
-    limits.max_distance = asked.max_distances[k];
+    const auto& [at_a, at_b] = requested.placed[k];
+    const ConvexPart &a = *requested.parts[requested.hulls[k]], &b = *requested.parts[requested.hulls[k] + 1];
+    limits.max_distance = requested.max_distances[k];
     const NarrowAnswer alone = narrow_phase(a, at_a, b, at_b, limits);
-    const std::string& where = asked.names[k];
+    const std::string& where = requested.names[k];
     if (!answers[k].converged) {
       ++seen.unresolved;
       const NarrowAnswer finished = narrow_phase(a, at_a, b, at_b, limits, nullptr, &rest[k]);
@@ -136,9 +136,9 @@ TEST_P(Lanes, GiveTheBitsOfOnePairAlone) {
     for (int i = 0; i < kCases && !HasFailure(); ++i) {
       const Case c = make_case(cls, 5, static_cast<std::uint64_t>(i));
       const NarrowLimits limits = limits_of_kind(i % 4, centre_distance(c));
-      Asked asked;
-      asked.add(cls, c, i, limits.max_distance);
-      expect_bits_of_one_alone(kernel, asked, true, limits, seen);
+      Requested requested;
+      requested.add(cls, c, i, limits.max_distance);
+      expect_bits_of_one_alone(kernel, requested, true, limits, seen);
     }
   std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.converged, seen.beyond, seen.unresolved);
   EXPECT_GT(seen.converged, 1000);
@@ -150,13 +150,13 @@ TEST_P(Lanes, HoldDifferentHullsSideBySide) {
   const LaneKernel& kernel = lane_kernel(GetParam());
   Seen seen;
   for (int i = 0; i < kCases && !HasFailure(); ++i) {
-    Asked asked;
+    Requested requested;
     for (const CaseClass& cls : case_classes()) {
       const Case c = make_case(cls, 7, static_cast<std::uint64_t>(i));
-      const bool bounded = asked.parts.size() % 6 == 0;
-      asked.add(cls, c, i, bounded ? 0.5 * centre_distance(c) : std::numeric_limits<double>::infinity());
+      const bool bounded = requested.parts.size() % 6 == 0;
+      requested.add(cls, c, i, bounded ? 0.5 * centre_distance(c) : std::numeric_limits<double>::infinity());
     }
-    expect_bits_of_one_alone(kernel, asked, false, limits_of_kind(i % 2, 1.0), seen);
+    expect_bits_of_one_alone(kernel, requested, false, limits_of_kind(i % 2, 1.0), seen);
   }
   std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.converged, seen.beyond, seen.unresolved);
   EXPECT_GT(seen.converged, 1000);

@@ -17,14 +17,14 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 struct Findings {
-  int asked = 0;
+  int requested = 0;
   int misses = 0;  // intervals without the exact distance
   int wide = 0;    // intervals wider than documented for robots
   int all() const { return misses + wide; }
 };
 
 void hold(double lower, double upper, const Real& exact_value, Findings& findings) {
-  ++findings.asked;
+  ++findings.requested;
   const Real distance = std::max(exact_value, Real(0));
   findings.misses += Real(lower) > distance || Real(upper) < distance;
 }
@@ -80,7 +80,7 @@ Findings run(const Draw& draw, int scenes, std::uint64_t seed) {
     check_robot(scene, true, findings);
     check_robot(scene, false, findings);
   }
-  std::printf("%d answers: %d misses, %d wide\n", findings.asked, findings.misses, findings.wide);
+  std::printf("%d answers: %d misses, %d wide\n", findings.requested, findings.misses, findings.wide);
   return findings;
 }
 
@@ -100,7 +100,7 @@ TEST(LinkSlack, MutantIsFound) {
 TEST(LinkSlack, HoldsLinksWhere60DigitsPutThem) {
   for (const Draw& draw : {kArm, kLongLinks, kSlides, kFar}) {
     const Findings found = run(draw, 12, 3);
-    EXPECT_GT(found.asked, 1500);
+    EXPECT_GT(found.requested, 1500);
     EXPECT_EQ(found.all(), 0);
   }
 }

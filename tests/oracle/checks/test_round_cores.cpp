@@ -161,12 +161,12 @@ ConvexPartPtr round_part(Random& random, bool extreme) {
 
 // Apart, touching or deep, near the origin or 10 km away, with simple rotations or any.
 struct CheckedBalls {
-  int asked = 0, converged = 0, near = 0, deep = 0;
+  int requested = 0, converged = 0, near = 0, deep = 0;
   int of_kind[5] = {};                // round parts by their Primitive::Kind
   int depths = 0, narrow_depths = 0;  // of overlaps queried with depth; not included in `asked`
   double widest_depth = 0;            // relative to its length
   void print(const char* what) const {
-    std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, asked,
+    std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, requested,
                 converged, near, deep, depths, narrow_depths, widest_depth);
   }
   void take(const NarrowAnswer& answer, bool depth) {
@@ -177,7 +177,7 @@ struct CheckedBalls {
       narrow_depths += has_converged;
       widest_depth = std::max(widest_depth, (upper - lower) / -lower);
     } else {
-      ++asked;
+      ++requested;
       converged += has_converged;
     }
   }
@@ -237,7 +237,7 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
   EXPECT_GT(checked.deep, 200);
   for (const auto kind : {Primitive::Kind::kCone, Primitive::Kind::kEllipsoid, Primitive::Kind::kCylinder})
     EXPECT_GT(checked.of_kind[static_cast<int>(kind)], 300);
-  EXPECT_GE(checked.converged, checked.asked * 0.999);
+  EXPECT_GE(checked.converged, checked.requested * 0.999);
   EXPECT_GT(checked.depths, 1000);
   EXPECT_GE(checked.narrow_depths, checked.depths * 0.9);
   EXPECT_LE(checked.widest_depth, 0.02);
@@ -247,7 +247,7 @@ TEST(RoundCores, HoldTheDistanceOfABall) {
 TEST(RoundCores, HoldItWhateverTheirShape) {
   const CheckedBalls checked = check_balls(true, 800, 2);
   EXPECT_GT(checked.near, 100);
-  EXPECT_GE(checked.converged, checked.asked * 0.9);
+  EXPECT_GE(checked.converged, checked.requested * 0.9);
 }
 
 ConvexPartPtr any_part(Random& random) {
@@ -311,10 +311,10 @@ TEST(RoundCores, AreProvedByDirectionsAndPoints) {
     }
   }
   checked.print("pairs");
-  EXPECT_GT(checked.asked, 1000);
+  EXPECT_GT(checked.requested, 1000);
   EXPECT_GT(checked.near, 200);
   EXPECT_GT(checked.deep, 100);
-  EXPECT_GE(checked.converged, checked.asked * 0.995);
+  EXPECT_GE(checked.converged, checked.requested * 0.995);
 }
 
 }  // namespace

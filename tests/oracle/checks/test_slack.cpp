@@ -17,7 +17,7 @@ Findings run(const std::function<void(Random&, Findings&)>& attempt, int times, 
   Findings findings;
   Random random(seed);
   for (int i = 0; i < times; ++i) attempt(random, findings);
-  std::printf("%d answers: %d misses, %d untrue, %d wide, %d unsettled\n", findings.asked, findings.misses,
+  std::printf("%d answers: %d misses, %d untrue, %d wide, %d unsettled\n", findings.requested, findings.misses,
               findings.untrue, findings.wide, findings.unresolved);
   return findings;
 }
@@ -36,14 +36,14 @@ TEST(Slack, MutantIsFound) {
 
 TEST(Slack, HoldsAllThatIsAllowed) {
   const Findings found = run(try_uncertain, 100, 5);
-  EXPECT_GT(found.asked, 4000);
+  EXPECT_GT(found.requested, 4000);
   EXPECT_EQ(found.all(), 0);
 }
 
 TEST(Slack, HoldsShapesThatPiecesMiss) {
   for (const bool depth : {false, true}) {
     const Findings found = run([depth](Random& random, Findings& f) { try_shapes(random, depth, f); }, 400, 6);
-    EXPECT_EQ(found.asked, 800);
+    EXPECT_EQ(found.requested, 800);
     EXPECT_EQ(found.all(), 0);
   }
 }

@@ -169,7 +169,7 @@ bool contains(const Rows& rows, std::size_t i, const Result& exact_value) {
   return !is_below(exact_value, rows.view.lower[i]) && !is_above(exact_value, std::min(rows.view.upper[i], 1e300));
 }
 
-class Asked {
+class Requested {
  public:
   int answers = 0, wrong = 0, within = 0, beyond = 0, overlaps = 0, wide = 0;
 
@@ -240,7 +240,7 @@ class Asked {
 };
 
 TEST(MeshCrowds, EveryReductionIsTrue) {
-  Asked asked;
+  Requested requested;
   for (const CaseClass& cls : mesh_classes()) {
     const Crowd crowd(cls, 100);
     Engine::Options options;
@@ -258,36 +258,36 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
       q.configuration_count = Crowd::kConfigurations;
       q.bodies = crowd.moved;
       q.configurations = crowd.configurations;
-      asked.dense(crowd, ask(engine, q));
+      requested.dense(crowd, ask(engine, q));
       q.warm_slot = 1;
-      asked.dense(crowd, ask(engine, q));
-      asked.dense(crowd, ask(engine, q));
+      requested.dense(crowd, ask(engine, q));
+      requested.dense(crowd, ask(engine, q));
       q.warm_slot = 0;
       q.reduce = Reduce::kMin;
-      asked.least(crowd, ask(engine, q));
+      requested.least(crowd, ask(engine, q));
       q.reduce = Reduce::kNearest;
-      asked.nearest(crowd, ask(engine, q));
+      requested.nearest(crowd, ask(engine, q));
       q.reduce = Reduce::kWithin;
       for (const double most : {0.0, 0.5 * middle, middle}) {
         q.max_distance = most;
-        asked.listed(crowd, ask(engine, q), most);
+        requested.listed(crowd, ask(engine, q), most);
       }
       q.max_distance = kInf;
       q.reduce = Reduce::kAny;
       for (const Result& r : crowd.exact_value[0])
         for (const double by : {0.5, 1.0, 2.0}) {
           q.margin = by * std::max(0.0, r.distance.lower());
-          asked.decided(crowd, ask(engine, q), q.margin);
+          requested.decided(crowd, ask(engine, q), q.margin);
         }
     }
   }
-  std::printf("%d answers, %d wrong, %d wide, %d overlaps; decisions: %d within, %d beyond\n", asked.answers,
-              asked.wrong, asked.wide, asked.overlaps, asked.within, asked.beyond);
-  EXPECT_EQ(asked.wrong, 0);
-  EXPECT_EQ(asked.wide, 0);
-  EXPECT_GT(asked.overlaps, 500);
-  EXPECT_GT(asked.within, 500);
-  EXPECT_GT(asked.beyond, 100);
+  std::printf("%d answers, %d wrong, %d wide, %d overlaps; decisions: %d within, %d beyond\n", requested.answers,
+              requested.wrong, requested.wide, requested.overlaps, requested.within, requested.beyond);
+  EXPECT_EQ(requested.wrong, 0);
+  EXPECT_EQ(requested.wide, 0);
+  EXPECT_GT(requested.overlaps, 500);
+  EXPECT_GT(requested.within, 500);
+  EXPECT_GT(requested.beyond, 100);
 }
 
 // A body of a mesh and another part, hull or mesh, both grown by padding: the nearer of them counts.

@@ -55,7 +55,7 @@ class BoundedLoop : public LoopTest {
     while (client.replies.size() < replies) loop_->turn();
   }
   /// Sends a frame and returns its reply, checking the units between two polls.
-  std::unique_ptr<MemoryFrame> ask_within(std::vector<std::byte> frame) {
+  std::unique_ptr<MemoryFrame> request_within(std::vector<std::byte> frame) {
     loop_->counter("loop.longest_section_units") = 0;
     transport_->send(a_, std::move(frame));
     serve(a_);
@@ -63,7 +63,7 @@ class BoundedLoop : public LoopTest {
     return take(a_);
   }
   /// Another client's echo, which is served at once.
-  std::unique_ptr<MemoryFrame> ask_other() {
+  std::unique_ptr<MemoryFrame> request_other() {
     transport_->send(b_, simple_frame(FrameType::kPing, 1));
     serve(b_);
     return take(b_);
@@ -78,11 +78,11 @@ class BoundedLoop : public LoopTest {
 
 TEST_F(BoundedLoop, GroupsAreExpandedElsewhere) {
   start(crowd());
-  const Reply reply(ask_within(group_query().frame(1)));
+  const Reply reply(request_within(group_query().frame(1)));
   EXPECT_EQ(reply.pairs(), std::uint64_t{kBodies} * (kBodies - 1) / 2);
   TestQuery all = group_query();
   all.pairs = {{kEveryBody, kGroupBit}, {kGroupBit, kEveryBody}};
-  EXPECT_EQ(Reply(ask_within(all.frame(1))).pairs(), std::uint64_t{kBodies} * (kBodies - 1));
+  EXPECT_EQ(Reply(request_within(all.frame(1))).pairs(), std::uint64_t{kBodies} * (kBodies - 1));
 }
 
 TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
@@ -94,9 +94,9 @@ TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
   query.pairs.reserve(kPairs);
   for (std::uint32_t i = 0; i < kPairs; ++i)
     query.pairs.push_back({i % kBodies, (i + 1 + i / kBodies % (kBodies - 1)) % kBodies});
-  EXPECT_EQ(Reply(ask_within(query.frame(1))).pairs(), kPairs);
+  EXPECT_EQ(Reply(request_within(query.frame(1))).pairs(), kPairs);
   query.pairs.back() = {7, 7};
-  const auto error = error_of(ask_within(query.frame(1)));
+  const auto error = error_of(request_within(query.frame(1)));
   EXPECT_EQ(error.text, "pairs[31249999]: body 7 with itself");
 }
 
@@ -105,14 +105,14 @@ TEST_F(BoundedLoop, PairsWithinADistanceAreFoundElsewhere) {
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
   query.header.max_distance = 0.85;  // adjacent ones
-  EXPECT_EQ(Reply(ask_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
+  EXPECT_EQ(Reply(request_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
 }
 
 TEST_F(BoundedLoop, BodiesOfManyPiecesAreAnsweredElsewhere) {
   start(heaps(60));
   TestQuery query = small_query();
   query.header.signed_distance = 1;
-  const Reply reply(ask_within(query.frame(1)));
+  const Reply reply(request_within(query.frame(1)));
   EXPECT_LT(reply.upper()[0], 0);
 }
 
@@ -133,7 +133,7 @@ TEST_F(BoundedLoop, ASmallQueryOfDearPairsIsHandedOver) {
   start(std::move(scene));
   TestQuery query;
   query.header.signed_distance = 1;
-  const Reply reply(ask_within(query.frame(1)));
+  const Reply reply(request_within(query.frame(1)));
   ASSERT_EQ(reply.rows(), 190u);
   EXPECT_GT(loop_->counter("queries.handed_over"), 0u);
   Engine reference(engine_->scene(), Engine::Options{.threads = 1});
@@ -151,7 +151,7 @@ TEST_F(BoundedLoop, ASmallQueryOfDearPairsIsHandedOver) {
 TEST_F(BoundedLoop, EchoesAreCopiedElsewhere) {
   start(small_scene());
   const std::vector<std::byte> payload(250'000'000, std::byte{7});
-  const auto pong = ask_within(simple_frame(FrameType::kPing, 1, payload));
+  const auto pong = request_within(simple_frame(FrameType::kPing, 1, payload));
   ASSERT_EQ(pong->type(), FrameType::kPong);
   ASSERT_EQ(pong->body().size(), payload.size());
   EXPECT_EQ(std::memcmp(pong->body().data(), payload.data(), payload.size()), 0);
@@ -159,9 +159,9 @@ TEST_F(BoundedLoop, EchoesAreCopiedElsewhere) {
 
 TEST_F(BoundedLoop, LargeScenesAreDescribedElsewhere) {
   start(crowd());
-  EXPECT_EQ(ask_within(simple_frame(FrameType::kDescribe, 1))->type(), FrameType::kScene);
-  EXPECT_EQ(ask_within(simple_frame(FrameType::kGetStates, 1))->type(), FrameType::kBodyStates);
-  const auto table = ask_within(group_query().frame(1, FrameType::kPairs));
+  EXPECT_EQ(request_within(simple_frame(FrameType::kDescribe, 1))->type(), FrameType::kScene);
+  EXPECT_EQ(request_within(simple_frame(FrameType::kGetStates, 1))->type(), FrameType::kBodyStates);
+  const auto table = request_within(group_query().frame(1, FrameType::kPairs));
   EXPECT_EQ(table->body().size(),
             sizeof(wire::PairsHeader) + std::uint64_t{kBodies} * (kBodies - 1) / 2 * sizeof(BodyPair));
 }
@@ -229,7 +229,7 @@ TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
   Loop::Options options;
   options.max_part_pairs = 3599;
   start(heaps(60), options);
-  const auto error = error_of(ask_within(small_query().frame(1)));
+  const auto error = error_of(request_within(small_query().frame(1)));
   EXPECT_EQ(
       error.text,
       "the pairs that this query names have 3600 pairs of convex parts, more than the 3599 that one query may have "
@@ -245,7 +245,7 @@ TEST_F(BoundedLoop, OthersAreAnsweredWhileTheWorkerWorks) {
   transport_->send(a_, dear.frame(1));
   int answered = 0;
   while (a_.replies.empty()) {
-    EXPECT_EQ(ask_other()->type(), FrameType::kPong);
+    EXPECT_EQ(request_other()->type(), FrameType::kPong);
     ++answered;
   }
   EXPECT_GT(answered, 10);

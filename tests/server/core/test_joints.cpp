@@ -145,8 +145,8 @@ TEST_F(FreeScaleTest, IsNoWorkForTheLoop) {
   start(arm_scene(), short_slices());
   TestQuery query = joint_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
-  const auto is_elsewhere = [&](const TestQuery& asked) {
-    transport_->send(a_, asked.frame(1));
+  const auto is_elsewhere = [&](const TestQuery& requested) {
+    transport_->send(a_, requested.frame(1));
     loop_->turn();
     const bool found = loop_->is_working();
     turn_until_idle();

@@ -28,19 +28,19 @@ TEST_F(Quotas, PairsOfOneQuery) {
   start(small_scene(), options);
   TestQuery query;  // six pairs
   query.bodies = {1};
-  const auto ask_for = [&](int configurations) {
+  const auto evaluate_for = [&](int configurations) {
     query.pairs = {{0, 1}, {1, 2}, {0, 2}, {2, 3}, {1, 3}, {0, 3}};
     query.configurations.assign(static_cast<std::size_t>(configurations), {0, 0, 1, 1, 0, 0, 0});
     return ask(a_, query.frame(1));
   };
-  EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
-  const auto error = error_of(ask_for(21));
+  EXPECT_EQ(evaluate_for(20)->type(), wire::FrameType::kReply);
+  const auto error = error_of(evaluate_for(21));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kTooLarge);
   EXPECT_EQ(error.text,
             "21 configurations of 6 pairs are more than the 120 that one query may have (limit max-pairs): split it");
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);  // few rows, but as many pairs
-  EXPECT_EQ(ask_for(21)->type(), wire::FrameType::kError);
-  EXPECT_EQ(ask_for(20)->type(), wire::FrameType::kReply);
+  EXPECT_EQ(evaluate_for(21)->type(), wire::FrameType::kError);
+  EXPECT_EQ(evaluate_for(20)->type(), wire::FrameType::kReply);
 }
 
 TEST_F(Quotas, BytesOfOneClientsReplies) {

@@ -116,7 +116,7 @@ std::string read_to_end(int socket) {
   return text;
 }
 template <class Where>
-std::string ask_http(const Where& where, const std::string& request) {
+std::string request_http(const Where& where, const std::string& request) {
   const shm::UniqueFd socket = connect_to(where);
   EXPECT_EQ(::send(socket.get(), request.data(), request.size(), MSG_NOSIGNAL), static_cast<ssize_t>(request.size()));
   return read_to_end(socket.get());
@@ -295,7 +295,7 @@ TEST_F(Metrics, OnAUnixSocket) {
   bad.pairs = std::span(&nobody, 1);
   EXPECT_THROW(client.distances(bad), RequestError);
 
-  const std::string reply = ask_http(path, kGet), text = body_of(reply);
+  const std::string reply = request_http(path, kGet), text = body_of(reply);
   EXPECT_EQ(
       reply.rfind("HTTP/1.0 200 OK\r\nContent-Type: text/plain; version=0.0.4; charset=utf-8\r\nContent-Length: " +
                       std::to_string(text.size()) + "\r\n",
@@ -307,16 +307,16 @@ TEST_F(Metrics, OnAUnixSocket) {
   EXPECT_TRUE(has(text, "clearance_engine_bodies 4\n")) << text;
   EXPECT_TRUE(has(text, "clearance_latency_seconds_bucket{le=\"+Inf\"} 3\nclearance_latency_seconds_sum ")) << text;
   EXPECT_TRUE(has(text, "\nclearance_latency_seconds_count 3\n")) << text;
-  const std::string errors = body_of(ask_http(path, "GET /errors HTTP/1.0\r\n\r\n"));
+  const std::string errors = body_of(request_http(path, "GET /errors HTTP/1.0\r\n\r\n"));
   EXPECT_EQ(std::count(errors.begin(), errors.end(), '\n'), 1) << errors;
   EXPECT_EQ(errors.rfind("1\t20", 0), 0u) << errors;
   EXPECT_TRUE(has(errors, "\tbad_query\t")) << errors;
 
-  EXPECT_EQ(ask_http(path, "GET / HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 404 Not Found\r\n", 0), 0u);
-  EXPECT_EQ(ask_http(path, "GET /../../etc/passwd HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 404 Not Found\r\n", 0), 0u);
-  EXPECT_EQ(ask_http(path, "POST /metrics HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 405 ", 0), 0u);
+  EXPECT_EQ(request_http(path, "GET / HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 404 Not Found\r\n", 0), 0u);
+  EXPECT_EQ(request_http(path, "GET /../../etc/passwd HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 404 Not Found\r\n", 0), 0u);
+  EXPECT_EQ(request_http(path, "POST /metrics HTTP/1.0\r\n\r\n").rfind("HTTP/1.0 405 ", 0), 0u);
   for (const char* rubbish : {"\r\n\r\n", "GET\r\n\r\n", "GET /metrics\r\n\r\n", "GET /metrics SMTP/1\n\n"})
-    EXPECT_EQ(ask_http(path, rubbish).rfind("HTTP/1.0 400 ", 0), 0u) << rubbish;
+    EXPECT_EQ(request_http(path, rubbish).rfind("HTTP/1.0 400 ", 0), 0u) << rubbish;
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
   EXPECT_NE(stat(path.c_str(), &info), 0) << "the socket is removed";
 }
@@ -329,7 +329,7 @@ TEST_F(Metrics, AreInTheFormatWithAnAgeOfThePoses) {
   Client client = patient(daemon.url());
   const auto read = [&] {
     FormatReader reader;
-    const std::string text = body_of(ask_http(path, kGet));
+    const std::string text = body_of(request_http(path, kGet));
     EXPECT_EQ(reader.problem(text), "");
     EXPECT_FALSE(has(text, "no description")) << text;
     return reader;
@@ -360,7 +360,7 @@ TEST_F(Metrics, OnTheLoopback) {
   const std::string log = daemon.log(), key = "event=metrics url=http://127.0.0.1:";
   ASSERT_TRUE(has(log, key)) << log;
   const int port = std::stoi(log.substr(log.find(key) + key.size()));
-  EXPECT_TRUE(has(ask_http(port, kGet), "clearance_uptime_s "));
+  EXPECT_TRUE(has(request_http(port, kGet), "clearance_uptime_s "));
 }
 
 TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
@@ -373,14 +373,14 @@ TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
     EXPECT_EQ(::send(gone.get(), kGet.data(), kGet.size(), MSG_NOSIGNAL), static_cast<ssize_t>(kGet.size()));
     ::shutdown(gone.get(), SHUT_RDWR);
     client.distances();
-    EXPECT_TRUE(has(ask_http(path, kGet), "HTTP/1.0 200 OK")) << "once those before it have had their second";
+    EXPECT_TRUE(has(request_http(path, kGet), "HTTP/1.0 200 OK")) << "once those before it have had their second";
     EXPECT_EQ(read_to_end(silent.get()) + read_to_end(slow.get()), "") << "they were hung up on";
   }
   const std::string endless(1 << 20, 'x');
   const shm::UniqueFd greedy = connect_to(path);
   (void)::send(greedy.get(), endless.data(), endless.size(), MSG_NOSIGNAL);
   EXPECT_EQ(read_to_end(greedy.get()), "");
-  EXPECT_TRUE(has(ask_http(path, kGet), "clearance_queries_answered_total 1\n"));
+  EXPECT_TRUE(has(request_http(path, kGet), "clearance_queries_answered_total 1\n"));
 }
 
 TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {
@@ -403,7 +403,7 @@ TEST_F(Metrics, WhatWakesTheDaemonLetsItSleepAgain) {
     const std::uint64_t seconds = counter("uptime_s") - uptime;
     EXPECT_LE(counter("loop.sleeps") - sleeps, 1000 * seconds) << "after " << after;
   };
-  EXPECT_TRUE(has(ask_http(path, kGet), "HTTP/1.0 200 OK"));
+  EXPECT_TRUE(has(request_http(path, kGet), "HTTP/1.0 200 OK"));
   expect_sleep("a look at its figures");
   ASSERT_EQ(kill(daemon.pid(), SIGHUP), 0);
   while (counter("reloads") == 0) std::this_thread::sleep_for(1ms);

@@ -64,11 +64,11 @@ class EchoRequestHandler final : public RequestHandler {
 
   void answer_held(std::size_t i) { answer(held[i].header, held[i].payload, *held[i].sink); }
 
-  static void answer(const wire::FrameHeader& asked, std::span<const std::byte> payload, ReplySink& sink) {
+  static void answer(const wire::FrameHeader& requested, std::span<const std::byte> payload, ReplySink& sink) {
     wire::FrameHeader header;
-    header.request_id = asked.request_id;
+    header.request_id = requested.request_id;
     header.type = static_cast<std::uint16_t>(wire::FrameType::kPong);
-    header.payload_bytes = asked.scene_revision ? asked.scene_revision : payload.size();
+    header.payload_bytes = requested.scene_revision ? requested.scene_revision : payload.size();
     const std::uint64_t bytes = sizeof header + header.payload_bytes;
     std::byte* room = sink.reserve(bytes);
     if (!room) {
@@ -83,8 +83,8 @@ class EchoRequestHandler final : public RequestHandler {
       return sink.publish(sizeof header + sizeof error);
     }
     std::memcpy(room, &header, sizeof header);
-    if (asked.scene_revision)
-      std::memset(room + sizeof header, static_cast<int>(asked.request_id & 0xFF), header.payload_bytes);
+    if (requested.scene_revision)
+      std::memset(room + sizeof header, static_cast<int>(requested.request_id & 0xFF), header.payload_bytes);
     else if (!payload.empty())
       std::memcpy(room + sizeof header, payload.data(), payload.size());
     sink.publish(bytes);

@@ -271,7 +271,7 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   options.max_plan_bytes_of_client = 3 * kOne;
   options.max_plan_bytes = 4 * kOne;
   begin(options);
-  const auto ask_for = [&](MemoryClient& client, const TestQuery& query) {
+  const auto evaluate_for = [&](MemoryClient& client, const TestQuery& query) {
     return tell(client, query.frame(1, FrameType::kOpenPlan));
   };
   const Mapped first = open(a_);
@@ -279,10 +279,10 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   const std::uint64_t bytes = counter("plans.bytes");
   EXPECT_GE(bytes, 2 * kOne);
   EXPECT_LT(bytes, 2 * kOne + 4000) << "and the lists of their few pairs";
-  expect_rejected(ask_for(a_, plan_query()), ErrorCode::kBusy,
+  expect_rejected(evaluate_for(a_, plan_query()), ErrorCode::kBusy,
                   "a plan on a device: 2 plans of this client are open already; close one (limit max-client-plans)");
   const TestQuery large = plan_query(100'000);  // 11 MB of poses
-  const auto too_large = error_of(ask_for(b_, large));
+  const auto too_large = error_of(evaluate_for(b_, large));
   EXPECT_EQ(static_cast<ErrorCode>(too_large.header.code), ErrorCode::kTooLarge);
   EXPECT_EQ(too_large.text, "a plan on a device: it needs 11200000 bytes of the device's memory; of the " +
                                 std::to_string(3 * kOne) +
@@ -291,18 +291,18 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
   EXPECT_EQ(counter("plans.open"), 2u) << "what was refused takes nothing";
   EXPECT_EQ(counter("plans.bytes"), bytes);
   open(b_);
-  expect_rejected(ask_for(c_, plan_query()), ErrorCode::kBusy,
+  expect_rejected(evaluate_for(c_, plan_query()), ErrorCode::kBusy,
                   "a plan on a device: 3 plans of all clients are open already (limit max-plans)");
   tell(a_, plan_frame(FrameType::kClosePlan, first.header.plan));
   turn_until_shared(2);
-  const auto all_taken = error_of(ask_for(c_, plan_query(12'000)));  // three blocks of 2 MiB
+  const auto all_taken = error_of(evaluate_for(c_, plan_query(12'000)));  // three blocks of 2 MiB
   EXPECT_EQ(static_cast<ErrorCode>(all_taken.header.code), ErrorCode::kBusy);
   EXPECT_NE(all_taken.text.find("are taken already (limit max-plan-mib)"), std::string::npos) << all_taken.text;
   open(c_);
 
   options.max_plans_of_client = 0;
   begin(options);
-  expect_rejected(ask_for(a_, plan_query()), ErrorCode::kNotSupported,
+  expect_rejected(evaluate_for(a_, plan_query()), ErrorCode::kNotSupported,
                   "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
 }
 

@@ -72,17 +72,17 @@ TEST_F(ZmqTest, ConfigurationsAndPosesAgree) {
   query.fields |= kFieldPair;
   query.bodies = std::span(&body, 1);
   query.configurations = std::span(&elsewhere, 1);
-  const Reply asked = client.distances(query);
-  ASSERT_EQ(asked.rows(), 99u);
+  const Reply requested = client.distances(query);
+  ASSERT_EQ(requested.rows(), 99u);
   const std::pair<std::uint32_t, Pose7> update{body, elsewhere};
   EXPECT_EQ(client.set_poses(std::span(&update, 1)).applied, 1u);
-  const std::vector<IdPair> pairs(asked.pair().begin(), asked.pair().end());
+  const std::vector<IdPair> pairs(requested.pair().begin(), requested.pair().end());
   Query moved;
   moved.pairs = pairs;
   const Reply now = client.distances(moved);
-  EXPECT_TRUE(same_bits(asked.lower(), now.lower()));
-  EXPECT_TRUE(same_bits(asked.upper(), now.upper()));
-  EXPECT_EQ(now.snapshot_revision(), asked.snapshot_revision() + 1);
+  EXPECT_TRUE(same_bits(requested.lower(), now.lower()));
+  EXPECT_TRUE(same_bits(requested.upper(), now.upper()));
+  EXPECT_EQ(now.snapshot_revision(), requested.snapshot_revision() + 1);
 }
 
 TEST_F(ZmqTest, ManyClientsAtOnceGetTheirOwnAnswers) {
@@ -152,20 +152,21 @@ zmq::socket_t lazy_client(zmq::context_t& context, const std::string& url) {
 }
 
 TEST_F(ZmqTest, RepliesToAClientThatReadsLateAreKept) {
-  constexpr std::uint64_t kAsked = 1000;
+  constexpr std::uint64_t kRequested = 1000;
   zmq::context_t context;
   zmq::socket_t lazy = lazy_client(context, daemon_.url());
   Client witness = patient(daemon_.url());
   const std::vector<std::byte> payload(4096);  // more in total than the sockets hold
-  for (std::uint64_t id = 1; id <= kAsked; ++id) {
+  for (std::uint64_t id = 1; id <= kRequested; ++id) {
     const auto header = wire::make_header(wire::FrameType::kPing, id, payload.size());
     lazy.send(zmq::buffer(&header, sizeof header), zmq::send_flags::sndmore);
     lazy.send(zmq::buffer(payload), zmq::send_flags::none);
   }
-  for (std::uint64_t own = 1; counter(witness, "ipc.frames") < own + kAsked; ++own) std::this_thread::sleep_for(1ms);
+  for (std::uint64_t own = 1; counter(witness, "ipc.frames") < own + kRequested; ++own)
+    std::this_thread::sleep_for(1ms);
   EXPECT_EQ(counter(witness, "zmq.replies_dropped"), 0u);
   lazy.set(zmq::sockopt::rcvtimeo, 60'000);
-  for (std::uint64_t id = 1; id <= kAsked; ++id) {
+  for (std::uint64_t id = 1; id <= kRequested; ++id) {
     zmq::message_t head, body;
     ASSERT_TRUE(lazy.recv(head)) << id;
     ASSERT_TRUE(lazy.recv(body)) << id;

@@ -52,13 +52,14 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 def _run(options: argparse.Namespace) -> Summary:
     progress = None if options.quiet else sys.stderr
-    asked = {"workers": options.workers, "threads": options.threads, "backend": options.backend, "progress": progress}
+    requested = {"workers": options.workers, "threads": options.threads, "backend": options.backend,
+        "progress": progress}
     job = Job.load(options.job)
     if options.ray is None:
-        return run(job, options.output, **asked)
+        return run(job, options.output, **requested)
     from .. import ray
 
-    return ray.run(job, options.output, address=None if options.ray == "local" else options.ray, **asked)
+    return ray.run(job, options.output, address=None if options.ray == "local" else options.ray, **requested)
 
 
 def _count(text: str) -> int:

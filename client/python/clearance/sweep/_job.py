@@ -46,7 +46,7 @@ class Job:
     rows: Source
     answer: str
     columns: tuple[str, ...]
-    asked: dict[str, Any]  #: further arguments of the query
+    requested: dict[str, Any]  #: further arguments of the query
     part_rows: int
     positions: bool  #: whether parts contain the positions, too
     check: float  #: the fraction of all rows that is evaluated twice
@@ -89,7 +89,7 @@ class Job:
             rows=rows,
             answer=answer,
             columns=keys.take("columns", _columns(answer, rows.motions, joints is not None), tuple(_DEFAULT[answer])),
-            asked=_asked(keys, answer, rows.motions),
+            requested=_asked(keys, answer, rows.motions),
             part_rows=keys.take("part_rows", to_positive, _PART_ROWS[rows.motions]),
             positions=keys.take("positions", to_bool, False),
             check=keys.take("check", to_share, 0.0),
@@ -174,21 +174,21 @@ def _word(value: Any, allowed: tuple[str, ...], what: str) -> str:
 
 
 def _asked(keys: Keys, answer: str, motions: bool) -> dict[str, Any]:
-    asked: dict[str, Any] = {"pairs": keys.take("pairs", _pairs, None)}
-    asked["margin"] = keys.take("margin", _margin, None)
-    asked["max_distance"] = keys.take("max_distance", to_number_from_0, None)
-    asked["max_evaluations"] = keys.take("max_evaluations", to_positive, None)
-    asked["abs_tol"] = keys.take("abs_tol", to_length, None)
-    asked["rel_tol"] = keys.take("rel_tol", to_length, None)
+    requested: dict[str, Any] = {"pairs": keys.take("pairs", _pairs, None)}
+    requested["margin"] = keys.take("margin", _margin, None)
+    requested["max_distance"] = keys.take("max_distance", to_number_from_0, None)
+    requested["max_evaluations"] = keys.take("max_evaluations", to_positive, None)
+    requested["abs_tol"] = keys.take("abs_tol", to_length, None)
+    requested["rel_tol"] = keys.take("rel_tol", to_length, None)
     reasons = (
         ("margin", answer != "validity" and not motions, "needs answer: validity, or motions"),
         ("max_distance", answer == "validity", "does not apply to answer: validity, which uses the margin"),
         ("max_evaluations", not motions, "is only for motions, but these rows are configurations"),
     )
     for name, rejected, why in reasons:
-        if rejected and asked[name] is not None:
+        if rejected and requested[name] is not None:
             raise JobError(f"{keys.at(name)}: {why}")
-    return {name: value for name, value in asked.items() if value is not None}
+    return {name: value for name, value in requested.items() if value is not None}
 
 
 def _pairs(value: Any, what: str) -> Any:

@@ -85,9 +85,9 @@ def prepare(job: Job, output: Optional[Path] = None, backend: str = "cpu", threa
 
 
 def _spec(job: Job, rows: Rows, space: Space, parts: Path) -> Spec:
-    asked = {"reduce": ANSWERS[job.answer], **job.asked}
-    asked["joints" if job.joints is not None else "bodies"] = list(space.names)
-    return Spec(rows, asked, job.columns, job.positions, job.part_rows, job.check, parts)
+    requested = {"reduce": ANSWERS[job.answer], **job.requested}
+    requested["joints" if job.joints is not None else "bodies"] = list(space.names)
+    return Spec(rows, requested, job.columns, job.positions, job.part_rows, job.check, parts)
 
 
 def _needs_pyarrow(job: Job) -> None:

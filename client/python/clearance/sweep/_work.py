@@ -30,7 +30,7 @@ class Spec:
     """Input of a worker, in addition to the scene."""
 
     rows: Rows
-    asked: dict[str, Any]  #: arguments of distances() or motions()
+    requested: dict[str, Any]  #: arguments of distances() or motions()
     columns: tuple[str, ...]
     positions: bool
     part_rows: int
@@ -142,13 +142,13 @@ def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
 def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
     rows = spec.rows.at(index)
     fields = ["status" if name == "free" else name for name in spec.columns]
-    asked = {**spec.asked, "fields": list(dict.fromkeys(fields))}
-    moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in asked else rows
+    requested = {**spec.requested, "fields": list(dict.fromkeys(fields))}
+    moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in requested else rows
     if spec.rows.motions:
-        result = engine.motions(start=moving[:, 0], end=moving[:, 1], **asked)
+        result = engine.motions(start=moving[:, 0], end=moving[:, 1], **requested)
     else:
-        asked["configurations" if "bodies" in asked else "positions"] = moving
-        result = engine.distances(**asked)
+        requested["configurations" if "bodies" in requested else "positions"] = moving
+        result = engine.distances(**requested)
     columns = {"row": index.astype(np.int64)}
     if spec.positions:
         columns.update(_positions(rows, spec.rows.motions))

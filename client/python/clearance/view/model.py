@@ -81,15 +81,15 @@ def look(front: Front, question: Question, what_if: Optional[WhatIf] = None) -> 
     """
     states: Sequence[BodyState] = front.body_states()  # type: ignore[attr-defined]  # both have it, of their own
     names = tuple(body.name for body in front.bodies)
-    asked = as_planner(front)
+    requested = as_planner(front)
     if question.kind == "within":
-        asked |= {"reduce": "within", "max_distance": question.max_distance, "max_results": _MOST_RESULTS}
+        requested |= {"reduce": "within", "max_distance": question.max_distance, "max_results": _MOST_RESULTS}
     else:
-        asked["reduce"] = "nearest"
+        requested["reduce"] = "nearest"
     if what_if is not None:
-        asked |= {"joints": what_if.joints, "positions": np.atleast_2d(what_if.positions)}
+        requested |= {"joints": what_if.joints, "positions": np.atleast_2d(what_if.positions)}
     began = time.perf_counter()
-    r = front.distances(("*", "*"), fields=_FIELDS, **asked)
+    r = front.distances(("*", "*"), fields=_FIELDS, **requested)
     took = time.perf_counter() - began
 
     pairs = r.pairs.reshape(-1, 2)
