@@ -21,7 +21,7 @@ class Asker {
 
   const Scene& scene() const { return engine_.scene(); }
 
-  void ask(BodyPair pair, std::span<const double> positions, std::span<SignedBounds> bounds) {
+  void evaluate(BodyPair pair, std::span<const double> positions, std::span<SignedBounds> bounds) {
     QueryView query;
     query.pairs = {&pair, 1};
     query.all_pairs = false;
@@ -99,7 +99,7 @@ std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const Finding
       const BodyPair bodies{std::min(placed.bodies[a], placed.bodies[b]), std::max(placed.bodies[a], placed.bodies[b])};
       const LinkBall ball_a = ball_around(body_of(a)), ball_b = ball_around(body_of(b));
       const PairDistances distances = [&](std::span<const double> positions, std::span<SignedBounds> bounds) {
-        asker.ask(bodies, positions, bounds);
+        asker.evaluate(bodies, positions, bounds);
       };
       const LinkPair pair{a, b, ball_a, ball_b};
       pairs.push_back({placed.model.links[a].name, placed.model.links[b].name,

@@ -35,16 +35,16 @@ def pairs_of(rng):
     return np.stack([first, second], axis=1)[rng.permutation(len(first))[:PAIRS]].astype(np.uint32)
 
 
-def timed(ask, engine, seconds=1.0):
+def timed(evaluate, engine, seconds=1.0):
     """Medians in microseconds over consecutive calls: the whole call, in the engine, in kernels."""
     for _ in range(3):
-        ask()
+        evaluate()
     took, inside, kernels = [], [], []
     end = time.perf_counter() + seconds
     while time.perf_counter() < end or len(took) < 5:
         before = engine.stats().get("cuda.kernel_ns", 0)
         begin = time.perf_counter_ns()
-        result = ask()
+        result = evaluate()
         took.append(time.perf_counter_ns() - begin)
         inside.append(result.engine_ns)
         kernels.append(engine.stats().get("cuda.kernel_ns", 0) - before)
@@ -70,7 +70,7 @@ def main():
         "with points": lambda: engine.distances(fields=["default", "points"], **query),
         "min": lambda: engine.distances(reduce="min", **query),
     }
-    rows = [(name, *timed(ask, engine)) for name, ask in ways.items()]
+    rows = [(name, *timed(evaluate, engine)) for name, evaluate in ways.items()]
     print(f"backend {arguments.backend}, microseconds a call of {PAIRS * CONFIGURATIONS:,} pairs\n"
           f"{'way':<20}{'Python':>10}{'engine':>10}{'kernels':>10}")
     for name, *numbers in rows:

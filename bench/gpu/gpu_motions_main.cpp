@@ -172,9 +172,9 @@ void run(const std::string& folder, const Scene& scene, const Edges& edges, cons
   }
   own.compared = std::min(o.compared, o.edges);
   const QueryView some = edges.query(o.margin, static_cast<std::uint32_t>(own.compared), columns);
-  ask(cpu, some);
+  evaluate(cpu, some);
   const auto begin = Clock::now();
-  const Answer wanted = ask(cpu, some);
+  const Answer wanted = evaluate(cpu, some);
   own.cpu_s = std::chrono::duration<double>(Clock::now() - begin).count();
   for (std::uint32_t i = 0; i < own.compared; ++i) {
     const auto theirs = static_cast<Status>(wanted.view.status[i]), ours = static_cast<Status>(reply.status[i]);

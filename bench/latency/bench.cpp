@@ -44,7 +44,7 @@ EchoSize size_of(const Query& query, const Reply& reply) {
 /// Alternates between daemon and baseline and fills the report's series.
 void measure(Client& client, const Query& query, Floor& floor, const BenchOptions& o, BenchReport& report) {
   int lost_in_a_row = 0;
-  const auto ask = [&]() -> Exchanged {
+  const auto evaluate = [&]() -> Exchanged {
     try {
       const Reply reply = client.distances(query);
       lost_in_a_row = 0;
@@ -66,14 +66,14 @@ void measure(Client& client, const Query& query, Floor& floor, const BenchOption
     drive([&] { return echo(held); }, report.rate_hz, seconds, series);
   };
   Series warm, cold;
-  drive(ask, report.rate_hz, o.warmup_s, warm);
-  if (warm.engine.size() == 0) drive(ask, 0, 0.01, warm);
+  drive(evaluate, report.rate_hz, o.warmup_s, warm);
+  if (warm.engine.size() == 0) drive(evaluate, 0, 0.01, warm);
   report.held = std::chrono::nanoseconds(std::llround(1e3 * warm.engine.percentile_us(0.5)));
   drive_floor({}, o.warmup_s * kFloorPart, cold);
   for (int round = 0; round < kRounds; ++round) {
     drive_floor({}, o.seconds * kFloorPart / kRounds, report.floor);
     drive_floor(report.held, o.seconds * kFloorPart / kRounds, report.held_floor);
-    drive(ask, report.rate_hz, o.seconds / kRounds, report.ours);
+    drive(evaluate, report.rate_hz, o.seconds / kRounds, report.ours);
   }
   report.ended_early = report.ours.latency.full() || report.floor.latency.full();
 }

@@ -91,8 +91,8 @@ def measure(kind, cpus, options, priority, real_time):
         else:
             start_aggressor(stage, [*others, SECTIONS, "--as-planning"], kind, url)
         client = [*priority.of_client, *cpus.run_on(cpus.client)]
-        ask = (options.binaries, url, options.seconds, kind, client)
-        row, stolen = quietest(options.rounds, lambda: bench_one_pair(*ask))
+        arguments = (options.binaries, url, options.seconds, kind, client)
+        row, stolen = quietest(options.rounds, lambda: bench_one_pair(*arguments))
         stage.check()
         return {**row, "stolen_ms": stolen}
 

@@ -18,13 +18,13 @@ import numpy as np
 import clearance
 
 
-def timed(ask, seconds):
+def timed(evaluate, seconds):
     """Latencies and engine times of successive calls for the given time, in nanoseconds."""
     took, engine = [], []
     end = time.perf_counter() + seconds
     while time.perf_counter() < end:
         begin = time.perf_counter_ns()
-        result = ask()
+        result = evaluate()
         took.append(time.perf_counter_ns() - begin)
         engine.append(result.engine_ns)
     return took, engine
@@ -64,14 +64,14 @@ def time_batches(load, seconds):
         "min": lambda engine, poses: engine.distances(configurations=poses, reduce="min", fields="lower"),
         "none": lambda engine, poses: engine.distances(configurations=poses, fields="lower"),
     }
-    for question, ask in questions.items():
+    for question, evaluate in questions.items():
         for count, poses in batches.items():
             took = {threads: [] for threads in engines}
             end = time.perf_counter() + seconds
             while time.perf_counter() < end or len(took[0]) < 5:
                 for threads, engine in engines.items():  # alternating, so that other load affects both
                     begin = time.perf_counter()
-                    ask(engine, poses)
+                    evaluate(engine, poses)
                     took[threads].append(time.perf_counter() - begin)
             row = []
             for threads in (1, 0):
@@ -102,9 +102,9 @@ def main():
         prepared = client.prepare(**query)
         kinds = {"prepared": prepared, "distances": lambda: client.distances(**query)}
         numbers, engine = {}, []
-        for kind, ask in kinds.items():
-            timed(ask, 0.1)
-            took, of_engine = timed(ask, seconds / len(kinds))
+        for kind, evaluate in kinds.items():
+            timed(evaluate, 0.1)
+            took, of_engine = timed(evaluate, seconds / len(kinds))
             numbers[f"{kind}_p50_us"] = 1e-3 * float(np.percentile(took, 50))
             numbers[f"{kind}_p99.9_us"] = 1e-3 * float(np.percentile(took, 99.9))
             engine += of_engine

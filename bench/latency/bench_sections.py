@@ -87,10 +87,10 @@ def aggressor(kind, url, as_planning=False):
         "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, **options),
         "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True, **options),
     }
-    ask = asks[kind]
+    evaluate = asks[kind]
     print("ready", flush=True)
-    while ask:
-        ask()
+    while evaluate:
+        evaluate()
     signal.pause()
 
 

@@ -41,13 +41,13 @@ class Ours {
     query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
     query.warm_slot = setting.ends_with("warm") ? (query.precision == Precision::kF32 ? 2 : 1) : 0;
     if (p_.kind == peers::Kind::kWithin) {
-      ask(engine_, query, distances_.data());
+      evaluate(engine_, query, distances_.data());
     } else if (p_.kind == peers::Kind::kMotion) {
       std::vector<BodyPose> poses(moved_.size());
       for (std::uint64_t k = 0; k < p_.configurations; ++k) {
         for (std::size_t i = 0; i < moved_.size(); ++i) poses[i] = {moved_[i], poses_[k * moved_.size() + i]};
         engine_.set_poses(poses);
-        ask(engine_, query, answers + k * pairs_.size());
+        evaluate(engine_, query, answers + k * pairs_.size());
       }
     } else {
       if (p_.configurations > 1) {
@@ -55,7 +55,7 @@ class Ours {
         query.bodies = moved_;
         query.configurations = poses_;
       }
-      ask(setting.ends_with("two threads") ? *two_threads_ : engine_, query, answers);
+      evaluate(setting.ends_with("two threads") ? *two_threads_ : engine_, query, answers);
     }
   }
 
@@ -78,7 +78,7 @@ class Ours {
     return p.kind == peers::Kind::kDistance && p.exact_value.size() >= 100'000;
   }
 
-  void ask(const Engine& engine, const QueryView& query, double* distance) {
+  void evaluate(const Engine& engine, const QueryView& query, double* distance) {
     ReplyView reply;
     reply.distance = distance;
     reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();

@@ -91,10 +91,10 @@ def measure(name, resources, options):
                 low, high = limits(engine, ids).T
                 ends = [[at[j] for j in joints] for at in (problem.start, problem.goal)]
                 Q = np.concatenate([ends, rng.uniform(low, high, (options.states, len(joints)))])
-            ask = {"joints": ids, "positions": Q}
+            options = {"joints": ids, "positions": Q}
             engine.check(Q[:2], joints=ids)  # fills the caches
             valid = timed(engine.check, Q, joints=ids)
-            least = timed(engine.distances, **ask, reduce="min", fields=("lower", "upper", "status"))
+            least = timed(engine.distances, **options, reduce="min", fields=("lower", "upper", "status"))
             answers[choice] = (*valid, *least)
         _, truth, _, nearest = answers["exact"]
         for choice, (valid_s, valid, least_s, least) in answers.items():

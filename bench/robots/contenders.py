@@ -177,11 +177,11 @@ class Clearance:
     def _prepared(self, question):
         def run(Q):
             row = np.empty((1, Q.shape[1]))
-            ask = self.requested.prepare(joints=self.joints, positions=row, **question)
+            evaluate = self.requested.prepare(joints=self.joints, positions=row, **question)
             answers = []
             for q in Q:
                 row[0] = q
-                answers.append(ask())
+                answers.append(evaluate())
             if question["reduce"] == "any":
                 return np.concatenate([answer.status for answer in answers]) == int(self.clearance.Status.BEYOND)
             return tuple(np.concatenate([getattr(answer, name) for answer in answers]) for name in _BOUNDS)

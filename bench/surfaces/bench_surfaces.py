@@ -94,11 +94,11 @@ class Clearance:
                 scene.add_body(name, mesh=(vertices, faces), mesh_as="solid", pose=[0, 0, 0, 1, 0, 0, 0])
         self.engine = clearance.Engine(scene, backend="cpu", threads=1)
 
-    def ask(self, X, **more):
+    def evaluate(self, X, **more):
         return self.engine.distances(pairs=[("a", "b")], bodies=["b"], configurations=X[:, None], **more)
 
     def least(self, X):
-        answer = self.ask(X)
+        answer = self.evaluate(X)
         return answer.lower[:, 0], answer.upper[:, 0]
 
     def valid(self, X):

@@ -103,7 +103,7 @@ class Bench {
     };
     double total = 0;
     std::uint64_t looked_at = 0;
-    const auto ask = [&](bool counts) {
+    const auto evaluate = [&](bool counts) {
       const double begin = now_ns(by_thread_);
       Job job = engine_.start(query, answers_.view());
       job.advance();
@@ -113,17 +113,17 @@ class Bench {
       looked_at += job.info().pairs_evaluated;
     };
     engine_.set_poses(scene_.steps[0]);
-    ask(false);  // warms caches, and the warm state, as a loop would
+    evaluate(false);  // warms caches, and the warm state, as a loop would
     if (s.requested == Requested::kBatch) {
       query.bodies = bodies_;
       query.configurations = configurations_;
       query.configuration_count = static_cast<std::uint32_t>(steps);
-      ask(true);
+      evaluate(true);
       for (std::size_t step = 0; step < steps; ++step) check(step, step * pairs);
     } else {
       for (std::size_t step = 0; step < steps; ++step) {
         engine_.set_poses(scene_.steps[step]);
-        ask(true);
+        evaluate(true);
         check(step, 0);
       }
     }

@@ -33,7 +33,7 @@ double squared_distance(const Vec3d& a, const Vec3d& b, const Vec3d& c, const Ve
 
 }  // namespace
 
-Measure::Bounds Measure::ask(const ConvexPart& a, const ConvexPart& b) {
+Measure::Bounds Measure::evaluate(const ConvexPart& a, const ConvexPart& b) {
   ++count_;
   NarrowLimits limits;
   limits.abs_tol = fine_;
@@ -44,7 +44,7 @@ Measure::Bounds Measure::ask(const ConvexPart& a, const ConvexPart& b) {
 
 Measure::Bounds Measure::to(const ConvexPart& part, const Vec3d& p) {
   remake_part(rooms_[0], {&p, 1}, 0);
-  return ask(part, rooms_[0]);
+  return evaluate(part, rooms_[0]);
 }
 
 Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
@@ -54,7 +54,7 @@ Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
 
 double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& part) {
   remake_part(rooms_[1], corners, 0);
-  return ask(part, rooms_[1]).lower;
+  return evaluate(part, rooms_[1]).lower;
 }
 
 double Measure::gap(std::span<const Vec3d> a, std::span<const Vec3d> b) {

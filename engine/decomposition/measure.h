@@ -34,7 +34,7 @@ class Measure {
   std::uint64_t count() const { return count_; }
 
  private:
-  Bounds ask(const ConvexPart& a, const ConvexPart& b);
+  Bounds evaluate(const ConvexPart& a, const ConvexPart& b);
 
   double fine_;
   std::uint64_t count_ = 0;

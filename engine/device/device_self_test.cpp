@@ -49,7 +49,7 @@ struct SelfTestCase {
   }
 };
 
-void ask(SelfTest& test, const std::vector<int>& devices) {
+void evaluate(SelfTest& test, const std::vector<int>& devices) {
   const std::vector<KnownPair>& known = known_pairs();
   const Scene scene = scene_of(known);
   DeviceBackend::Options options;
@@ -95,7 +95,7 @@ SelfTest self_test_devices(const std::vector<int>& devices) {
   const auto begin = std::chrono::steady_clock::now();
   SelfTest test{"cuda"};
   try {
-    ask(test, devices);
+    evaluate(test, devices);
   } catch (const DeviceError&) {
   } catch (const QueryError&) {
   }

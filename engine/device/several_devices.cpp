@@ -33,13 +33,13 @@ class WorkspaceOfAll : public Interface {
 
   FixedBodies room_for_bodies(std::size_t bodies) override {
     bodies_ = bodies;
-    return source_bodies_ = ask(source_, [&](Interface& w) { return w.room_for_bodies(bodies); });
+    return source_bodies_ = call(source_, [&](Interface& w) { return w.room_for_bodies(bodies); });
   }
   std::byte* room_for_all(Given given, std::size_t bytes) override {  // pinned memory is usable by all devices
-    return ask(source_, [&](Interface& w) { return w.room_for_all(given, bytes); });
+    return call(source_, [&](Interface& w) { return w.room_for_all(given, bytes); });
   }
   std::byte* room_for(Given given, int slot, std::size_t bytes) override {
-    return ask(member_of(slot), [&](Interface& w) { return w.room_for(given, slot_of(slot), bytes); });
+    return call(member_of(slot), [&](Interface& w) { return w.room_for(given, slot_of(slot), bytes); });
   }
 
   void begin(const QuerySetup& all) override {
@@ -53,23 +53,23 @@ class WorkspaceOfAll : public Interface {
       if (all.table) s.table = static_cast<const TablesOfAll*>(all.table)->of[m].get();
       s.chunks = (all.chunks - i + order_.size() - 1) / order_.size();
       s.warm = warm ? warm->of[m].get() : nullptr;
-      ask(m, [&](Interface& w) {
+      call(m, [&](Interface& w) {
         if (m != source_) copy_bodies(w.room_for_bodies(bodies_));
         w.begin(s);
       });
     }
   }
   void launch(int slot, const ChunkSetup& chunk, const ReplyView& direct) override {
-    ask(member_of(slot), [&](Interface& w) { w.launch(slot_of(slot), chunk, direct); });
+    call(member_of(slot), [&](Interface& w) { w.launch(slot_of(slot), chunk, direct); });
   }
 
  protected:
   std::size_t member_of(int slot) const { return order_[static_cast<std::size_t>(slot) % order_.size()]; }
   int slot_of(int slot) const { return slot / static_cast<int>(order_.size()); }
   template <class F>
-  auto ask(std::size_t m, F f) {
+  auto call(std::size_t m, F f) {
     SeveralDevices::Member& member = *owner_->members()[m];
-    return owner_->ask(member, [&] {
+    return owner_->call(member, [&] {
       if (!parts_[m]) parts_[m] = std::invoke(borrow_, *member.opened.device);
       return f(*parts_[m]);
     });
@@ -101,17 +101,17 @@ class DenseOfAll final : public WorkspaceOfAll<Workspace> {
  public:
   using WorkspaceOfAll::WorkspaceOfAll;
   ChunkResult finish(int slot) override {
-    return ask(member_of(slot), [&](Workspace& w) { return w.finish(slot_of(slot)); });
+    return call(member_of(slot), [&](Workspace& w) { return w.finish(slot_of(slot)); });
   }
 };
 class ReducedOfAll final : public WorkspaceOfAll<ReducedWorkspace> {
  public:
   using WorkspaceOfAll::WorkspaceOfAll;
   ReducedResult finish(int slot) override {
-    return ask(member_of(slot), [&](ReducedWorkspace& w) { return w.finish(slot_of(slot)); });
+    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.finish(slot_of(slot)); });
   }
   ReducedResult settle(int slot, std::span<const PairAnswer> answers) override {
-    return ask(member_of(slot), [&](ReducedWorkspace& w) { return w.settle(slot_of(slot), answers); });
+    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.settle(slot_of(slot), answers); });
   }
 };
 
@@ -172,7 +172,7 @@ std::shared_ptr<const ResidentPairs> SeveralDevices::upload(std::span<const Pair
   auto all = std::make_shared<PairsOfAll>();
   all->of.resize(members_.size());
   for (const std::size_t m : usable_from(0))
-    all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(pairs, position, group_of_tile); });
+    all->of[m] = call(*members_[m], [&] { return members_[m]->opened.device->upload(pairs, position, group_of_tile); });
   return all;
 }
 
@@ -180,7 +180,7 @@ std::shared_ptr<const ResidentTable> SeveralDevices::upload(const PairTable& tab
   auto all = std::make_shared<TablesOfAll>();
   all->of.resize(members_.size());
   for (const std::size_t m : usable_from(0))
-    all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
+    all->of[m] = call(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
   return all;
 }
 
@@ -189,7 +189,7 @@ std::unique_ptr<ResidentWarm> SeveralDevices::make_warm(std::uint64_t rows) {
   all->of.resize(members_.size());
   all->order = usable_from(warm_turn_++);
   for (const std::size_t m : all->order)
-    all->of[m] = ask(*members_[m], [&] { return members_[m]->opened.device->make_warm(rows); });
+    all->of[m] = call(*members_[m], [&] { return members_[m]->opened.device->make_warm(rows); });
   return all;
 }
 

@@ -47,7 +47,7 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
   std::vector<std::unique_ptr<Member>>& members() { return members_; }
   /// Calls f(), which uses this member.
   template <class F>
-  auto ask(Member& member, F f) {
+  auto call(Member& member, F f) {
     try {
       return f();
     } catch (const DeviceError& error) {

@@ -11,9 +11,9 @@ namespace {
 
 // Reads a file of convex parts, whose name is added to errors.
 template <class Ask>
-decltype(auto) of_parts(MeshFile& parts, const Ask& ask) {
+decltype(auto) of_parts(MeshFile& parts, const Ask& evaluate) {
   try {
-    return ask(parts);
+    return evaluate(parts);
   } catch (const MeshError& error) {
     throw MeshError("its pieces, " + std::filesystem::path(parts.path()).filename().string() + ": " + error.what());
   }

@@ -129,8 +129,8 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::ask(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
-                       std::vector<PairRequest>& requests) {
+void MotionSearch::evaluate(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
+                            std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;

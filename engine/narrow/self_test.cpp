@@ -179,11 +179,11 @@ void run(SelfTest& test, const NarrowOptions& requested, int places) {
 }
 
 template <class Ask>
-SelfTest timed(std::string_view name, Ask ask) {
+SelfTest timed(std::string_view name, Ask evaluate) {
   const FpEnvironment environment;
   const auto begin = std::chrono::steady_clock::now();
   SelfTest test{std::string(name)};
-  ask(test);
+  evaluate(test);
   test.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return test;
 }

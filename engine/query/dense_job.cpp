@@ -143,13 +143,13 @@ class DenseJob final : public ParallelJob {
     scratch.requested.clear();
     scratch.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
-    const auto ask = [&](std::size_t i, std::size_t k) {
+    const auto evaluate = [&](std::size_t i, std::size_t k) {
       scratch.requested.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
       scratch.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
     };
     if (culls_.empty()) {
       for (std::size_t i = 0; i < pairs.size(); ++i)
-        for (std::size_t k = 0; k < placed.size(); ++k) ask(i, k);
+        for (std::size_t k = 0; k < placed.size(); ++k) evaluate(i, k);
       return;
     }
     const std::span<const double> gaps = culls_[static_cast<std::size_t>(worker)].gaps(pairs, placed);
@@ -157,7 +157,7 @@ class DenseJob final : public ParallelJob {
     for (std::size_t k = 0; k < placed.size(); ++k) {
       const std::size_t count =
           gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, scratch.near.data());
-      for (std::size_t i = 0; i < count; ++i) ask(scratch.near[i], k);
+      for (std::size_t i = 0; i < count; ++i) evaluate(scratch.near[i], k);
     }
     if (scratch.requested.size() == gaps.size()) return;
     // Writes the rows of rejected pairs. Other rows of the block are overwritten later.

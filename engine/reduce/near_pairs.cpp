@@ -158,7 +158,7 @@ void TreeSearch::stand(const BodyPoses& placement) {
 
 // Offers (gap, position) of a body's pairs in the query.
 template <class Offer>
-void TreeSearch::ask(std::uint32_t body, double bound, Offer&& offer) const {
+void TreeSearch::evaluate(std::uint32_t body, double bound, Offer&& offer) const {
   assert(placement_ && near_pairs_.by_tree());
   if ((*placement_)[body].status != Status::kOk) return;
   const Aabb box = placement_->box(body);
@@ -172,7 +172,7 @@ void TreeSearch::ask(std::uint32_t body, double bound, Offer&& offer) const {
 }
 
 TreeSearch::Seed TreeSearch::nearest(std::uint32_t body, Seed best) const {
-  ask(body, best.gap, [&](double gap, std::uint64_t position, std::uint32_t) {
+  evaluate(body, best.gap, [&](double gap, std::uint64_t position, std::uint32_t) {
     best = std::min(best, Seed{gap, position});
     return best.gap;
   });
@@ -180,7 +180,7 @@ TreeSearch::Seed TreeSearch::nearest(std::uint32_t body, Seed best) const {
 }
 
 void TreeSearch::around(std::uint32_t body, double margin, bool all, std::vector<std::uint64_t>& positions) const {
-  ask(body, margin, [&](double, std::uint64_t position, std::uint32_t other) {
+  evaluate(body, margin, [&](double, std::uint64_t position, std::uint32_t other) {
     if (all || other > body || !near_pairs_.asks(other)) positions.push_back(position);
     return margin;
   });

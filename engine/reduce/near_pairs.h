@@ -109,7 +109,7 @@ class TreeSearch {
 
  private:
   template <class Offer>
-  void ask(std::uint32_t body, double bound, Offer&& offer) const;
+  void evaluate(std::uint32_t body, double bound, Offer&& offer) const;
 
   const Scene& scene_;
   const Plan& plan_;

@@ -88,13 +88,13 @@ class PairSearch {
         const double x = n == 0 ? 0 : 2 * (static_cast<double>(random() >> 11) * 0x1p-53) - 1;
         positions.push_back(box_.middle[c] + x * box_.half[c]);
       }
-    for (const SignedBounds& bounds : ask(positions)) {
+    for (const SignedBounds& bounds : evaluate(positions)) {
       *overlaps += bounds.upper <= 0;
       *apart += bounds.lower > 0;
     }
   }
 
-  std::vector<SignedBounds> ask(const std::vector<double>& positions) {
+  std::vector<SignedBounds> evaluate(const std::vector<double>& positions) {
     std::vector<SignedBounds> bounds(moves_.empty() ? 1 : positions.size() / moves_.size());
     distances_(positions, bounds);
     return bounds;
@@ -129,7 +129,7 @@ class PairSearch {
       std::vector<double> positions;
       for (std::size_t i = 0; i < count; ++i)
         positions.insert(positions.end(), open[i].middle.begin(), open[i].middle.end());
-      const std::vector<SignedBounds> bounds = ask(positions);
+      const std::vector<SignedBounds> bounds = evaluate(positions);
       *steps += static_cast<std::uint32_t>(count);
       for (std::size_t i = 0; i < count; ++i) {
         Region region = std::move(open.front());

@@ -62,7 +62,7 @@ class Reloader {
 
   /// Requests a load. It follows one under way, which may have read the old files. From any thread, and from a signal
   /// handler.
-  void ask() noexcept { requested_ = true; }
+  void request() noexcept { requested_ = true; }
   /// Number of the load that a request of now would get. This and the following are for one thread.
   std::uint64_t next_load() const { return loads_ + 1; }
 

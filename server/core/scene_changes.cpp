@@ -125,7 +125,7 @@ void SceneChanges::allow(Reloader::Make make, Reloader::Build build, std::functi
 }
 
 bool SceneChanges::reload() noexcept {
-  if (reloader_) reloader_->ask();
+  if (reloader_) reloader_->request();
   return reloader_ != nullptr;
 }
 
@@ -143,7 +143,7 @@ void SceneChanges::request_reload(Request& request) {
   quotas_.check_requests(request.sink->client());
   log::info("event=reload_requested client={}", request.sink->client());
   let_wait(request, {.requested = {}, .load = reloader_->next_load(), .name = ""});
-  reloader_->ask();
+  reloader_->request();
 }
 
 void SceneChanges::begin_edit(Request& request, const std::string& name, bool removes, Reloader::Edit edit) {

@@ -45,7 +45,7 @@ void LcmAnnouncer::hand_in(std::span<const std::byte> frame, Take take) {
                     std::make_unique<LcmSink>(link_, own_client_, guarded(std::move(take))));
 }
 
-void LcmAnnouncer::ask(wire::FrameType type, Take take) {
+void LcmAnnouncer::request(wire::FrameType type, Take take) {
   const wire::FrameHeader header = wire::make_header(type, 0, 0);
   hand_in(std::as_bytes(std::span(&header, 1)), std::move(take));
 }
@@ -62,7 +62,7 @@ LcmSink::Deliver LcmAnnouncer::guarded(Take take) {
 }
 
 void LcmAnnouncer::request_scene() {
-  ask(wire::FrameType::kDescribe, [this](LcmLink& link, std::span<const std::byte> frame) {
+  request(wire::FrameType::kDescribe, [this](LcmLink& link, std::span<const std::byte> frame) {
     auto messages = scene_messages(frame, link.server_id);
     backend_ = messages.front().backend;
     link.push_all(link.announcements, "CLEARANCE_SCENE", std::move(messages));
@@ -70,14 +70,14 @@ void LcmAnnouncer::request_scene() {
 }
 
 void LcmAnnouncer::request_states() {
-  ask(wire::FrameType::kGetStates, [this](LcmLink& link, std::span<const std::byte> frame) {
+  request(wire::FrameType::kGetStates, [this](LcmLink& link, std::span<const std::byte> frame) {
     link.push_all(link.announcements, "CLEARANCE_STATES",
                   states_messages(frame, link.server_id, ++states_sequence_, scene_revision_));
   });
 }
 
 void LcmAnnouncer::request_status() {
-  ask(wire::FrameType::kGetStats, [this](LcmLink& link, std::span<const std::byte> frame) {
+  request(wire::FrameType::kGetStats, [this](LcmLink& link, std::span<const std::byte> frame) {
     auto message = status_message(frame, link.server_id);
     message.sequence = ++status_sequence_;
     message.uptime_ns = (Clock::now() - opened_).count();

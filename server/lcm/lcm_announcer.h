@@ -31,7 +31,7 @@ class LcmAnnouncer {
   using Take = std::function<void(LcmLink& link, std::span<const std::byte> frame)>;
 
   void hand_in(std::span<const std::byte> frame, Take take);
-  void ask(wire::FrameType type, Take take);
+  void request(wire::FrameType type, Take take);
   LcmSink::Deliver guarded(Take take);
   void request_scene();
   void request_states();

@@ -204,7 +204,8 @@ void compare(const Engines& engines, QueryView query, const std::string& what, M
       query.reduce = reduce;
       query.max_distance = max_distance;
       query.fields = kAllFields & ~kFieldGradient;
-      const Answer a = ask(engines.brute, query), b = ask(engines.tree, query, std::chrono::microseconds(300));
+      const Answer a = evaluate(engines.brute, query),
+                   b = evaluate(engines.tree, query, std::chrono::microseconds(300));
       expect_same_rows(a, b,
                        what + ", reduce " + std::to_string(int(reduce)) + ", within " + std::to_string(max_distance));
       if (::testing::Test::HasFatalFailure()) return;
@@ -312,7 +313,7 @@ TEST(BroadPhase, ATreeStaysWithTheEngineWhileMotionIsCoherent) {
   query.reduce = Reduce::kWithin;
   query.max_distance = 0.1;
   for (int step = 0; step < 20; ++step) {
-    ask(engine, query);
+    evaluate(engine, query);
     const BodyPose nudge[] = {{0, engine.body_state(0).X_wb}};
     engine.set_poses(nudge);
   }

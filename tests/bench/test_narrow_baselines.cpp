@@ -43,7 +43,7 @@ std::optional<World> world_of(const Case& c) {
   }
 }
 
-PairAnswer ask(NarrowBaseline& baseline, const World& world) {
+PairAnswer evaluate(NarrowBaseline& baseline, const World& world) {
   const BodyPair pair{0, 1};
   PairAnswer answer;
   baseline.distances(world, {&pair, 1}, {&answer, 1});
@@ -99,7 +99,7 @@ TEST_P(NarrowBaselines, AreRightOnWellConditionedClasses) {
       const std::string where = name + " case " + std::to_string(i);
       const exact::Result exact_value = exact::exact_answer(c, true);
       const double distance = exact_value.distance.lower(), tolerance = kRight * exact::scale_of(c);
-      const PairAnswer answer = ask(*baseline_, *world);
+      const PairAnswer answer = evaluate(*baseline_, *world);
       EXPECT_FALSE(answer.limit) << where;
       EXPECT_NEAR(answer.distance, std::max(0.0, distance), tolerance) << where;
       if (std::abs(distance) > tolerance) {
@@ -173,7 +173,7 @@ TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
     const double distance = std::max(0.0, exact::exact_answer(c, false).distance.lower());
-    const double error = std::abs(ask(*baseline_, *world).distance - distance);
+    const double error = std::abs(evaluate(*baseline_, *world).distance - distance);
     EXPECT_LE(error, 64 * 0x1p-53 * norm(c.X_wa.translation) + kRight * exact::scale_of(c)) << i;
     wrong += error > kRight * exact::scale_of(c);
   }
@@ -188,9 +188,9 @@ TEST_P(NarrowBaselinesOfLargeMeshes, AnswerOnePair) {
   scene.add_uv_sphere("a", 1, 120, {});
   scene.add_uv_sphere("b", 1, 120, {.pose = Pose{{1.5, 1.5, 0.5}, 0.9, 0.1, 0.3, 0.2}});
   const World world(scene);
-  PairAnswer expected = ask(*make_narrow("gjk"), world);
+  PairAnswer expected = evaluate(*make_narrow("gjk"), world);
   EXPECT_NEAR(expected.distance, 0.18, 0.01);
-  EXPECT_NEAR(ask(*baseline_, world).distance, expected.distance, 1e-12);
+  EXPECT_NEAR(evaluate(*baseline_, world).distance, expected.distance, 1e-12);
 }
 
 INSTANTIATE_TEST_SUITE_P(All, NarrowBaselines, testing::ValuesIn(narrow_names()),
@@ -222,9 +222,9 @@ TEST(Worlds, TakeTheHullOfAMesh) {
     EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].parts[0]->vertices.size());
   EXPECT_EQ(world.mesh(0).connections->triangles.size(), 2400u);
   EXPECT_LT(world.mesh(1).vertices.size(), scene.bodies()[1].display->vertices.size());
-  const double by_scan = ask(*make_narrow("gjk"), world).distance;
-  EXPECT_NEAR(ask(*make_narrow("gjk_hill"), world).distance, by_scan, 1e-12);
-  EXPECT_NEAR(ask(*make_narrow("naive_omp"), world).distance, by_scan, 1e-12);
+  const double by_scan = evaluate(*make_narrow("gjk"), world).distance;
+  EXPECT_NEAR(evaluate(*make_narrow("gjk_hill"), world).distance, by_scan, 1e-12);
+  EXPECT_NEAR(evaluate(*make_narrow("naive_omp"), world).distance, by_scan, 1e-12);
 }
 
 TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
@@ -272,7 +272,7 @@ TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {
   const PairAnswer surfaces = least_triangle_distance(world.mesh(0), world.mesh(1));
   EXPECT_EQ(surfaces.overlap, 0);
   EXPECT_DOUBLE_EQ(surfaces.distance, 0.5);
-  EXPECT_EQ(ask(*make_narrow("naive"), world).overlap, 1);
+  EXPECT_EQ(evaluate(*make_narrow("naive"), world).overlap, 1);
 }
 
 // Section 2.2.1 takes the minimum over pairs of edges alone: a vertex over the middle of a face is nearer than any
@@ -298,7 +298,7 @@ TEST(KnownFailures, HillClimbingNeedsEveryVertexToHaveNeighbours) {
   for (int i = 0; i < 300; ++i) {
     const std::optional<World> world = world_of(exact::make_case(cls, 1, static_cast<std::uint64_t>(i)));
     ASSERT_TRUE(world);
-    if (std::abs(ask(*hill, *world).distance - ask(*by_scan, *world).distance) < 1e-6) continue;
+    if (std::abs(evaluate(*hill, *world).distance - evaluate(*by_scan, *world).distance) < 1e-6) continue;
     ++wrong;
     EXPECT_TRUE(knows_no_neighbours(*world)) << i;
   }
@@ -315,8 +315,8 @@ TEST(KnownFailures, SignsPickWrongFeaturesOfSlivers) {
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
     const double distance = exact::exact_answer(c, false).distance.lower();
-    wrong +=
-        std::abs(ask(*gjk, *world).distance - std::max(0.0, distance)) > 1e-6 * distance + 1e-12 * exact::scale_of(c);
+    wrong += std::abs(evaluate(*gjk, *world).distance - std::max(0.0, distance)) >
+             1e-6 * distance + 1e-12 * exact::scale_of(c);
   }
   EXPECT_GE(wrong, 2);
 }
@@ -332,7 +332,7 @@ TEST(KnownFailures, FigureThreeIsWrongWhereSimplicesAreObtuse) {
     const std::optional<World> world = world_of(c);
     ASSERT_TRUE(world);
     const double distance = exact::exact_answer(c, true).distance.lower();
-    const PairAnswer answer = ask(*drawn, *world);
+    const PairAnswer answer = evaluate(*drawn, *world);
     wrong += std::abs(answer.distance - std::max(0.0, distance)) > 1e-3;
     missed += distance < 0 && !answer.overlap;
   }

@@ -6,7 +6,7 @@
 #include <string>
 #include <vector>
 
-#include "tests/engine/ask.h"
+#include "tests/engine/evaluate_query.h"
 
 namespace clearance::test {
 

@@ -53,7 +53,7 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
 /// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds the
 /// number of rows by status.
 inline void expect_rows_as_alone(const Engine& engine, const QueryView& query, std::array<std::uint64_t, 8>& seen) {
-  const Answer all = ask(engine, query);
+  const Answer all = evaluate(engine, query);
   const std::vector<BodyPair> pairs = engine.pairs({});
   const std::size_t moved = query.bodies.size();
   ASSERT_EQ(all.size.rows, pairs.size() * query.configuration_count);
@@ -64,7 +64,7 @@ inline void expect_rows_as_alone(const Engine& engine, const QueryView& query, s
       one.pairs = std::span(&pairs[p], 1);
       one.configuration_count = 1;
       one.configurations = query.configurations.subspan(k * moved, moved);
-      const Answer alone = ask(engine, one);
+      const Answer alone = evaluate(engine, one);
       *alone.view.configuration = k;
       const auto seen_here = expect_same_rows(all, k * pairs.size() + p, alone, 1);
       for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += seen_here[s];

@@ -59,7 +59,7 @@ TEST(Allow, LeavesPairsOutAndBringsThemBack) {
   QueryView q;
   q.all_pairs = false;
   q.pairs = named;
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kOk));
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kOk));
 }
 
 TEST(Allow, ChangesTheRevisionAndWhatGroupsMean) {

@@ -113,7 +113,7 @@ TEST(Batches, HaveATeamWhereOneIsWorthIt) {
     team_cost().set(cost, TeamCost::Clock::now());
     query.configuration_count = count;
     query.configurations = std::span(poses).first(12 * count);
-    return ask(engine, query);
+    return evaluate(engine, query);
   };
   answer(3, {});
   EXPECT_EQ(teams(), 0u) << "198 pairs";

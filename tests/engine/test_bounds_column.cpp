@@ -29,7 +29,7 @@ TEST(BoundsColumn, HoldsTheIntervalInEightBytes) {
         q.configuration_count = 20;
         q.bodies = bodies;
         q.configurations = poses;
-        const Answer a = ask(engine, q);
+        const Answer a = evaluate(engine, q);
         ASSERT_GT(a.info.rows, 0u);
         for (std::uint64_t row = 0; row < a.info.rows; ++row) {
           const double lower = a.view.lower[row], upper = a.view.upper[row];

@@ -65,13 +65,13 @@ void expect_agrees(const Answer& any, const Answer& dense, std::span<const BodyP
 TEST_P(EngineTest, AnyAgreesWithAllPairs) {
   const Engine engine = make(mixed_scene(60, 3, 5));
   Moved moved(60);
-  const Answer dense = ask(engine, moved.query);
+  const Answer dense = evaluate(engine, moved.query);
   const std::vector<BodyPair> pairs = engine.pairs(moved.query);
   QueryView q = moved.query;
   q.reduce = Reduce::kAny;
   for (const double margin : {0.0, 0.02, 0.3}) {
     q.margin = margin;
-    const Answer any = ask(engine, q);
+    const Answer any = evaluate(engine, q);
     expect_agrees(any, dense, pairs, std::vector<double>(pairs.size(), margin));
     if (GetParam() == "cpu") {
       EXPECT_LT(any.info.pairs_evaluated, dense.info.pairs_evaluated / 4);
@@ -84,7 +84,7 @@ TEST_P(EngineTest, AnyTestsEachPairAgainstItsOwnMargin) {
   scene.add_group("hand", std::vector<std::string>{"body1", "body3"});
   const Engine engine = make(std::move(scene));
   Moved moved(60);
-  const Answer dense = ask(engine, moved.query);
+  const Answer dense = evaluate(engine, moved.query);
   const std::vector<BodyPair> pairs = engine.pairs(moved.query);
   // Later entries win; a pair may be named in either order.
   const MarginEntry entries[] = {
@@ -102,14 +102,14 @@ TEST_P(EngineTest, AnyTestsEachPairAgainstItsOwnMargin) {
   QueryView q = moved.query;
   q.reduce = Reduce::kAny;
   q.margins = entries;
-  const Answer by_entries = ask(engine, q);
+  const Answer by_entries = evaluate(engine, q);
   expect_agrees(by_entries, dense, pairs, margins);
   q.margins = {};
   q.pair_margins = margins;
-  EXPECT_EQ(bits(ask(engine, q)), bits(by_entries));
+  EXPECT_EQ(bits(evaluate(engine, q)), bits(by_entries));
   Random random(9);
   for (double& margin : margins) margin = random.uniform(0, 0.5);
-  expect_agrees(ask(engine, q), dense, pairs, margins);
+  expect_agrees(evaluate(engine, q), dense, pairs, margins);
 }
 
 // A query of all bodies at their current poses: threads, slices and the search for near pairs have no effect.
@@ -126,7 +126,7 @@ TEST_P(EngineTest, AnyDoesNotDependOnThreadsSlicesOrTrees) {
         const Engine engine(mixed_scene(count, box, 8),
                             {.backend = GetParam(), .threads = threads, .broad_phase = near_by});
         for (const auto slice : {std::chrono::nanoseconds::max(), std::chrono::nanoseconds(20'000)}) {
-          const Answer answer = ask(engine, q, slice);
+          const Answer answer = evaluate(engine, q, slice);
           if (first.empty()) first = bits(answer);
           EXPECT_EQ(bits(answer), first) << near_by << " " << threads;
         }
@@ -143,31 +143,31 @@ TEST_P(EngineTest, AnyIsNotFreeWithoutPoses) {
   QueryView q;
   q.fields = kAllFields;
   q.reduce = Reduce::kAny;
-  Answer a = ask(engine, q);
+  Answer a = evaluate(engine, q);
   EXPECT_EQ(a.view.status[0], std::uint8_t(Status::kNoPose)) << "the pair that is apart does not make it free";
   EXPECT_EQ(a.view.pair[0], (BodyPair{0, 2}));
   EXPECT_TRUE(a.view.flags[0] & kFlagIncomplete);
   engine.set_poses(std::vector<BodyPose>{{1, Pose{{0.15, 0, 0}}}});
-  a = ask(engine, q);
+  a = evaluate(engine, q);
   EXPECT_EQ(a.view.status[0], std::uint8_t(Status::kOverlap));
   EXPECT_EQ(a.view.pair[0], (BodyPair{0, 1}));
   EXPECT_TRUE(a.view.flags[0] & kFlagIncomplete);
   engine.set_poses(std::vector<BodyPose>{{1, Pose{{5, 0, 0}}}, {2, Pose{{std::nan(""), 0, 0}}}});
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kBadPose));
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kBadPose));
   engine.set_poses(std::vector<BodyPose>{{2, Pose{{0, 0.2, 0}}}});
-  a = ask(engine, q);
+  a = evaluate(engine, q);
   EXPECT_EQ(a.view.status[0], std::uint8_t(Status::kUnconverged)) << "they touch in one point";
   EXPECT_EQ(a.view.pair[0], (BodyPair{0, 2}));
   engine.set_poses(std::vector<BodyPose>{{2, Pose{{0, 3, 0}}}});
-  a = ask(engine, q);
+  a = evaluate(engine, q);
   EXPECT_EQ(a.view.status[0], std::uint8_t(Status::kBeyond));
   EXPECT_EQ(a.view.flags[0], 0);
   const BodyPair unknown[] = {{0, 1}, {0, 99}};
   q.all_pairs = false;
   q.pairs = unknown;
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kUnknownBody));
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kUnknownBody));
   q.pairs = {};
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kBeyond)) << "no pair is no obstacle";
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kBeyond)) << "no pair is no obstacle";
 }
 
 TEST_P(EngineTest, AnyDecidesNothingByOldPoses) {
@@ -179,9 +179,9 @@ TEST_P(EngineTest, AnyDecidesNothingByOldPoses) {
   q.fields = kAllFields;
   q.reduce = Reduce::kAny;
   q.max_pose_age_ns = 1'000'000'000;
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kStalePose));
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kStalePose));
   q.max_pose_age_ns = 0;
-  EXPECT_EQ(ask(engine, q).view.status[0], std::uint8_t(Status::kBeyond));
+  EXPECT_EQ(evaluate(engine, q).view.status[0], std::uint8_t(Status::kBeyond));
 }
 
 struct BadMargin {

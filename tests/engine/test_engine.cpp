@@ -18,7 +18,7 @@ TEST_P(EngineTest, TwoUnitBoxesAreAsFarApartAsTheyLook) {
   const Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
-  const Answer r = ask(engine, q);
+  const Answer r = evaluate(engine, q);
   ASSERT_EQ(r.size.rows, 1u);
   EXPECT_EQ(static_cast<Status>(r.view.status[0]), Status::kOk);
   EXPECT_LE(r.view.lower[0], 2.0);
@@ -40,14 +40,14 @@ TEST_P(EngineTest, SignedOverlapIsTheLeastTranslationApart) {
   QueryView q;
   q.fields = kAllFields;
   q.signed_distance = true;
-  const Answer deep = ask(engine, q);
+  const Answer deep = evaluate(engine, q);
   EXPECT_EQ(static_cast<Status>(deep.view.status[0]), Status::kOverlap);
   EXPECT_LE(deep.view.lower[0], -0.25);
   EXPECT_GE(deep.view.upper[0], -0.25);
   EXPECT_NEAR(deep.view.distance[0], -0.25, 1e-12);
   EXPECT_NEAR(deep.view.normal[0], 1.0, 1e-12);
   q.signed_distance = false;
-  const Answer clipped = ask(engine, q);
+  const Answer clipped = evaluate(engine, q);
   EXPECT_EQ(static_cast<Status>(clipped.view.status[0]), Status::kOverlap);
   EXPECT_EQ(clipped.view.lower[0], 0.0);
   EXPECT_EQ(clipped.view.upper[0], 0.0);
@@ -58,7 +58,7 @@ TEST_P(EngineTest, TouchingBoxesAreInContact) {
   scene.add_box("a", {1, 1, 1}, {.pose = Pose{}});
   scene.add_box("b", {1, 1, 1}, {.pose = Pose{{1, 0.25, 0}}});
   const Engine engine = make(std::move(scene));
-  const Answer r = ask(engine, {});
+  const Answer r = evaluate(engine, {});
   EXPECT_EQ(static_cast<Status>(r.view.status[0]), Status::kContact);
   EXPECT_LE(r.view.lower[0], 0.0);
   EXPECT_GE(r.view.upper[0], 0.0);
@@ -80,7 +80,7 @@ TEST_P(EngineTest, BadMissingAndUnknownBodiesSpoilOnlyTheirOwnRows) {
   q.all_pairs = false;
   q.pairs = pairs;
   q.fields = kAllFields;
-  const Answer r = ask(engine, q);
+  const Answer r = evaluate(engine, q);
   const Status expected[] = {Status::kOk, Status::kNoPose, Status::kBadPose, Status::kUnknownBody};
   for (int i = 0; i < 4; ++i) EXPECT_EQ(static_cast<Status>(r.view.status[i]), expected[i]) << i;
   EXPECT_NEAR(r.view.distance[0], 1.0, 1e-12);
@@ -96,7 +96,8 @@ TEST_P(EngineTest, BitsDoNotDependOnThreadsOrSlices) {
     q.fields = kAllFields;
     q.reduce = reduce;
     if (reduce == Reduce::kWithin) q.max_distance = 1.5;
-    const Answer whole = ask(one, q), parallel = ask(two, q), sliced = ask(two, q, std::chrono::nanoseconds(1));
+    const Answer whole = evaluate(one, q), parallel = evaluate(two, q),
+                 sliced = evaluate(two, q, std::chrono::nanoseconds(1));
     ASSERT_GT(whole.info.rows, 0u);
     EXPECT_EQ(bits(whole), bits(parallel)) << int(reduce);
     EXPECT_EQ(bits(whole), bits(sliced)) << int(reduce);
@@ -110,7 +111,7 @@ TEST_P(EngineTest, IntervalsAgreeWithTheReference) {
     QueryView q;
     q.fields = kAllFields;
     q.signed_distance = with_depth;
-    const Answer a = ask(engine, q), b = ask(reference, q);
+    const Answer a = evaluate(engine, q), b = evaluate(reference, q);
     std::map<Status, int> seen;
     for (std::uint64_t i = 0; i < a.info.rows; ++i) {
       ASSERT_LE(std::max(a.view.lower[i], b.view.lower[i]), std::min(a.view.upper[i], b.view.upper[i])) << i;
@@ -126,9 +127,9 @@ TEST_P(EngineTest, BeyondPairsCarryALowerBoundAboveMaxDistance) {
   const Engine engine = make(mixed_scene(60, 6, 9));
   QueryView q;
   q.fields = kAllFields;
-  const Answer whole = ask(engine, q);
+  const Answer whole = evaluate(engine, q);
   q.max_distance = 3;
-  const Answer cut = ask(engine, q);
+  const Answer cut = evaluate(engine, q);
   int beyond = 0;
   for (std::uint64_t i = 0; i < cut.info.rows; ++i) {
     EXPECT_LE(cut.view.lower[i], whole.view.upper[i]);
@@ -154,7 +155,7 @@ TEST_P(EngineTest, ConfigurationsAnswerAsIfThePosesHadBeenSet) {
   q.configurations = configurations;
   q.configuration_count = 7;
   q.fields = kAllFields;
-  const Answer batch = ask(engine, q);
+  const Answer batch = evaluate(engine, q);
   const std::vector<BodyPair> pairs = engine.pairs(q);
   EXPECT_EQ(batch.size.pairs, pairs.size());
   for (const BodyPair& p : pairs) EXPECT_TRUE(p.a == 1 || p.a == 3 || p.a == 8 || p.b == 1 || p.b == 3 || p.b == 8);
@@ -165,7 +166,7 @@ TEST_P(EngineTest, ConfigurationsAnswerAsIfThePosesHadBeenSet) {
     one.all_pairs = false;
     one.pairs = pairs;
     one.fields = kAllFields;
-    const Answer alone = ask(engine, one);
+    const Answer alone = evaluate(engine, one);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       ASSERT_EQ(alone.view.lower[i], batch.view.lower[k * pairs.size() + i]);
       ASSERT_EQ(alone.view.upper[i], batch.view.upper[k * pairs.size() + i]);
@@ -179,7 +180,7 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
   q.fields = kAllFields;
   q.rel_tol = 1e-12;
   q.signed_distance = true;
-  const Answer before = ask(engine, q);
+  const Answer before = evaluate(engine, q);
   const std::vector<BodyPair> pairs = engine.pairs(q);
   Random random(3);
   const double h = 1e-6;
@@ -194,7 +195,7 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
     moved.translation = X.translation + h * move;
     const BodyPose update{body, moved};
     engine.set_poses({&update, 1});
-    const Answer after = ask(engine, q);
+    const Answer after = evaluate(engine, q);
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       if (pairs[i].a != body && pairs[i].b != body) continue;
       if ((before.view.flags[i] & kFlagNonsmooth) || static_cast<Status>(before.view.status[i]) != Status::kOk)
@@ -216,10 +217,10 @@ TEST_P(EngineTest, CompactRowsHoldTheFullInterval) {
   const Engine engine = make(mixed_scene(30, 3, 4));
   QueryView q;
   q.fields = kAllFields;
-  const Answer full = ask(engine, q);
+  const Answer full = evaluate(engine, q);
   q.format = Format::kCompact;
   q.fields = kFieldStatus;
-  const Answer compact = ask(engine, q);
+  const Answer compact = evaluate(engine, q);
   EXPECT_EQ(compact.size.fields, kFieldStatus | kFieldCompact);
   ASSERT_GT(full.info.rows, 400u);
   for (std::uint64_t i = 0; i < full.info.rows; ++i) {

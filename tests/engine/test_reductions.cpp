@@ -12,7 +12,7 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
   const Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
   all.fields = kAllFields;
-  const Answer dense = ask(engine, all);
+  const Answer dense = evaluate(engine, all);
   const std::vector<BodyPair> pairs = engine.pairs(all);
   ASSERT_EQ(pairs.size(), dense.info.rows);
   std::vector<double> least_upper(60, kInf), least_lower(60, kInf);
@@ -27,7 +27,7 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
     }
   QueryView q = all;
   q.reduce = Reduce::kNearest;
-  const Answer nearest = ask(engine, q);
+  const Answer nearest = evaluate(engine, q);
   ASSERT_EQ(nearest.info.rows, 60u);
   for (std::uint32_t body = 0; body < 60; ++body) {
     EXPECT_EQ(nearest.view.upper[body], least_upper[body]) << body;
@@ -38,7 +38,7 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
     EXPECT_LT(nearest.info.pairs_evaluated, pairs.size() / 2) << "nothing was left out";
   }
   q.reduce = Reduce::kMin;
-  const Answer min = ask(engine, q);
+  const Answer min = evaluate(engine, q);
   ASSERT_EQ(min.info.rows, 1u);
   EXPECT_EQ(min.view.upper[0], *std::min_element(least_upper.begin(), least_upper.end()));
   EXPECT_EQ(min.view.lower[0], *std::min_element(least_lower.begin(), least_lower.end()));
@@ -57,11 +57,11 @@ TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
   const Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
-  const Answer dense = ask(engine, q);
+  const Answer dense = evaluate(engine, q);
   ASSERT_NEAR(dense.view.distance[0], 1.5 * c - 0.1 - 0.01, 0.02) << "g and the rod";
   q.reduce = Reduce::kNearest;
   q.max_distance = 0.3;
-  const Answer nearest = ask(engine, q);
+  const Answer nearest = evaluate(engine, q);
   EXPECT_EQ(static_cast<Status>(nearest.view.status[0]), Status::kBeyond);
   EXPECT_LE(nearest.view.lower[0], 0.45 + 1e-12) << "y";
   EXPECT_GT(nearest.view.lower[0], 0.3);
@@ -73,7 +73,7 @@ TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   QueryView q;
   q.fields = kAllFields;
   q.signed_distance = true;
-  const Answer dense = ask(engine, q);
+  const Answer dense = evaluate(engine, q);
   const std::vector<BodyPair> pairs = engine.pairs(q);
   std::vector<double> least(40, kInf);
   int overlaps = 0;
@@ -83,10 +83,10 @@ TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
   }
   ASSERT_GT(overlaps, 100);
   q.reduce = Reduce::kNearest;
-  const Answer nearest = ask(engine, q);
+  const Answer nearest = evaluate(engine, q);
   for (std::uint32_t body = 0; body < 40; ++body) EXPECT_EQ(nearest.view.upper[body], least[body]) << body;
   q.reduce = Reduce::kMin;
-  EXPECT_EQ(ask(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
+  EXPECT_EQ(evaluate(engine, q).view.upper[0], *std::min_element(least.begin(), least.end()));
 }
 
 // The first overlapping pair wins, for any pairs after it.
@@ -101,13 +101,13 @@ TEST_P(EngineTest, MinIsTheFirstOverlap) {
   q.bodies = bodies;
   q.configurations = poses;
   q.configuration_count = 40;
-  const Answer dense = ask(engine, q);
+  const Answer dense = evaluate(engine, q);
   const std::vector<BodyPair> pairs = engine.pairs(q);
   q.max_distance = 0;
-  const std::uint64_t touching = ask(engine, q).info.pairs_evaluated;
+  const std::uint64_t touching = evaluate(engine, q).info.pairs_evaluated;
   q.max_distance = kInf;
   q.reduce = Reduce::kMin;
-  const Answer min = ask(engine, q);
+  const Answer min = evaluate(engine, q);
   ASSERT_EQ(min.info.rows, 40u);
   int overlapping = 0;
   for (std::size_t k = 0; k < 40; ++k) {
@@ -133,12 +133,12 @@ TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
   const Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
   all.fields = kAllFields;
-  const Answer dense = ask(engine, all);
+  const Answer dense = evaluate(engine, all);
   const std::vector<BodyPair> pairs = engine.pairs(all);
   QueryView q = all;
   q.reduce = Reduce::kWithin;
   q.max_distance = 2;
-  const Answer within = ask(engine, q);
+  const Answer within = evaluate(engine, q);
   std::set<BodyPair> found(within.view.pair, within.view.pair + within.info.rows);
   ASSERT_EQ(found.size(), within.info.rows);
   std::size_t near = 0;
@@ -156,7 +156,7 @@ TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
   EXPECT_TRUE(std::is_sorted(within.view.pair, within.view.pair + within.info.rows));
 
   q.max_results = 5;
-  const Answer cut = ask(engine, q);
+  const Answer cut = evaluate(engine, q);
   EXPECT_EQ(cut.info.rows, 5u);
   EXPECT_EQ(cut.info.total, within.info.rows);
 }
@@ -169,7 +169,7 @@ TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
   q.fields = kAllFields;
   q.reduce = Reduce::kWithin;
   q.max_distance = 1e-3;
-  const Answer within = ask(engine, q);
+  const Answer within = evaluate(engine, q);
   std::uint64_t of_bad = 0;
   for (std::uint64_t i = 0; i < within.info.rows; ++i)
     of_bad += static_cast<Status>(within.view.status[i]) == Status::kBadPose;
@@ -191,7 +191,7 @@ TEST_P(EngineTest, ReductionsDoNotPassOverMissingPoses) {
         q.fields = fields;
         q.reduce = reduce;
         q.max_distance = reduce == Reduce::kMin ? kInf : 1;
-        const Answer a = ask(engine, q);
+        const Answer a = evaluate(engine, q);
         ASSERT_EQ(a.info.rows, reduce == Reduce::kMin ? 1u : 4u);
         for (std::uint64_t i = 0; i < a.info.rows; ++i) {
           EXPECT_EQ(static_cast<Status>(a.view.status[i]), status) << i;
@@ -216,7 +216,7 @@ TEST_P(EngineTest, ReductionsDoNotPassOverMissingPoses) {
     for (const bool is_signed : {false, true}) {
       q.reduce = reduce;
       q.signed_distance = is_signed;
-      const Answer a = ask(engine, q);
+      const Answer a = evaluate(engine, q);
       for (std::uint64_t i = 0; i < a.info.rows; ++i) {
         const bool overlaps = i < 2;
         EXPECT_EQ(static_cast<Status>(a.view.status[i]), overlaps ? Status::kOverlap : Status::kBadPose) << i;
@@ -237,17 +237,17 @@ TEST_P(EngineTest, ReductionsOfManyPairsGoStageByStage) {
   const Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
-  const Answer dense = ask(engine, q);
+  const Answer dense = evaluate(engine, q);
   ASSERT_GT(dense.info.rows, 16384u);
   for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
     q.reduce = reduce;
     q.max_distance = reduce == Reduce::kWithin ? 0.5 : kInf;
-    const Answer sliced = ask(engine, q, std::chrono::microseconds(50)), whole = ask(engine, q);
+    const Answer sliced = evaluate(engine, q, std::chrono::microseconds(50)), whole = evaluate(engine, q);
     EXPECT_EQ(bits(sliced), bits(whole));
     ASSERT_GT(whole.info.rows, 0u);
   }
   q.reduce = Reduce::kMin;
-  const Answer min = ask(engine, q);
+  const Answer min = evaluate(engine, q);
   EXPECT_EQ(min.view.upper[0], *std::min_element(dense.view.upper, dense.view.upper + dense.info.rows));
 }
 

@@ -90,7 +90,7 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
     } catch (const QueryError& e) {
       EXPECT_NE(std::string(e.what()).find(c.text), std::string::npos) << e.what();
     }
-    EXPECT_EQ(ask(engine, {}).info.rows, engine.pairs({}).size()) << "a good query after: " << c.text;
+    EXPECT_EQ(evaluate(engine, {}).info.rows, engine.pairs({}).size()) << "a good query after: " << c.text;
   }
 }
 

@@ -21,8 +21,8 @@ namespace {
 
 using test::Answer;
 using test::arm_scene;
-using test::ask;
 using test::at_home;
+using test::evaluate;
 using test::joints_of;
 using test::kArm;
 
@@ -169,7 +169,7 @@ TEST(JointState, BeyondItsLimitsAJointFlagsWhatItMoves) {
   EXPECT_TRUE(engine.joint_state(3).beyond_limits);
   QueryView query;
   query.fields = kDefaultFields | kFieldFlags;
-  const Answer a = ask(engine, query);
+  const Answer a = evaluate(engine, query);
   const std::vector<BodyPair> pairs = engine.pairs({});
   std::size_t flagged = 0;
   for (std::size_t i = 0; i < pairs.size(); ++i) {
@@ -204,7 +204,7 @@ TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
   for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kMin, Reduce::kNearest}) {
     query.reduce = reduce;
     query.max_distance = reduce == Reduce::kWithin ? 0.2 : 1e9;
-    const Answer all = ask(engine, query);
+    const Answer all = evaluate(engine, query);
     std::uint64_t first = 0;
     for (std::uint32_t k = 0; k < kCount; ++k) {
       std::vector<JointPosition> update;
@@ -214,7 +214,7 @@ TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
       now.joints = {};
       now.positions = {};
       now.configuration_count = 0;
-      const Answer one = ask(set, now);
+      const Answer one = evaluate(set, now);
       ASSERT_LE(first + one.info.rows, all.info.rows);
       expect_same_rows(all, first, one);
       first += one.info.rows;
@@ -283,11 +283,11 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
           query.fields = reduce == Reduce::kAny ? kFieldStatus | kFieldLower | kFieldUpper : test::kAllFields;
           query.reduce = reduce;
           query.rel_tol = 0;
-          const Answer expected = ask(set, query);
+          const Answer expected = evaluate(set, query);
           query.joints = joints;
           query.positions = rows;
           query.configuration_count = 2;
-          expect_same_rows(ask(stood, query), 0, expected);
+          expect_same_rows(evaluate(stood, query), 0, expected);
         }
       }
     }
@@ -311,7 +311,7 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
   query.bodies = std::span(&ball, 1);
   query.configurations = balls;
   query.fields = test::kAllFields;
-  const Answer a = ask(engine, query);
+  const Answer a = evaluate(engine, query);
   for (std::uint32_t k = 0; k < 2; ++k) {
     const JointPosition all[] = {{1, 0.7}, {3, -1.0}, {5, rows[2 * k]}, {0, rows[2 * k + 1]}};
     other.set_joints(all);
@@ -321,7 +321,7 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
     QueryView now;
     now.pairs = pairs;
     now.all_pairs = false;
-    const Answer b = ask(other, now);
+    const Answer b = evaluate(other, now);
     ASSERT_EQ(b.info.rows, pairs.size());
     for (std::size_t i = 0; i < pairs.size(); ++i) {
       EXPECT_EQ(a.view.lower[k * pairs.size() + i], b.view.lower[i]);
@@ -369,7 +369,7 @@ TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
                             {scene.find_body("table"), scene.find_body("arm/palm")}};
   query.pairs = pairs;
   query.all_pairs = false;
-  const Answer a = ask(engine, query);
+  const Answer a = evaluate(engine, query);
   const auto status = [&](int row) { return static_cast<Status>(a.view.status[row]); };
   EXPECT_EQ(status(0), Status::kOk);
   EXPECT_EQ(status(1), Status::kNoPose);
@@ -397,12 +397,12 @@ TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
   query.all_pairs = false;
   query.max_pose_age_ns = 1;  // that of joint2 is older by the time that the query begins
   query.joints = std::span(&third, 1);
-  EXPECT_EQ(static_cast<Status>(ask(engine, query).view.status[0]), Status::kStalePose);
+  EXPECT_EQ(static_cast<Status>(evaluate(engine, query).view.status[0]), Status::kStalePose);
   const std::uint32_t both[] = {first, 1};
   const double rows[] = {0.5, 0.1};
   query.joints = both;
   query.positions = rows;
-  const Answer fresh = ask(engine, query);
+  const Answer fresh = evaluate(engine, query);
   EXPECT_LE(fresh.view.status[0], static_cast<std::uint8_t>(Status::kContact))
       << "the query says where all joints are that were ever set";
 }

@@ -53,7 +53,7 @@ TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
   QueryView query;
   query.signed_distance = true;
   query.fields = kAllFields;
-  const Answer whole = ask(engine, query);
+  const Answer whole = evaluate(engine, query);
   ASSERT_EQ(whole.info.rows, 1u) << "one pair of bodies";
   int slices = 0;
   std::uint64_t longest = 0;
@@ -81,7 +81,7 @@ TEST(Slices, GiveEveryReductionTheSameBits) {
       query.configurations = configurations;
       query.configuration_count = 9;
       query.max_distance = 2;
-      const Answer whole = ask(engine, query);
+      const Answer whole = evaluate(engine, query);
       int slices = 0;
       std::uint64_t longest = 0;
       const Answer sliced = in_slices(engine, query, slices, longest);
@@ -108,7 +108,7 @@ TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
   const Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
   query.signed_distance = true;
-  const Answer whole = ask(engine, query);
+  const Answer whole = evaluate(engine, query);
   ASSERT_LT(whole.view.upper[0], 0);
   Answer again = room_for(engine, query);
   Job job = engine.start(query, again.view);

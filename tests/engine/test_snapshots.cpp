@@ -45,7 +45,7 @@ TEST_P(EngineTest, JobsKeepTheSnapshotTheyBeganWith) {
   }
   EXPECT_NEAR(distance, 2, 1e-12);
   EXPECT_LT(job.info().snapshot_revision, revision);
-  EXPECT_EQ(ask(engine, q).info.snapshot_stamp_ns, 42);
+  EXPECT_EQ(evaluate(engine, q).info.snapshot_stamp_ns, 42);
 }
 
 TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
@@ -60,10 +60,10 @@ TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
   q.pairs = pairs;
   q.all_pairs = false;
   q.fields = kAllFields;
-  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9) << "any age";
+  EXPECT_NEAR(evaluate(engine, q).view.distance[0], 2, 1e-9) << "any age";
   q.max_pose_age_ns = 3'600'000'000'000;
   const auto expect_stale = [&] {
-    const Answer answer = ask(engine, q);
+    const Answer answer = evaluate(engine, q);
     for (int row = 0; row < 2; ++row) {
       EXPECT_EQ(static_cast<Status>(answer.view.status[row]), Status::kStalePose);
       EXPECT_TRUE(std::isnan(answer.view.distance[row]));
@@ -76,12 +76,12 @@ TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
   expect_stale();
   const BodyPose update{0, {}};
   engine.set_poses({&update, 1});
-  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9);
+  EXPECT_NEAR(evaluate(engine, q).view.distance[0], 2, 1e-9);
   q.max_pose_age_ns = 1;
   expect_stale();
 
   q.reduce = Reduce::kMin;
-  const Answer least = ask(engine, q);
+  const Answer least = evaluate(engine, q);
   EXPECT_EQ(static_cast<Status>(least.view.status[0]), Status::kStalePose);
   EXPECT_EQ(least.view.lower[0], -kInf);
   EXPECT_TRUE(least.view.flags[0] & kFlagIncomplete);
@@ -92,7 +92,7 @@ TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
   q.bodies = {&moved, 1};
   q.configurations = {&there, 1};
   q.configuration_count = 1;
-  EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[0]), Status::kOk) << "the query says where it is";
+  EXPECT_EQ(static_cast<Status>(evaluate(engine, q).view.status[0]), Status::kOk) << "the query says where it is";
 }
 
 TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
@@ -107,13 +107,13 @@ TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
   q.pairs = pairs;
   q.all_pairs = false;
   for (int row = 0; row < 2; ++row)
-    EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[row]), Status::kNoPose) << row;
+    EXPECT_EQ(static_cast<Status>(evaluate(engine, q).view.status[row]), Status::kNoPose) << row;
   EXPECT_EQ(engine.body_state(0).status, Status::kNoPose);
   EXPECT_THROW(engine.attach(1, kNone), QueryError) << "from nowhere";
   const BodyPose update{0, {}};
   engine.set_poses({&update, 1});
-  EXPECT_NEAR(ask(engine, q).view.distance[0], 2, 1e-9);
-  EXPECT_EQ(static_cast<Status>(ask(engine, q).view.status[1]), Status::kOk);
+  EXPECT_NEAR(evaluate(engine, q).view.distance[0], 2, 1e-9);
+  EXPECT_EQ(static_cast<Status>(evaluate(engine, q).view.status[1]), Status::kOk);
 }
 
 TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
@@ -124,20 +124,20 @@ TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
   const std::vector<BodyPair> pairs{{0, 1}, {1, 2}};
   q.pairs = pairs;
   q.all_pairs = false;
-  EXPECT_EQ(ask(engine, q).info.pose_age_ns, -1) << "none was received";
+  EXPECT_EQ(evaluate(engine, q).info.pose_age_ns, -1) << "none was received";
   for (std::uint32_t body = 0; body < 3; ++body) {
     const BodyPose update{body, {{1.0 * body, 0, 0}}};
     engine.set_poses({&update, 1}, 10 * body, body + 1);
   }
   int stale = 0, young = 0;
   for (int i = 0; i < 400; ++i) {
-    const Answer plain = ask(engine, q);
+    const Answer plain = evaluate(engine, q);
     EXPECT_EQ(plain.info.snapshot_sequence, 3);
     EXPECT_GE(plain.info.pose_age_ns, 0);
     QueryView limited = q;
     const std::int64_t off = std::int64_t{1} << i % 40;  // from less than the elapsed time to far more
     limited.max_pose_age_ns = std::max<std::int64_t>(plain.info.pose_age_ns + (i % 2 ? off : -off), 1);
-    const Answer answer = ask(engine, limited);
+    const Answer answer = evaluate(engine, limited);
     const bool too_old = answer.info.pose_age_ns > limited.max_pose_age_ns;
     const auto is_stale = [&](int row) { return static_cast<Status>(answer.view.status[row]) == Status::kStalePose; };
     EXPECT_EQ(is_stale(0), too_old) << "body 0 has the oldest pose";

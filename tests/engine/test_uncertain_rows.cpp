@@ -35,7 +35,7 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
     const Engine engine(uncertain_scene(60, 4, 3), options);
     QueryView all;
     all.fields = kAllFields | kFieldPairLower;
-    const Answer dense = ask(engine, all);
+    const Answer dense = evaluate(engine, all);
     const std::vector<BodyPair> pairs = engine.pairs(all);
     std::vector<double> upper(60, kInf), lower(60, kInf);
     int uncertain = 0, pairs_differ = 0;
@@ -53,7 +53,7 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
     EXPECT_GT(uncertain, 500);
     QueryView q = all;
     q.reduce = Reduce::kNearest;
-    const Answer nearest = ask(engine, q);
+    const Answer nearest = evaluate(engine, q);
     ASSERT_EQ(nearest.info.rows, 60u);
     for (std::uint32_t body = 0; body < 60; ++body) {
       expect_near(nearest.view.upper[body], upper[body]);
@@ -64,12 +64,12 @@ TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
     }
     EXPECT_GT(pairs_differ, 0) << "no row tells the two apart";
     q.reduce = Reduce::kMin;
-    const Answer min = ask(engine, q);
+    const Answer min = evaluate(engine, q);
     expect_near(min.view.upper[0], *std::min_element(upper.begin(), upper.end()));
     expect_near(min.view.lower[0], *std::min_element(lower.begin(), lower.end()));
     q.reduce = Reduce::kWithin;
     q.max_distance = 0.3;
-    const Answer within = ask(engine, q);
+    const Answer within = evaluate(engine, q);
     std::size_t expected = 0;
     for (std::size_t i = 0; i < pairs.size(); ++i) expected += !(dense.view.lower[i] > 0.3);
     EXPECT_EQ(within.info.rows, expected);
@@ -96,7 +96,7 @@ TEST_P(EngineTest, BodiesThatMayTouchAreNonsmooth) {
   q.configurations = poses;
   q.configuration_count = 400;
   q.fields = kAllFields;
-  const Answer rows = ask(engine, q);
+  const Answer rows = evaluate(engine, q);
   int may_touch = 0, smooth = 0;
   for (std::uint64_t i = 0; i < rows.info.rows; ++i) {
     const bool is_nonsmooth = (rows.view.flags[i] & kFlagNonsmooth) != 0;
@@ -124,7 +124,7 @@ TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
   q.all_pairs = false;
   q.reduce = Reduce::kMin;
   q.fields = kDefaultFields | kFieldPair | kFieldPairLower | kFieldFlags;
-  const Answer r = ask(engine, q);
+  const Answer r = evaluate(engine, q);
   EXPECT_EQ(r.view.pair[0], pairs[0]);
   EXPECT_EQ(r.view.pair_lower[0], pairs[1]);
   EXPECT_NEAR(r.view.upper[0], 1, 1e-6);
@@ -142,9 +142,9 @@ TEST_P(EngineTest, CompactRowsHoldSlackToo) {
   const Engine engine = make(uncertain_scene(24, 3, 5));
   QueryView q;
   q.fields = kDefaultFields;
-  const Answer full = ask(engine, q);
+  const Answer full = evaluate(engine, q);
   q.format = Format::kCompact;
-  const Answer compact = ask(engine, q);
+  const Answer compact = evaluate(engine, q);
   for (std::size_t i = 0; i < full.info.rows; ++i) {
     EXPECT_LE(compact.view.compact[i].lower, full.view.lower[i] + 1e-6);
     EXPECT_GE(compact.view.compact[i].upper, full.view.upper[i]);

@@ -10,7 +10,7 @@ namespace {
 constexpr std::uint64_t kRow = sizeof(WarmSimplex);
 
 /// Runs a job of `client`, which marks its first simplex.
-void ask(WarmStore& store, std::uint64_t client, std::uint64_t size) {
+void evaluate(WarmStore& store, std::uint64_t client, std::uint64_t size) {
   auto table = store.take(client, client, size);
   ASSERT_TRUE(table);
   table->simplices[0].size = 3;
@@ -26,10 +26,10 @@ bool is_warm(WarmStore& store, std::uint64_t client, std::uint64_t size) {
 
 TEST(WarmStore, TheLongestSilentMakesWay) {
   WarmStore store(100 * kRow);
-  for (const std::uint64_t client : {1, 2, 3}) ask(store, client, 30);
+  for (const std::uint64_t client : {1, 2, 3}) evaluate(store, client, 30);
   EXPECT_EQ(store.bytes(), 90 * kRow);
   EXPECT_TRUE(is_warm(store, 1, 30));
-  ask(store, 4, 40);
+  evaluate(store, 4, 40);
   EXPECT_EQ(store.bytes(), 100 * kRow);
   EXPECT_TRUE(is_warm(store, 1, 30)) << "it has asked since";
   EXPECT_TRUE(is_warm(store, 3, 30));
@@ -40,7 +40,7 @@ TEST(WarmStore, TheLongestSilentMakesWay) {
 
 TEST(WarmStore, WhatJobsWorkOnIsCountedAndStays) {
   WarmStore store(100 * kRow);
-  ask(store, 9, 30);
+  evaluate(store, 9, 30);
   std::vector<std::unique_ptr<WarmTable>> jobs;
   for (int i = 0; i < 3; ++i) {
     jobs.push_back(store.take(1, 1, 30));

@@ -11,7 +11,7 @@ namespace clearance {
 namespace {
 
 using test::Answer;
-using test::ask;
+using test::evaluate;
 using test::mixed_scene;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
@@ -36,7 +36,7 @@ TEST(WorkLeftOut, StaticIgnoredAndFollowingPairsAreNeverEvaluated) {
                                - fixed * (fixed - 1) / 2  // two static bodies
                                - 1                        // parent and child
                                - (bodies - 1);            // ignored
-  const Answer answer = ask(engine, {});
+  const Answer answer = evaluate(engine, {});
   EXPECT_EQ(answer.info.rows, wanted);
   EXPECT_EQ(answer.info.pairs_evaluated, wanted);
   EXPECT_EQ(counter(engine, "engine.pairs_evaluated"), wanted);
@@ -52,7 +52,7 @@ TEST(WorkLeftOut, ConfigurationsTouchOnlyPairsOfMovedBodies) {
   query.configuration_count = 3;
   query.bodies = moved;
   query.configurations = poses;
-  const Answer answer = ask(engine, query);
+  const Answer answer = evaluate(engine, query);
   EXPECT_EQ(answer.size.pairs, 39u + 38u);
   EXPECT_EQ(answer.info.pairs_evaluated, 3 * answer.size.pairs);
 }
@@ -62,7 +62,7 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
   QueryView query;
   query.max_distance = 0.5;
   const Engine engine(scene);
-  const Answer answer = ask(engine, query);
+  const Answer answer = evaluate(engine, query);
   std::uint64_t refined = 0, beyond = 0;
   for (std::uint64_t i = 0; i < answer.info.rows; ++i) {
     const auto status = static_cast<Status>(answer.view.status[i]);
@@ -77,7 +77,7 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
 
   // The same pairs, found by reduction, which evaluates no more of them.
   query.reduce = Reduce::kWithin;
-  const Answer within = ask(engine, query);
+  const Answer within = evaluate(engine, query);
   EXPECT_EQ(within.info.pairs_evaluated, refined);
   EXPECT_LE(within.info.rows, refined);
   EXPECT_EQ(within.info.rows, answer.info.rows - beyond);
@@ -86,7 +86,7 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
   query.reduce = Reduce::kNone;
   Engine::Options options;
   options.backend = "reference";
-  const Answer oracle = ask(Engine(scene, options), query);
+  const Answer oracle = evaluate(Engine(scene, options), query);
   EXPECT_EQ(oracle.info.pairs_evaluated, oracle.info.rows);
 }
 
@@ -96,7 +96,7 @@ TEST(WorkLeftOut, BodiesWithoutAPoseCostNothing) {
   Engine engine(std::move(scene));
   const BodyPose poses[] = {{0, {}}, {1, {{1, 0, 0}}}};
   engine.set_poses(poses);
-  const Answer answer = ask(engine, {});
+  const Answer answer = evaluate(engine, {});
   EXPECT_EQ(answer.info.rows, 3u);
   EXPECT_EQ(answer.info.pairs_evaluated, 1u);
 }

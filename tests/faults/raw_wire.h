@@ -38,13 +38,13 @@ class RawWire {
  public:
   virtual ~RawWire() = default;
   /// Sends a frame, at least a header long, and waits for its reply. Throws std::runtime_error if none arrives.
-  virtual RawReply ask(const std::vector<std::byte>& frame) = 0;
+  virtual RawReply evaluate(const std::vector<std::byte>& frame) = 0;
 };
 
 class RawShmWire final : public RawWire {
  public:
   explicit RawShmWire(const std::string& socket_path) : client_(socket_path) {}
-  RawReply ask(const std::vector<std::byte>& frame) override {
+  RawReply evaluate(const std::vector<std::byte>& frame) override {
     const shm::SegmentHeader& header = *client_.header;
     std::memcpy(client_.base + header.request_offset, frame.data(), frame.size());
     ++requested_;
@@ -70,7 +70,7 @@ class RawZmqWire final : public RawWire {
     socket_.set(zmq::sockopt::rcvtimeo, 30000);
     socket_.connect(url);
   }
-  RawReply ask(const std::vector<std::byte>& frame) override {
+  RawReply evaluate(const std::vector<std::byte>& frame) override {
     const std::size_t head = sizeof(wire::FrameHeader);
     return request_parts({{frame.begin(), frame.begin() + head}, {frame.begin() + head, frame.end()}});
   }
@@ -104,7 +104,7 @@ class RawLcmWire final : public RawWire {
       reply_ = raw_reply(std::as_bytes(std::span(part.bytes)));
     });
   }
-  RawReply ask(const std::vector<std::byte>& frame) override {
+  RawReply evaluate(const std::vector<std::byte>& frame) override {
     for (int attempt = 0; attempt < 30; ++attempt) {
       clearance_lcm::frame_t part = frame_part(frame, 0);
       part.client_id = id_;

@@ -73,7 +73,7 @@ class FireInputs : public testing::Test {
     for (int round = 0; round < rounds; ++round)
       for (const std::string_view kind : kBadKinds) {
         const Bytes frame = bad_frame(kind, ++id_, random_);
-        const RawReply reply = wire.ask(frame);
+        const RawReply reply = wire.evaluate(frame);
         ASSERT_EQ(reply.header.request_id, id_) << kind;
         const bool is_error = reply.header.type == static_cast<std::uint16_t>(wire::FrameType::kError);
         rejected[kind] += is_error;

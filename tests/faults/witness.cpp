@@ -58,7 +58,7 @@ std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& questio
   view.reduce = q.reduce;
   view.format = q.format;
   view.fields = q.fields;
-  const test::Answer mine = test::ask(engine, view);
+  const test::Answer mine = test::evaluate(engine, view);
   const ReplyView& v = mine.view;
   return bytes_of(mine.info.rows, mine.info.total, mine.size.pairs, mine.size.configurations, own(v.distance, 0),
                   own(v.lower, 1), own(v.upper, 2), own(v.status, 3), own(v.flags, 4), own(v.point_a, 5),
@@ -124,7 +124,7 @@ Witness::Witness(const std::string& url, const Exam& exam, std::uint64_t seed, d
                  std::chrono::nanoseconds timeout)
     : url_(url), exam_(exam), load_(load), client_(patient(url)) {
   client_.set_timeout(timeout);
-  for (const auto& question : exam_.questions()) ask(*question);
+  for (const auto& question : exam_.questions()) evaluate(*question);
   thread_ = std::thread([this, seed] { run(seed); });
 }
 
@@ -137,14 +137,14 @@ void Witness::run(std::uint64_t seed) {
   std::mt19937_64 random(seed);
   while (!stopping_) {
     const auto begin = std::chrono::steady_clock::now();
-    ask(exam_.draw(random));
+    evaluate(exam_.draw(random));
     const std::chrono::duration<double> took = std::chrono::steady_clock::now() - begin;
     std::this_thread::sleep_for(
         std::min<std::chrono::duration<double>>(took * (1 / load_ - 1), 100ms));  // bounded, in case a call was late
   }
 }
 
-void Witness::ask(const KnownQuery& question) {
+void Witness::evaluate(const KnownQuery& question) {
   const auto count = [this](std::uint64_t Counts::* what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);

@@ -82,7 +82,7 @@ class Witness {
   const std::string& url() const { return url_; }
 
  private:
-  void ask(const KnownQuery& question);
+  void evaluate(const KnownQuery& question);
   void run(std::uint64_t seed);
   void acknowledge();
   void complain(const std::string& text);

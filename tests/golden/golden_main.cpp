@@ -106,7 +106,7 @@ void add(const test::Answer& answer, Digests* to) {
   for_each_column(column, view);
 }
 
-Digests ask(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
+Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
   QueryView q;
   q.reduce = s.question.reduce;
   if (s.question.cut) (q.reduce == Reduce::kAny ? q.margin : q.max_distance) = g.cut_off;
@@ -121,12 +121,12 @@ Digests ask(const Engine& engine, const GoldenScene& g, const Setting& s, std::u
   Digests digests;
   for (const std::vector<Pose>* poses : {&g.configurations, &g.next}) {
     q.configurations = *poses;
-    add(test::ask(engine, q), &digests);
+    add(test::evaluate(engine, q), &digests);
   }
   q.configuration_count = 0;  // the current poses
   q.bodies = {};
   q.configurations = {};
-  add(test::ask(engine, q), &digests);
+  add(test::evaluate(engine, q), &digests);
   return digests;
 }
 
@@ -149,7 +149,7 @@ std::vector<std::string> lines_of(const std::string& instruction_set, int thread
     options.instruction_set = instruction_set;
     const Engine engine(g.scene, options);
     std::uint64_t client = 0;
-    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, ask(engine, g, s, ++client)));
+    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s, ++client)));
   }
   return lines;
 }

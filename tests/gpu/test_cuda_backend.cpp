@@ -72,7 +72,7 @@ std::vector<std::pair<std::string, QueryView>> questions() {
 }
 
 void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what) {
-  expect_same(ask(device, q), ask(cpu, q), what);
+  expect_same(evaluate(device, q), evaluate(cpu, q), what);
 }
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
@@ -96,8 +96,8 @@ TEST_F(CudaBackend, FindsMostDepths) {
         q.precision = precision;
         q.fields = fields;
         const std::uint64_t before = counter(device, "cuda.pairs_finished_on_cpu");
-        const Answer rows = ask(device, q);
-        expect_same(rows, ask(cpu, q), "depths");
+        const Answer rows = evaluate(device, q);
+        expect_same(rows, evaluate(cpu, q), "depths");
         std::uint64_t overlaps = 0;
         for (std::uint64_t i = 0; i < rows.info.rows; ++i)
           overlaps += static_cast<Status>(rows.view.status[i]) == Status::kOverlap;
@@ -144,12 +144,12 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
     warm.fields = kAllFields;
     QueryView cold;
     cold.fields = kAllFields;
-    const Answer expected = ask(cpu, cold);
+    const Answer expected = evaluate(cpu, cold);
     const std::vector<BodyPair> pairs = cpu.pairs(cold);
     const Scene scene = decomposed_scene(90, box, 41);
     std::size_t several = 0;
     for (int i = 0; i < 2; ++i) {
-      const Answer a = ask(device, warm);
+      const Answer a = evaluate(device, warm);
       EXPECT_EQ(a.info.backend, "cuda");
       for (std::size_t row = 0; row < pairs.size(); ++row) {
         if (scene.bodies()[pairs[row].a].parts.size() * scene.bodies()[pairs[row].b].parts.size() == 1) continue;
@@ -181,7 +181,7 @@ TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
   EXPECT_GE(counter(device, "cuda.pairs_finished_on_cpu"), 30u);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   q.reduce = Reduce::kNearest;
-  expect_same(ask(device, q), ask(cpu, q), "nearest", true);
+  expect_same(evaluate(device, q), evaluate(cpu, q), "nearest", true);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }
 
@@ -219,7 +219,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
       if (q.signed_distance) continue;  // overlaps are left to the CPU
       for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin}) {
         q.reduce = reduce;
-        expect_same(ask(device, q), ask(cpu, q), scene + ", reduced, " + name, true);
+        expect_same(evaluate(device, q), evaluate(cpu, q), scene + ", reduced, " + name, true);
       }
     }
     if (with_largest)
@@ -304,10 +304,10 @@ TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
           q.warm_slot = client;
           q.all_pairs = client == 1;
           q.pairs = client == 1 ? std::span<const BodyPair>() : std::span<const BodyPair>(explicit_pairs);
-          const Answer warm = ask(device, q);
+          const Answer warm = evaluate(device, q);
           EXPECT_EQ(warm.info.backend, "cuda");
           q.warm_slot = 0;
-          const Answer cold = ask(cpu, q);
+          const Answer cold = evaluate(cpu, q);
           if (compact) {
             for (std::uint64_t i = 0; i < warm.size.rows; ++i)
               ASSERT_TRUE(warm.view.compact[i].lower <= cold.view.compact[i].upper &&
@@ -364,7 +364,7 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
   compare(device, cpu, q, "bad poses");
   q.max_pose_age_ns = std::int64_t{1} << 62;
   compare(device, cpu, q, "poses that were never received are stale");
-  const Answer r = ask(device, q);
+  const Answer r = evaluate(device, q);
   std::set<std::uint8_t> statuses(r.view.status, r.view.status + r.size.rows);
   EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kBadPose)));
   EXPECT_TRUE(statuses.count(static_cast<std::uint8_t>(Status::kNoPose)));
@@ -375,10 +375,10 @@ TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
   const Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
   QueryView q;
   q.rel_tol = 1e-5;
-  const Answer f64 = ask(device, q);
+  const Answer f64 = evaluate(device, q);
   q.precision = Precision::kF32;
-  const Answer f32 = ask(device, q);
-  expect_same(f32, ask(cpu, q), "float32");
+  const Answer f32 = evaluate(device, q);
+  expect_same(f32, evaluate(cpu, q), "float32");
   const std::vector<BodyPair> pairs = device.pairs(q);
   std::uint64_t converged = 0, finished = 0;
   const auto may_begin_in_f32 = [](std::uint32_t body) { return body % 4 != 1 && body % 40 != 7; };
@@ -409,10 +409,10 @@ TEST_F(CudaBackend, FollowsPosesAndAttachments) {
 
 TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
   const Engine device(grouped_scene(900, 12, 10), {"cuda"}), cpu(grouped_scene(900, 12, 10), {"cpu"});
-  const Answer expected = ask(cpu, {});
-  expect_same(ask(device, {}, std::chrono::nanoseconds(1)), expected, "in slices");
+  const Answer expected = evaluate(cpu, {});
+  expect_same(evaluate(device, {}, std::chrono::nanoseconds(1)), expected, "in slices");
   const std::uint64_t allocations = counter(device, "cuda.allocations"), bytes = counter(device, "cuda.scene_bytes");
-  for (int i = 0; i < 3; ++i) expect_same(ask(device, {}), expected, "again");
+  for (int i = 0; i < 3; ++i) expect_same(evaluate(device, {}), expected, "again");
   EXPECT_EQ(counter(device, "cuda.allocations"), allocations);
   EXPECT_EQ(counter(device, "cuda.scene_bytes"), bytes);
   EXPECT_GT(bytes, 0u);
@@ -421,7 +421,7 @@ TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
 TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
   const Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
   for (const auto& [name, q] : questions()) {
-    const Answer expected = ask(cpu, q);
+    const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);
     const cuda::PinnedMemory memory(bytes);
@@ -441,22 +441,22 @@ TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
   const Engine device(grouped_scene(400, 8, 12), {"cuda"}), cpu(grouped_scene(400, 8, 12), {"cpu"});
   QueryView q;
   q.fields = kAllFields;
-  const Answer expected = ask(cpu, q), room = ask(cpu, q);
+  const Answer expected = evaluate(cpu, q), room = evaluate(cpu, q);
   {
     Job given_up = device.start(q, room.view);
     given_up.advance(std::chrono::nanoseconds(1));
   }
   std::vector<Answer> answers(4);
   std::vector<std::thread> threads;
-  for (Answer& a : answers) threads.emplace_back([&] { a = ask(device, q, std::chrono::microseconds(100)); });
+  for (Answer& a : answers) threads.emplace_back([&] { a = evaluate(device, q, std::chrono::microseconds(100)); });
   for (std::thread& t : threads) t.join();
   for (const Answer& a : answers) expect_same(a, expected, "of a thread");
 }
 
 TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
   const Engine free(grouped_scene(700, 12, 14), {"cuda"}), cpu(grouped_scene(700, 12, 14), {"cpu"});
-  const Answer expected = ask(cpu, {});
-  expect_same(ask(free, {}), expected, "without a budget");
+  const Answer expected = evaluate(cpu, {});
+  expect_same(evaluate(free, {}), expected, "without a budget");
   const std::uint64_t scene = counter(free, "cuda.scene_bytes"), all = scene + counter(free, "cuda.query_bytes");
   ASSERT_GT(all, scene + 1'000'000);
   Engine::Options options{"cuda"};
@@ -464,7 +464,7 @@ TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
     options.device_memory = budget;
     options.device_fallback = true;
     const Engine device(grouped_scene(700, 12, 14), options);
-    const Answer a = ask(device, {});
+    const Answer a = evaluate(device, {});
     expect_same(a, expected, "budget " + std::to_string(budget));
     EXPECT_EQ(a.info.backend, budget == all ? "cuda" : "cpu");
     EXPECT_LE(counter(device, "cuda.scene_bytes") + counter(device, "cuda.query_bytes"), budget);
@@ -476,7 +476,7 @@ TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
     if (budget < scene) {
       EXPECT_THROW(Engine(grouped_scene(700, 12, 14), options), std::runtime_error);
     } else {
-      EXPECT_THROW(ask(Engine(grouped_scene(700, 12, 14), options), {}), QueryError);
+      EXPECT_THROW(evaluate(Engine(grouped_scene(700, 12, 14), options), {}), QueryError);
     }
   }
 }

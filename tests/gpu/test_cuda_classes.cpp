@@ -83,11 +83,11 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
   for (int kind = 0; kind < 3; ++kind) {
     if (kind == 1) q.rel_tol = 0;
     if (kind == 2) q.rel_tol = -1, q.max_distance = 0.5 * norm(cases[0].X_wb.translation - cases[0].X_wa.translation);
-    test::expect_same(test::ask(device, q), test::ask(cpu, q), c.name + " kind " + std::to_string(kind));
+    test::expect_same(test::evaluate(device, q), test::evaluate(cpu, q), c.name + " kind " + std::to_string(kind));
     for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
       QueryView reduced = q;
       reduced.reduce = reduce;
-      test::expect_same(test::ask(device, reduced), test::ask(cpu, reduced),
+      test::expect_same(test::evaluate(device, reduced), test::evaluate(cpu, reduced),
                         c.name + " kind " + std::to_string(kind) + " reduction " + std::to_string(int(reduce)), true);
     }
     if (HasFailure()) return;

@@ -156,7 +156,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
       q.reduce = Reduce::kNone;
       for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first ended
         q.warm_slot = warm;
-        const Answer answer = ask(engine, q);
+        const Answer answer = evaluate(engine, q);
         ASSERT_EQ(answer.info.backend, GetParam());
         ASSERT_EQ(answer.size.rows, exact.size());
         for (std::uint64_t i = 0; i < exact.size(); ++i)
@@ -167,7 +167,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
         for (const std::uint64_t warm : {0, 2, 2}) {
           q.warm_slot = warm;
           q.reduce = reduce;
-          const Answer least = ask(engine, q);
+          const Answer least = evaluate(engine, q);
           ASSERT_EQ(least.info.backend, GetParam());
           const std::size_t groups = reduce == Reduce::kMin ? 1 : kBodies;
           ASSERT_EQ(least.size.rows, kBatch * groups);
@@ -188,7 +188,7 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
       here.reduce = Reduce::kNearest;
       for (const std::uint64_t warm : {0, 3}) {
         here.warm_slot = warm;
-        const Answer nearest = ask(engine, here);
+        const Answer nearest = evaluate(engine, here);
         for (std::uint32_t b = 0; b < kBodies; ++b)
           hold(least_of(requested, &exact[k * requested.size()], Reduce::kNearest, b), nearest.view.lower[b],
                nearest.view.upper[b], warm ? "where bodies stand, warm" : "where bodies stand");

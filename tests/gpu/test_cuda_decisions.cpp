@@ -42,7 +42,7 @@ std::vector<std::pair<std::string, QueryView>> questions() {
 std::array<std::uint64_t, 16> compare(const Engine& device, const Engine& cpu, QueryView q, const std::string& what) {
   std::array<std::uint64_t, 16> statuses{};
   const auto compare_one = [&](const std::string& with) {
-    const Answer rows = ask(device, q), expected = ask(cpu, q);
+    const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
     EXPECT_EQ(rows.info.backend, "cuda") << what;
     expect_same(rows, expected, what + with, true);
     for (std::uint64_t i = 0; expected.view.status && i < expected.info.rows; ++i)
@@ -160,7 +160,7 @@ TEST_F(CudaDecisions, PutLinksWhereTheCpuPutsThem) {
       q.positions = positions;
       q.configuration_count = K;
       if (reduce == Reduce::kWithin) q.max_distance = 0.05;
-      const Answer rows = ask(device, q), expected = ask(cpu, q);
+      const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
       EXPECT_EQ(rows.info.backend, "cuda");
       expect_same(rows, expected, "reduce " + std::to_string(int(reduce)), reduce != Reduce::kNone);
     }

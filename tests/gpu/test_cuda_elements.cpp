@@ -28,7 +28,7 @@ struct Found {
 void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what, Found& found,
              double share = 0.05) {
   const std::uint64_t before = counter(device, "cuda.pairs_finished_on_cpu");
-  const Answer rows = ask(device, q), expected = ask(cpu, q);
+  const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
   EXPECT_LE(static_cast<double>(counter(device, "cuda.pairs_finished_on_cpu") - before),
             share * static_cast<double>(q.configuration_count * q.pairs.size()))
       << what << ", precision " << static_cast<int>(q.precision) << ": left to the CPU";
@@ -140,8 +140,8 @@ void expect_repeated(Scene scene, QueryView q) {
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
     q.reduce = reduce;
     q.margin = reduce == Reduce::kAny ? 0.05 : 0;
-    const Answer first = ask(device, q);
-    for (int i = 0; i < 5; ++i) expect_same(ask(device, q), first, "again", true);
+    const Answer first = evaluate(device, q);
+    for (int i = 0; i < 5; ++i) expect_same(evaluate(device, q), first, "again", true);
   }
 }
 
@@ -177,7 +177,7 @@ TEST_F(CudaElements, FollowTheirPoints) {
       if (count > 0) {
         compare(device, cpu, c.q, std::to_string(count) + " points", found);
       } else {
-        expect_same(ask(device, c.q), ask(cpu, c.q), "no points", true);
+        expect_same(evaluate(device, c.q), evaluate(cpu, c.q), "no points", true);
       }
     }
   }
@@ -195,7 +195,7 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
   c.request_about(pairs);
   c.q.reduce = Reduce::kMin;
   const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
-  expect_same(ask(device, c.q), ask(cpu, c.q), "clouds before meshes", false);
+  expect_same(evaluate(device, c.q), evaluate(cpu, c.q), "clouds before meshes", false);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }
 

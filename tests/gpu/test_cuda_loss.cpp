@@ -17,7 +17,7 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   Engine::Options strict{"cuda"};
   strict.device_fallback = false;
   const Engine rejecting(scene(), strict);
-  const Answer expected = ask(cpu, {}), room = ask(device, {});
+  const Answer expected = evaluate(cpu, {}), room = evaluate(device, {});
   expect_same(room, expected, "while all is well");
   Job job = device.start({}, room.view), doomed = rejecting.start({}, room.view);
   ASSERT_FALSE(job.advance(std::chrono::nanoseconds(1))) << "a chunk came, and there are more";
@@ -35,8 +35,8 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.usable"), 0u);
   QueryView q;
   q.reduce = Reduce::kNearest;
-  expect_same(ask(device, q), ask(cpu, q), "afterwards", true);
-  EXPECT_THROW(ask(rejecting, {}), QueryError);
+  expect_same(evaluate(device, q), evaluate(cpu, q), "afterwards", true);
+  EXPECT_THROW(evaluate(rejecting, {}), QueryError);
   EXPECT_THROW(Engine(scene(), strict), std::runtime_error);
   EXPECT_EQ(Engine(scene(), {"cuda"}).backend(), "cpu");
 }

@@ -18,7 +18,7 @@ void request_both(double margin, double size, bool when) {
   const ArmEdges edges(11, 20000, size);
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(margin, when);
-  const Answer found = ask(device, q), wanted = ask(cpu, q);
+  const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
   const MotionComparison v = compare_motions(found, wanted, q);
   EXPECT_GT(v.free, 500);
@@ -56,7 +56,7 @@ TEST(CudaMotions, FindLeastDistances) {
         const ArmEdges edges(13, 20000, size);
         const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
         const QueryView q = edges.least(margin, when);
-        const Answer found = ask(device, q), wanted = ask(cpu, q);
+        const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
         ASSERT_EQ(found.info.backend, "cuda");
         const auto on_cpu = counter(device, "cuda.motions_finished_on_cpu");
         const LeastRows v = compare_least(found, wanted, q);
@@ -66,7 +66,7 @@ TEST(CudaMotions, FindLeastDistances) {
         EXPECT_GT(v.apart, 500);
         EXPECT_GT(v.touching, 500);
         EXPECT_LT(on_cpu, 4000u);
-        EXPECT_TRUE(is_same(found, ask(device, q)));
+        EXPECT_TRUE(is_same(found, evaluate(device, q)));
       }
 }
 
@@ -75,17 +75,17 @@ TEST(CudaMotions, OutOfStepsIsNeverFree) {
   SKIP_WITHOUT_DEVICE();
   const ArmEdges edges(17, 3000, 1.0);
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
-  const Answer exact_value = ask(cpu, edges.query(0, true));
+  const Answer exact_value = evaluate(cpu, edges.query(0, true));
   int free = 0, hits = 0, unconverged = 0, narrow = 0;
   for (std::uint32_t steps = 1; steps <= 256; steps = steps < 8 ? steps + 1 : 2 * steps)
     for (const double abs_tol : {0.0, 1e-3}) {
       QueryView query = edges.query(0, true);
       query.max_evaluations = steps;
       query.abs_tol = abs_tol;
-      const Answer any = ask(device, query);
+      const Answer any = evaluate(device, query);
       query = edges.least(0, true);
       query.max_evaluations = steps;
-      const Answer least = ask(device, query);
+      const Answer least = evaluate(device, query);
       ASSERT_EQ(any.info.backend, "cuda");
       for (std::uint64_t i = 0; i < any.info.rows; ++i) {
         const auto status = static_cast<Status>(any.view.status[i]);
@@ -115,14 +115,14 @@ TEST(CudaMotions, TellOfEndsBeyondLimits) {
   edges.end_beyond_limits();
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);
-  const Answer found = ask(device, q), wanted = ask(cpu, q);
+  const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
   EXPECT_GT(compare_motions(found, wanted, q).beyond_limits, 100);
   EXPECT_LT(counter(device, "cuda.motions_finished_on_cpu"), 400u);
   const QueryView least = edges.least(0, true);
-  const Answer nearest = ask(device, least);
+  const Answer nearest = evaluate(device, least);
   ASSERT_EQ(nearest.info.backend, "cuda");
-  EXPECT_GT(compare_least(nearest, ask(cpu, least), least).hits, 100);
+  EXPECT_GT(compare_least(nearest, evaluate(cpu, least), least).hits, 100);
 }
 
 // Its kernels support hulls only.
@@ -135,7 +135,7 @@ TEST(CudaMotions, LeaveMeshesToTheCpu) {
   edges.motions.pairs = {{edges.scene.find_body("tool"), edges.scene.find_body("board")}};
   const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);
-  const MotionComparison v = compare_motions(ask(device, q), ask(cpu, q), q);
+  const MotionComparison v = compare_motions(evaluate(device, q), evaluate(cpu, q), q);
   EXPECT_GT(v.free, 20);
   EXPECT_GT(v.hits, 5);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);

@@ -50,7 +50,7 @@ class CudaReductions : public testing::Test {
 };
 
 void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what) {
-  expect_same(ask(device, q), ask(cpu, q), what, true);
+  expect_same(evaluate(device, q), evaluate(cpu, q), what, true);
 }
 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
@@ -90,7 +90,7 @@ TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
     q.fields = kAllFields;
     for (const double distance : {0.0, 0.2, 1.0}) {
       q.max_distance = distance;
-      const Answer a = ask(device, q), expected = ask(cpu, q);
+      const Answer a = evaluate(device, q), expected = evaluate(cpu, q);
       expect_same(a, expected, std::to_string(count) + " bodies within " + std::to_string(distance), true);
       EXPECT_EQ(a.info.backend, "cuda");
       if (count >= 1000 && distance > 0) {
@@ -244,13 +244,13 @@ TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
     QueryView q;
     q.reduce = reduce;
     if (reduce == Reduce::kWithin) q.max_distance = 10;
-    const Answer expected = ask(cpu, q);
+    const Answer expected = evaluate(cpu, q);
     if (reduce == Reduce::kWithin) {
       ASSERT_GT(expected.info.rows, std::uint64_t{1} << 17);
     }
-    expect_same(ask(device, q, std::chrono::nanoseconds(1)), expected, "in slices", true);
+    expect_same(evaluate(device, q, std::chrono::nanoseconds(1)), expected, "in slices", true);
     const std::uint64_t allocations = counter(device, "cuda.allocations");
-    for (int i = 0; i < 3; ++i) expect_same(ask(device, q), expected, "again", true);
+    for (int i = 0; i < 3; ++i) expect_same(evaluate(device, q), expected, "again", true);
     EXPECT_EQ(counter(device, "cuda.allocations"), allocations);
   }
 }
@@ -258,7 +258,7 @@ TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
 TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
   const Engine device(simple_scene(300, 6, 9), {"cuda"}), cpu(simple_scene(300, 6, 9), {"cpu"});
   for (const auto& [name, q] : questions()) {
-    const Answer expected = ask(cpu, q);
+    const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);
     const cuda::PinnedMemory memory(bytes + 1);
@@ -279,10 +279,10 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
   std::vector<QueryView> requested;
   for (const auto& [name, q] : questions()) {
     requested.push_back(q);
-    expected.push_back(ask(cpu, q));
+    expected.push_back(evaluate(cpu, q));
   }
   for (std::size_t i = 0; i < requested.size(); i += 5) {
-    const Answer room = ask(cpu, requested[i]);
+    const Answer room = evaluate(cpu, requested[i]);
     const Job given_up = device.start(requested[i], room.view);
   }
   std::vector<std::thread> threads;
@@ -290,7 +290,7 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
   for (std::size_t t = 0; t < answers.size(); ++t)
     threads.emplace_back([&, t] {
       for (std::size_t i = 0; i < requested.size(); ++i)
-        answers[t][(i + t) % requested.size()] = ask(device, requested[(i + t) % requested.size()]);
+        answers[t][(i + t) % requested.size()] = evaluate(device, requested[(i + t) % requested.size()]);
     });
   for (std::thread& t : threads) t.join();
   for (const auto& mine : answers)
@@ -335,7 +335,7 @@ TEST_F(CudaReductions, KnowsThePairOfTheLeastLowerBound) {
   for (auto [name, q] : questions()) {
     if (q.format == Format::kCompact) continue;
     q.fields |= kFieldPairLower;
-    expect_same(ask(device, q), ask(cpu, q), name, true);
+    expect_same(evaluate(device, q), evaluate(cpu, q), name, true);
   }
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }

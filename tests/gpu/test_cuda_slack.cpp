@@ -55,7 +55,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
         q.configurations = c.poses;
         q.positions = c.positions;
       }
-      const Answer rows = ask(device, q), expected = ask(cpu, q);
+      const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
       EXPECT_EQ(rows.info.backend, "cuda") << name;
       expect_same(rows, expected, name + ", " + std::to_string(K) + " configurations", q.reduce != Reduce::kNone);
     }
@@ -81,7 +81,8 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
     return s;
   };
   const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
-  for (const auto& [name, q] : questions()) expect_same(ask(device, q), ask(cpu, q), name, q.reduce != Reduce::kNone);
+  for (const auto& [name, q] : questions())
+    expect_same(evaluate(device, q), evaluate(cpu, q), name, q.reduce != Reduce::kNone);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
 
@@ -92,7 +93,7 @@ TEST_F(CudaSlack, CountsTheAgeOfPoses) {
   c.q.fields = kDefaultFields;
   const Engine old(uncertain_robot_scene(true), {"cpu"}), device(uncertain_robot_scene(true), {"cuda"}),
       young(std::move(c.scene), {"cpu"});
-  const Answer most = ask(young, c.q), rows = ask(device, c.q), least = ask(old, c.q);
+  const Answer most = evaluate(young, c.q), rows = evaluate(device, c.q), least = evaluate(old, c.q);
   ASSERT_EQ(rows.info.backend, "cuda");
   std::uint64_t grown = 0;
   for (std::uint64_t i = 0; i < rows.info.rows; ++i) {

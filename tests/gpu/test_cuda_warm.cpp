@@ -80,9 +80,9 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
         Compared sum;
         std::uint64_t allocations = 0;
         for (int i = 0; i < 6; ++i) {
-          const Answer cold = ask(cpu, t.evaluate_for(reduce, 0));
-          expect_same(ask(device, t.evaluate_for(reduce, 0)), cold, what + ", cold", true);
-          const Answer warm = ask(device, t.evaluate_for(reduce, client));
+          const Answer cold = evaluate(cpu, t.evaluate_for(reduce, 0));
+          expect_same(evaluate(device, t.evaluate_for(reduce, 0)), cold, what + ", cold", true);
+          const Answer warm = evaluate(device, t.evaluate_for(reduce, client));
           ASSERT_EQ(warm.info.backend, "cuda");
           if (i == 0 && precision == Precision::kF64) {  // float64 starts where float32 ended
             expect_same(warm, cold, what + ", nothing to begin from", true);
@@ -99,7 +99,7 @@ TEST_F(CudaWarm, BeginsAlongATrajectory) {
         EXPECT_GT(sum.different, 10u) << what;
         // With all bodies elsewhere.
         std::reverse(t.poses.begin(), t.poses.end());
-        expect_to_meet(ask(device, t.evaluate_for(reduce, client)), ask(cpu, t.evaluate_for(reduce, 0)),
+        expect_to_meet(evaluate(device, t.evaluate_for(reduce, client)), evaluate(cpu, t.evaluate_for(reduce, 0)),
                        what + ", elsewhere");
       }
       EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
@@ -126,12 +126,12 @@ TEST_F(CudaWarm, BeginsWhereBodiesStand) {
         }
         for (Engine* e : {&device, &cpu}) e->set_poses(poses);
         q.warm_slot = 0;
-        const Answer cold = ask(cpu, q);
+        const Answer cold = evaluate(cpu, q);
         const std::string what = "room " + std::to_string(room) + ", reduction " + std::to_string(int(reduce)) +
                                  ", step " + std::to_string(i);
-        expect_same(ask(device, q), cold, what + ", cold", true);
+        expect_same(evaluate(device, q), cold, what + ", cold", true);
         q.warm_slot = 1 + static_cast<std::uint64_t>(reduce);
-        const Answer warm = ask(device, q);
+        const Answer warm = evaluate(device, q);
         ASSERT_EQ(warm.info.backend, "cuda");
         const Compared c = expect_to_meet(warm, cold, what);
         if (i == 0) {

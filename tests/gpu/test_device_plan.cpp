@@ -166,7 +166,7 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
             Running running(device, requested.q);
             running.rows.fill(0x5a);
             running.run();
-            expect_the_cpus(running.answer(), ask(cpu, requested.q),
+            expect_the_cpus(running.answer(), evaluate(cpu, requested.q),
                             "box " + std::to_string(box) + ", K " + std::to_string(configurations) + ", fields " +
                                 std::to_string(fields) + (precision == Precision::kF32 ? ", f32" : "") +
                                 (max_distance < 2 ? ", near" : ""));
@@ -182,7 +182,7 @@ TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
   Running running(device, requested.q);
   ASSERT_GT(running.plan->size().rows, std::uint64_t{1} << 22);
   running.run();
-  expect_the_cpus(running.answer(), ask(cpu, requested.q), "several chunks");
+  expect_the_cpus(running.answer(), evaluate(cpu, requested.q), "several chunks");
 }
 
 // Captured in a graph, a device query reads its input memory again on each launch.
@@ -248,7 +248,7 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
         Running running(device, requested.q);
         running.rows.fill(0x5a);
         running.run();
-        expect_the_cpus(running.answer(), ask(cpu, requested.q),
+        expect_the_cpus(running.answer(), evaluate(cpu, requested.q),
                         "fields " + std::to_string(fields) + (precision == Precision::kF32 ? ", f32" : "") +
                             (max_distance < 1 ? ", near" : ""));
         if (fields != kDefaultFields) continue;
@@ -257,7 +257,7 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
         requested.point();
         Running alone(device, requested.q);
         alone.run();
-        expect_the_cpus(alone.answer(), ask(cpu, requested.q), "joints alone");
+        expect_the_cpus(alone.answer(), evaluate(cpu, requested.q), "joints alone");
       }
 }
 
@@ -330,7 +330,7 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
           Running running(device, requested.q);
           running.rows.fill(0x5a);
           running.run();
-          all.add(running.answer(), ask(cpu, requested.q), reduce == Reduce::kAny,
+          all.add(running.answer(), evaluate(cpu, requested.q), reduce == Reduce::kAny,
                   "reduce " + std::to_string(int(reduce)) + ", way " + std::to_string(way));
         }
       EXPECT_EQ(all.rows, 3600u);
@@ -355,7 +355,7 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
         Running running(device, requested.q);
         running.rows.fill(0x5a);
         running.run();
-        const Answer got = running.answer(), expected = ask(cpu, requested.q);
+        const Answer got = running.answer(), expected = evaluate(cpu, requested.q);
         const std::uint64_t K = std::max(configurations, 1u);
         Soundness all;
         all.add(got, expected, reduce == Reduce::kAny, "reduce " + std::to_string(int(reduce)));

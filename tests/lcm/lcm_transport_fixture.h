@@ -128,12 +128,12 @@ class LcmTransportTest : public LcmTest {
     return query;
   }
   /// Returns the whole answer, and repeats the query if a part was lost.
-  std::optional<reply_t> ask(query_t query) {
-    return ask(query, [&] { return bus_->publish_message("CLEARANCE_QUERY", query); });
+  std::optional<reply_t> evaluate(query_t query) {
+    return evaluate(query, [&] { return bus_->publish_message("CLEARANCE_QUERY", query); });
   }
   /// \param publish sends the message that contains the query
   template <class Publish>
-  std::optional<reply_t> ask(query_t& query, Publish publish) {
+  std::optional<reply_t> evaluate(query_t& query, Publish publish) {
     for (int attempt = 0; attempt < 10; ++attempt) {
       query.request_id = ++last_request_;
       answers_.clear();
@@ -157,7 +157,7 @@ class LcmTransportTest : public LcmTest {
     query_t query = question();
     query.pair_count = 1;
     query.pairs = {{1, 2}};
-    const auto reply = ask(query);
+    const auto reply = evaluate(query);
     ASSERT_TRUE(reply);
     EXPECT_EQ(reply->error_code, 0) << reply->error_text;
     EXPECT_EQ(reply->distance.size(), 1u);

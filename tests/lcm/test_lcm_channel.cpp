@@ -108,7 +108,7 @@ class LcmChannelTest : public LcmTest {
 
   std::unique_ptr<Channel> open() { return open_lcm_channel(url(), "", in(kPatience)); }
 
-  static void ask(Channel& channel, std::uint64_t request, const Bytes& payload) {
+  static void evaluate(Channel& channel, std::uint64_t request, const Bytes& payload) {
     const auto header = wire::make_header(wire::FrameType::kPing, request, payload.size());
     std::byte* room = channel.begin(sizeof header + payload.size(), 0);
     std::memcpy(room, &header, sizeof header);
@@ -122,7 +122,7 @@ class LcmChannelTest : public LcmTest {
   /// Repeats a request until an answer arrives (a part may be lost on a busy machine); every answer must be correct.
   static bool echo(Channel& channel, std::uint64_t& request, const Bytes& payload) {
     for (const Deadline end = in(kPatience); Deadline::clock::now() < end;) {
-      ask(channel, ++request, payload);
+      evaluate(channel, ++request, payload);
       if (const auto frame = channel.receive(request, in(seconds(2)))) return same(*frame, payload);
       channel.forget(request);
     }
@@ -144,7 +144,7 @@ TEST_F(LcmChannelTest, EchoesOfAllSizes) {
 TEST_F(LcmChannelTest, AnswersOutOfOrderAreKept) {
   ScriptedServer server(address_, as_is);
   const auto channel = open();
-  for (std::uint64_t id = 1; id <= 5; ++id) ask(*channel, id, Bytes(id, std::byte(id)));
+  for (std::uint64_t id = 1; id <= 5; ++id) evaluate(*channel, id, Bytes(id, std::byte(id)));
   for (std::uint64_t id = 5; id >= 1; --id) {
     const auto frame = channel->receive(id, in(seconds(10)));
     ASSERT_TRUE(frame);
@@ -168,7 +168,7 @@ TEST_F(LcmChannelTest, ALostPartIsADeadlinePassed) {
     for (const std::uint64_t before = server.requests();
          server.requests() == before;) {  // until the server has received one
       ASSERT_LT(Deadline::clock::now(), end);
-      ask(*channel, ++request, payload);
+      evaluate(*channel, ++request, payload);
       EXPECT_FALSE(channel->receive(request, in(milliseconds(100))));
       channel->forget(request);
     }
@@ -206,7 +206,7 @@ TEST_F(LcmChannelTest, HalvesOfTwoAnswersMakeNone) {
   const auto channel = open();
   std::mt19937 random(5);
   for (std::uint64_t request = 1; request <= 3; ++request) {
-    ask(*channel, request, random_payload(random, 150000));
+    evaluate(*channel, request, random_payload(random, 150000));
     EXPECT_FALSE(channel->receive(request, in(milliseconds(100))));
   }
   EXPECT_EQ(server.requests(), 3u);

@@ -422,7 +422,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
     // than the difference.
     const std::int64_t requested = monotonic_ns();
     query.max_pose_age_ns = requested - old - 1;
-    const auto reply = ask(query);
+    const auto reply = evaluate(query);
     const std::int64_t answered = monotonic_ns();
     ASSERT_TRUE(reply);
     ASSERT_EQ(reply->error_code, 0) << reply->error_text;
@@ -438,7 +438,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   Job job = engine_->start({}, {});
   EXPECT_EQ(job.info().snapshot_sequence, one.sequence) << "as the publisher counts";
   query.max_pose_age_ns = std::int64_t{3600} * 1'000'000'000;
-  const auto reply = ask(query);
+  const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   for (const auto status : reply->status) EXPECT_NE(status, reply_t::STATUS_STALE_POSE);
 }

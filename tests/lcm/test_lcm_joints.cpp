@@ -115,7 +115,7 @@ TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
   message.query.configuration_count = 1;
   message.query.configurations = {{pose_of(0, 0)}};
   const auto rejected = [&] {
-    const auto reply = ask(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
+    const auto reply = evaluate(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
     return reply ? reply->error_text : "no reply";
   };
   EXPECT_EQ(rejected(), "1 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
@@ -140,7 +140,7 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   message.row_count = 3;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}};
   const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto reply = ask(message.query, send);
+  const auto reply = evaluate(message.query, send);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   ASSERT_EQ(reply->distance.size(), 3u);
@@ -159,11 +159,11 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   }
   for (int k = 0; k < 3; ++k) EXPECT_EQ(reply->lower[k], lower[k]);
   message.joints[1] = "arm0/joint9";
-  const auto unknown = ask(message.query, send);
+  const auto unknown = evaluate(message.query, send);
   ASSERT_TRUE(unknown);
   EXPECT_EQ(unknown->error_text, "joints[1]: there is no joint 'arm0/joint9'");
   message.joints[1] = "arm0/joint1";
-  const auto twice = ask(message.query, send);
+  const auto twice = evaluate(message.query, send);
   ASSERT_TRUE(twice);
   EXPECT_EQ(twice->error_text, "joints[1]: 'arm0/joint1' is named twice");
 }
@@ -181,7 +181,7 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}, {-1, -0.6}};
   message.max_evaluations = 64;
   const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto least = ask(message.query, send);
+  const auto least = evaluate(message.query, send);
   ASSERT_TRUE(least);
   ASSERT_EQ(least->error_code, 0) << least->error_text;
   ASSERT_EQ(least->lower.size(), 2u);
@@ -189,13 +189,13 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   message.query.reduce = static_cast<std::int8_t>(Reduce::kAny);
   message.query.abs_tol = 0;
   message.margin = 100;  // greater than any distance
-  const auto decided = ask(message.query, send);
+  const auto decided = evaluate(message.query, send);
   ASSERT_TRUE(decided);
   ASSERT_EQ(decided->error_code, 0) << decided->error_text;
   ASSERT_EQ(decided->status.size(), 2u);
   EXPECT_LE(decided->status[0], static_cast<int>(Status::kContact)) << "a pair is proved within";
   message.max_evaluations = -1;
-  const auto negative = ask(message.query, send);
+  const auto negative = evaluate(message.query, send);
   ASSERT_TRUE(negative);
   EXPECT_EQ(negative->error_text, "query: max_evaluations must be 0 to 65536, got 4294967295");
 }

@@ -61,7 +61,7 @@ void expect_same(const reply_t& reply, const Engine& engine, QueryView query, st
 TEST_F(LcmTransportTest, AnEmptyQueryAsksForAllPairs) {
   start();
   set_poses(1, 0.7);
-  const auto reply = ask(question());
+  const auto reply = evaluate(question());
   ASSERT_TRUE(reply);
   EXPECT_EQ(reply->row_count, 21);  // seven bodies
   EXPECT_EQ(reply->backend, engine_->backend());
@@ -78,7 +78,7 @@ TEST_F(LcmTransportTest, EveryColumn) {
   const std::uint32_t fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldNormal | kFieldPieces |
                                kFieldGradient | kFieldPair | kFieldConfiguration;
   query.fields = static_cast<std::int32_t>(fields);
-  const auto reply = ask(query);
+  const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   EXPECT_EQ(reply->gradient.size(), 21u);
@@ -90,7 +90,7 @@ TEST_F(LcmTransportTest, Compact) {
   set_poses(1, 0.7);
   query_t query = question();
   query.format = static_cast<std::int8_t>(Format::kCompact);
-  const auto reply = ask(query);
+  const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   EXPECT_EQ(reply->compact.size(), 21u);
@@ -106,7 +106,7 @@ TEST_F(LcmTransportTest, Reductions) {
     query_t query = question();
     query.reduce = static_cast<std::int8_t>(reduce);
     query.max_distance = 1.0;
-    const auto reply = ask(query);
+    const auto reply = evaluate(query);
     ASSERT_TRUE(reply);
     ASSERT_EQ(reply->error_code, 0) << reply->error_text;
     EXPECT_GT(reply->row_count, 0);
@@ -141,7 +141,7 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
   const std::uint32_t fields =
       kDefaultFields | kFieldPoints | kFieldNormal | kFieldGradient | kFieldPair | kFieldConfiguration;
   query.fields = static_cast<std::int32_t>(fields);
-  const auto reply = ask(query);
+  const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   EXPECT_EQ(reply->configurations, kConfigurations);
@@ -158,7 +158,7 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   start();
   set_poses(1, 0.7);
   const auto refuse = [&](const query_t& query, int code, const std::string& text) {
-    const auto reply = ask(query);
+    const auto reply = evaluate(query);
     ASSERT_TRUE(reply);
     EXPECT_EQ(reply->error_code, code) << reply->error_text;
     EXPECT_NE(reply->error_text.find(text), std::string::npos) << reply->error_text;
@@ -199,7 +199,7 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   query = question();
   query.pair_count = 1;
   query.pairs = {{0, 999}};
-  const auto reply = ask(query);
+  const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->status.size(), 1u);
   EXPECT_EQ(reply->status[0], reply_t::STATUS_UNKNOWN_BODY);

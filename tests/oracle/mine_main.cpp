@@ -109,7 +109,7 @@ std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setti
   for (const Case& c : cases) exact_value.push_back(exact_answer(c));
   const Bench cpu(cases, "cpu"), reference(cases, "reference");
   for (const Setting& s : settings) {
-    const std::vector<Answer> answers = (s.backend == "cpu" ? cpu : reference).ask(s);
+    const std::vector<Answer> answers = (s.backend == "cpu" ? cpu : reference).evaluate(s);
     for (std::size_t i = 0; i < cases.size(); ++i) {
       const CheckResult v = hold_against(cases[i], exact_value[i], s, answers[i]);
       double x = s.rel_tol == 0 ? std::min(v.width, 1e6) : 0;

@@ -79,7 +79,7 @@ std::string Bench::certificate(const Setting& setting) const {
   return engine_->certificate(query(setting, pairs), rows);
 }
 
-std::vector<Answer> Bench::ask(const Setting& setting) const {
+std::vector<Answer> Bench::evaluate(const Setting& setting) const {
   const std::vector<BodyPair> pairs = this->pairs();
   const QueryView query = Bench::query(setting, pairs);
   const bool compact = setting.format == Format::kCompact;
@@ -195,7 +195,7 @@ std::vector<Tally> try_cases(
   for (const Setting& s : settings) {
     auto bench = benches.find(s.backend);
     if (bench == benches.end()) bench = benches.emplace(s.backend, Bench(cases, s.backend, threads)).first;
-    const std::vector<Answer> answers = bench->second.ask(s);
+    const std::vector<Answer> answers = bench->second.evaluate(s);
     Tally& tally = tallies.emplace_back();
     for (std::size_t i = 0; i < cases.size(); ++i) {
       const CheckResult v = hold_against(cases[i], exact_value[i], s, answers[i], columns);

@@ -33,7 +33,7 @@ class Bench {
   Bench(Bench&&) noexcept;
 
   /// All pairs in one query, every column. `setting.backend` must be the bench's. Throws QueryError.
-  std::vector<Answer> ask(const Setting& setting) const;
+  std::vector<Answer> evaluate(const Setting& setting) const;
   /// The certificate of all pairs. Throws QueryError.
   std::string certificate(const Setting& setting) const;
   const Engine& engine() const { return *engine_; }

@@ -22,7 +22,7 @@ struct Row {
 // same.
 const Engine::Options kFewLanes{.instruction_set = "baseline"};
 
-std::vector<Row> ask(const Engine& engine, QueryView query) {
+std::vector<Row> evaluate(const Engine& engine, QueryView query) {
   query.fields = kDefaultFields | kFieldFlags;
   const QuerySize size = engine.size(query);
   std::vector<double> distance(size.rows), lower(size.rows), upper(size.rows);
@@ -45,7 +45,7 @@ Row request_one(const Engine& engine, double max_distance = kInf, bool depth = f
   query.max_distance = max_distance;
   query.signed_distance = depth;
   query.reduce = reduce;
-  const std::vector<Row> rows = ask(engine, query);
+  const std::vector<Row> rows = evaluate(engine, query);
   return rows.empty() ? Row{kInf, kInf, Status::kBeyond, 0} : rows.at(0);
 }
 
@@ -291,7 +291,7 @@ void try_age(Random& random, Findings& findings) {
   query.pairs = pairs;
   query.all_pairs = false;
   const std::int64_t before_request = monotonic_ns();
-  const std::vector<Row> rows = ask(engine, query);
+  const std::vector<Row> rows = evaluate(engine, query);
   const std::int64_t after_request = monotonic_ns();
   const double least = speed * 1e-9 * static_cast<double>(before_request - after_set),
                most = speed * 1e-9 * static_cast<double>(after_request - before_set);
@@ -306,7 +306,7 @@ void try_age(Random& random, Findings& findings) {
   query.max_distance = 2 - 0.5 * least;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kWithin}) {
     query.reduce = reduce;
-    const std::vector<Row> near = ask(engine, query);
+    const std::vector<Row> near = evaluate(engine, query);
     findings.untrue += near.empty() || near[0].status == Status::kBeyond;
   }
   query.max_distance = kInf;
@@ -314,7 +314,8 @@ void try_age(Random& random, Findings& findings) {
   const std::uint32_t bodies[] = {box};
   const Pose there[] = {Pose{{4, 0, 0}}};
   query.bodies = bodies, query.configurations = there, query.configuration_count = 1;
-  for (const Row& row : ask(engine, query)) findings.wide += row.upper - row.lower > 1e-5;  // the query gives its pose
+  for (const Row& row : evaluate(engine, query))
+    findings.wide += row.upper - row.lower > 1e-5;  // the query gives its pose
 }
 
 }  // namespace clearance::exact

@@ -46,7 +46,7 @@ TEST(Damage, ARemovedVertexIsFound) {
     }
     if (cut.empty()) continue;
     for (const char* backend : {"cpu", "reference"}) {
-      const std::vector<Answer> answers = Bench(cut, backend).ask(with_depth(backend));
+      const std::vector<Answer> answers = Bench(cut, backend).evaluate(with_depth(backend));
       for (std::size_t i = 0; i < cut.size(); ++i) {
         ++found;
         EXPECT_FALSE(hold_against(whole[i], exact_value[i], with_depth(backend), answers[i], false).violation.empty())
@@ -81,7 +81,7 @@ TEST(Damage, AMissingTableEntryIsFound) {
     EXPECT_TRUE(part->table);
     return is_b ? part : without_table_entries_of(*part, decisive(cases[i], exact_value[i], false));
   });
-  const std::vector<Answer> answers = bench.ask(with_depth("cpu"));
+  const std::vector<Answer> answers = bench.evaluate(with_depth("cpu"));
   for (std::size_t i = 0; i < cases.size(); ++i)
     found += !hold_against(cases[i], exact_value[i], with_depth("cpu"), answers[i], false).violation.empty();
   EXPECT_GT(found, 10) << "of " << cases.size();

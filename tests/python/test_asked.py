@@ -89,16 +89,16 @@ def test_what_has_changed_is_parsed_again(engine, parsed):
     q = rows(4, 1, len(arm))
     margin, fields, pairs = {("arm", "*"): 0.0}, ["lower"], np.array([[0, 3]], dtype=np.uint32)
 
-    def ask(**more):
+    def evaluate(**more):
         requested = {"pairs": ("arm", "cup"), "joints": arm, "positions": q, "reduce": "any", "margin": margin}
         return engine.distances(**{**requested, **more})
 
-    assert ask().status[0] == clearance.Status.BEYOND
+    assert evaluate().status[0] == clearance.Status.BEYOND
     margin[("arm", "*")] = 50.0
-    assert ask().status[0] != clearance.Status.BEYOND
-    assert list(ask(fields=fields).columns) == ["lower", "pair"]
+    assert evaluate().status[0] != clearance.Status.BEYOND
+    assert list(evaluate(fields=fields).columns) == ["lower", "pair"]
     fields.append("upper")
-    assert list(ask(fields=fields).columns) == ["lower", "upper", "pair"]
+    assert list(evaluate(fields=fields).columns) == ["lower", "upper", "pair"]
     assert len(parsed) == 4
     least = [engine.distances(pairs, reduce="min", joints=arm, positions=q).lower[0]]
     pairs[...] = [[1, 3]]

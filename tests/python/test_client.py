@@ -331,14 +331,14 @@ def test_two_threads_on_one_client(client, engine):
     expected = [engine.distances(pairs=(name, "*"), fields=EVERY_FIELD) for name in ("cup", "ball")]
     failures = []
 
-    def ask(name, answer):
+    def evaluate(name, answer):
         try:
             for _ in range(20):
                 assert same_bits(client.distances(pairs=(name, "*"), fields=EVERY_FIELD), answer)
         except BaseException as error:
             failures.append(error)
 
-    threads = [threading.Thread(target=ask, args=pair) for pair in zip(("cup", "ball"), expected)]
+    threads = [threading.Thread(target=evaluate, args=pair) for pair in zip(("cup", "ball"), expected)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -351,11 +351,11 @@ def test_the_gil_is_released_while_waiting(ipc):
     client.distances()
     os.kill(ipc.process.pid, signal.SIGSTOP)
 
-    def ask():
+    def evaluate():
         with pytest.raises(clearance.TimeoutError):
             client.distances(timeout_s=0.3)
 
-    assert turns_beside(ask) > 1000
+    assert turns_beside(evaluate) > 1000
 
 
 def test_a_program_ends_while_daemon_threads_are_in_the_client(daemon, kind):

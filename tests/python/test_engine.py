@@ -265,8 +265,8 @@ def test_the_gradient_is_about_the_bodys_own_origin_turn_first(engine, name, row
         "link2": [0.5, 0.1, 0.9, *quaternion(0.8, [3, -1, 1])],
     }
     engine.set_poses(poses)
-    ask = dict(pairs=("link1", "link2"), rel_tol=1e-12)
-    r = engine.distances(**ask, fields=("distance", "gradient", "flags"))
+    options = dict(pairs=("link1", "link2"), rel_tol=1e-12)
+    r = engine.distances(**options, fields=("distance", "gradient", "flags"))
     assert not r.flags[0, 0] & clearance.Flag.NONSMOOTH
     gradient, origin, step = r.gradient[0, 0, row], np.array(poses[name][:3]), 1e-6
     turn_about_the_world_origin = gradient[:3] + np.cross(origin, gradient[3:])
@@ -278,7 +278,7 @@ def test_the_gradient_is_about_the_bodys_own_origin_turn_first(engine, name, row
         else:
             moved[name] = [*(origin + step * np.eye(3)[axis - 3]), *poses[name][3:]]
         engine.set_poses(moved)
-        assert (engine.distances(**ask).distance[0, 0] - r.distance[0, 0]) / step == pytest.approx(
+        assert (engine.distances(**options).distance[0, 0] - r.distance[0, 0]) / step == pytest.approx(
             gradient[axis], abs=1e-4
         )
 

@@ -53,10 +53,10 @@ def test_submit_with_out_and_asyncio(engine):
     r = engine.submit(out=out).result(timeout=PATIENCE_S)
     assert r.lower is out["lower"] and np.array_equal(out["lower"], engine.distances().lower)
 
-    async def ask():
+    async def evaluate():
         return await asyncio.wrap_future(engine.submit().concurrent)
 
-    assert same(asyncio.run(ask()), engine.distances())
+    assert same(asyncio.run(evaluate()), engine.distances())
 
 
 def test_timeouts_and_cancelling():
@@ -76,11 +76,11 @@ def test_timeouts_and_cancelling():
 def test_the_gil_is_released():
     engine, query = big_query()
 
-    def ask():
+    def evaluate():
         with contextlib.suppress(clearance.TimeoutError):
             engine.distances(**query, timeout_s=0.5)
 
-    assert turns_beside(ask) > 1000, "this thread ran while the other was in the engine"
+    assert turns_beside(evaluate) > 1000, "this thread ran while the other was in the engine"
 
 
 def test_two_threads_on_one_engine(crowd):
@@ -88,7 +88,7 @@ def test_two_threads_on_one_engine(crowd):
     expected = [engine.distances(configurations=configurations[k : k + 1]) for k in range(3)]
     failures = []
 
-    def ask(first):
+    def evaluate(first):
         try:
             for i in range(30):
                 k = (first + i) % 3
@@ -97,7 +97,7 @@ def test_two_threads_on_one_engine(crowd):
         except BaseException as error:
             failures.append(error)
 
-    threads = [threading.Thread(target=ask, args=(i,)) for i in range(2)]
+    threads = [threading.Thread(target=evaluate, args=(i,)) for i in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:

@@ -98,17 +98,17 @@ def test_read_only_out_and_disagreement_with_fields(engine):
 def test_memory_of_answers_that_are_gone_is_used_again(engine):
     poses = np.tile(np.array(at(0.3, 0, 0.3)), (4000, 1, 1))
 
-    def ask():
+    def evaluate():
         return engine.distances(configurations=poses, bodies=["link2"], fields="default")
 
-    kept = ask()
+    kept = evaluate()
     first, address = kept.lower.copy(), kept.lower.ctypes.data
     assert kept.lower.nbytes * 3 > 128 << 10, "small answers are the heap's business"
     engine.set_poses({"base": at(0, 0.1, 0)})
-    assert ask().lower.ctypes.data != address, "an answer in use keeps its memory"
+    assert evaluate().lower.ctypes.data != address, "an answer in use keeps its memory"
     view = kept.lower[1:]
     del kept
-    assert ask().lower.ctypes.data != address, "so do views of its columns"
+    assert evaluate().lower.ctypes.data != address, "so do views of its columns"
     assert np.array_equal(view, first[1:])
     del view
-    assert ask().lower.ctypes.data == address
+    assert evaluate().lower.ctypes.data == address

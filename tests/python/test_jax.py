@@ -93,8 +93,8 @@ def test_rows_are_those_of_the_plan(engine: clearance.Engine, plan: DevicePlan) 
     numbers, names = poses(), ["lower", "status", "compact"]
     rows = clearance.jax.Rows(plan, names, platform="cpu")
     expected = {name: answer(engine, plan.pairs, numbers, name) for name in names}
-    for ask in (rows, jax.jit(rows)):
-        got = ask(jnp.asarray(numbers))
+    for evaluate in (rows, jax.jit(rows)):
+        got = evaluate(jnp.asarray(numbers))
         assert sorted(got) == sorted(names)
         np.testing.assert_array_equal(got["lower"], expected["lower"])
         np.testing.assert_array_equal(got["status"], expected["status"])

@@ -73,13 +73,13 @@ def test_gradients_by_joints_are_differences(engine):
     arm = engine.joints(["arm/joint4", "arm/joint1", "arm/grip"])
     rows = rows_of(arm, 4, seed=3)
     fields = ("upper", "flags", "gradient_joints")
-    ask = dict(joints=arm, pairs=("table", "arm"), rel_tol=1e-10)
-    answer = engine.distances(positions=rows, fields=fields, **ask)
+    options = dict(joints=arm, pairs=("table", "arm"), rel_tol=1e-10)
+    answer = engine.distances(positions=rows, fields=fields, **options)
     assert answer.gradient_joints.shape == answer.upper.shape + (3,) and "gradient_joints" in answer.columns
     step, compared = 1e-6, 0
     for j in range(3):
         ahead, behind = (
-            engine.distances(positions=rows + s * np.eye(3)[j], fields="upper", **ask) for s in (step, -step)
+            engine.distances(positions=rows + s * np.eye(3)[j], fields="upper", **options) for s in (step, -step)
         )
         slope = (ahead.upper - behind.upper) / (2 * step)
         smooth = (answer.upper > 0.01) & ((answer.flags & Flag.NONSMOOTH) == 0)
@@ -87,14 +87,14 @@ def test_gradients_by_joints_are_differences(engine):
         assert np.abs(answer.gradient_joints[..., j] - slope)[smooth].max() < 1e-4
     assert compared > 20
     out = {"gradient_joints": np.empty(answer.gradient_joints.shape)}
-    again = engine.distances(positions=rows, out=out, **ask)
+    again = engine.distances(positions=rows, out=out, **options)
     assert again.gradient_joints is out["gradient_joints"]
     assert np.array_equal(again.gradient_joints, answer.gradient_joints, equal_nan=True)
-    assert engine.distances(positions=rows, out=again, **ask).gradient_joints is out["gradient_joints"]
+    assert engine.distances(positions=rows, out=again, **options).gradient_joints is out["gradient_joints"]
     least = engine.distances(positions=rows, reduce="min", fields=("gradient_joints", "flags"), joints=arm)
     assert least.gradient_joints.shape == (4, 3)
     with pytest.raises(ValueError, match=r"out\['gradient_joints'\]: expected shape \(4, \d+, 3\), got \(4, 3\)"):
-        engine.distances(positions=rows, out={"gradient_joints": np.empty((4, 3))}, **ask)
+        engine.distances(positions=rows, out={"gradient_joints": np.empty((4, 3))}, **options)
     with pytest.raises(clearance.QueryError, match="fields: gradient_joints is for a query with joints"):
         engine.distances(fields="gradient_joints")
 
@@ -130,10 +130,10 @@ def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
             BESIDE[beside](scene, at(0.2, 1.4, 0.0))
             engine = clearance.Engine(scene, threads=1)
             rows = np.concatenate([np.zeros((1, 1)), rng.uniform(-1e-4, 1e-4, (5, 1)), rng.uniform(-0.5, 0.5, (20, 1))])
-            ask = {"pairs": [("r/l", "o")], "joints": "r"}
-            r = engine.distances(positions=rows, fields=["gradient_joints", "flags"], **ask)
+            options = {"pairs": [("r/l", "o")], "joints": "r"}
+            r = engine.distances(positions=rows, fields=["gradient_joints", "flags"], **options)
             below, here, above = (
-                engine.distances(positions=rows + d, fields="upper", rel_tol=1e-13, **ask).upper
+                engine.distances(positions=rows + d, fields="upper", rel_tol=1e-13, **options).upper
                 for d in (-step, 0, step)
             )
             smooth = (r.flags & Flag.NONSMOOTH) == 0

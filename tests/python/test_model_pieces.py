@@ -57,14 +57,14 @@ def scene(tmp_path):
     return path
 
 
-def ask(front, **more):
+def evaluate(front, **more):
     """Columns of the one pair."""
     answer = front.distances([("bracket", "ball")], PLACES, ["ball"], fields=["default", "flags"], **more)
     return SimpleNamespace(**{name: getattr(answer, name)[:, 0] for name in ("lower", "upper", "status", "flags")})
 
 
 def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_miss_it(front):
-    exact_value, pieces = ask(front), ask(front, model="pieces")
+    exact_value, pieces = evaluate(front), evaluate(front, model="pieces")
     assert exact_value.status.tolist() == [Status.OK, Status.OK, Status.OVERLAP, Status.OK]
     assert pieces.status.tolist() == [Status.OK, Status.CONTACT, Status.CONTACT, Status.OK]
     width = pieces.upper - pieces.lower
@@ -78,12 +78,12 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
     same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
     known = front.distances([("ball", "plate"), ("plate", "floor")])
     assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()
-    again = ask(front, model="truth", warm=True), ask(front, model="pieces", warm=True)
+    again = evaluate(front, model="truth", warm=True), evaluate(front, model="pieces", warm=True)
     assert np.allclose(again[0].upper, exact_value.upper, 1e-5) and np.allclose(again[1].upper, pieces.upper, 1e-5)
 
 
 def test_signed_values_below_0_are_the_pieces(front):
-    pieces = ask(front, model="pieces", signed_distance=True)
+    pieces = evaluate(front, model="pieces", signed_distance=True)
     depth = 0.25 - SHRUNK - 0.1  # of the ball's lowest point below the part's top
     assert pieces.lower[2] <= -depth <= pieces.upper[2] < 0
     assert pieces.status[2] == Status.OVERLAP and pieces.flags[2] & Flag.PIECES and not pieces.flags[0] & Flag.PIECES

@@ -75,9 +75,9 @@ def test_any_decides_and_names_when(engine):
 def test_a_decision_has_tolerances_that_decide(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 60)
-    ask = dict(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any")
-    r = engine.motions(**ask)
-    assert same_bits(r, engine.motions(abs_tol=0.0, rel_tol=1e-6, **ask))
+    options = dict(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any")
+    r = engine.motions(**options)
+    assert same_bits(r, engine.motions(abs_tol=0.0, rel_tol=1e-6, **options))
     assert not (r.status == Status.UNCONVERGED).any()
     least = {"joints": arm, "start": start, "end": end, "pairs": PAIRS}
     assert same_bits(engine.motions(**least), engine.motions(abs_tol=1e-3, rel_tol=0.0, **least))

@@ -56,7 +56,7 @@ TEST(BadRequests, AreRefusedByTheLoop) {
   MemoryTransport& transport = *made;
   loop.add(std::move(made));
   MemoryClient client;
-  const auto ask = [&](std::vector<std::byte> frame) {
+  const auto evaluate = [&](std::vector<std::byte> frame) {
     transport.send(client, std::move(frame));
     while (loop.turn()) {
     }
@@ -66,8 +66,8 @@ TEST(BadRequests, AreRefusedByTheLoop) {
   };
   const auto requests = bad_requests(engine.scene_revision());
   for (const BadRequest& request : requests) {
-    expect_rejection(request, *ask(frame_of(request)));
-    expect_answer(request.name, ask(good_query(8)));
+    expect_rejection(request, *evaluate(frame_of(request)));
+    expect_answer(request.name, evaluate(good_query(8)));
   }
   EXPECT_EQ(loop.counter("errors"), requests.size());
   EXPECT_EQ(engine.pose_revision(), 0u) << "none of them moved anything";

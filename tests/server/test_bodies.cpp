@@ -71,7 +71,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7) << "poses stay";
   EXPECT_EQ(loop_->engine().body_state(4).parent, 2u);
   TestQuery every;
-  const Reply answer = ask(b_, every);
+  const Reply answer = evaluate(b_, every);
 
   Scene whole = small_scene();
   Scene::BodyOptions options = at(3, 0, 0);
@@ -79,7 +79,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   whole.add_box("crate", {0.2, 0.2, 0.2}, options);
   start(std::move(whole));
   loop_->on_poses(std::span(&moved, 1), 5);
-  const Reply expected = ask(b_, every);
+  const Reply expected = evaluate(b_, every);
   ASSERT_EQ(answer.rows(), expected.rows());
   ASSERT_EQ(answer.rows(), 9u);  // ten pairs, minus that of parent and child
   for (std::size_t i = 0; i < answer.rows(); ++i) {
@@ -98,7 +98,7 @@ TEST_F(Bodies, QueriesUnderWayEndWithTheSceneTheyBeganWith) {
   transport_->send(a_, box_frame("crate"));
   while (built_ == 0) loop_->turn();
   ASSERT_TRUE(loop_->is_reloading());
-  EXPECT_EQ(ask(c_, small_query()).scene_revision(), before) << "answered while the new scene is made";
+  EXPECT_EQ(evaluate(c_, small_query()).scene_revision(), before) << "answered while the new scene is made";
   transport_->send(b_, large_query(20).frame(2));
   loop_->turn();
   ASSERT_GE(loop_->waiting(), 1u);
@@ -107,7 +107,7 @@ TEST_F(Bodies, QueriesUnderWayEndWithTheSceneTheyBeganWith) {
   EXPECT_EQ(take(a_)->type(), FrameType::kSceneChanged);
   turn_until_idle();
   for (int i = 0; i < 2; ++i) EXPECT_EQ(Reply(take(b_)).scene_revision(), before) << i;
-  EXPECT_NE(ask(c_, small_query()).scene_revision(), before);
+  EXPECT_NE(evaluate(c_, small_query()).scene_revision(), before);
 }
 
 TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
@@ -179,7 +179,7 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   EXPECT_NEAR(crate.parts[0]->radius, 0.4, 1e-15) << "grown once: by the padding, and by the ball of its place";
   TestQuery query;
   query.pairs = {{0, 4}};
-  const Reply answer = ask(b_, query);
+  const Reply answer = evaluate(b_, query);
 
   Scene whole = small_scene();
   Scene::BodyOptions options = at(3, 0, 0);
@@ -323,22 +323,22 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
   moved.bodies = {3};
   moved.configurations = {{1, 2, 3, 1, 0, 0, 0}};
   for (TestQuery* query : {&pairs, &moved, &every}) query->scene_revision = loop_->engine().scene_revision();
-  const Reply first = ask(b_, pairs), first_moved = ask(b_, moved);
+  const Reply first = evaluate(b_, pairs), first_moved = evaluate(b_, moved);
   wire::AttachRecord record;
   record.child = 1;
   const auto attach_to = [&](std::uint32_t parent) {
     record.parent = parent;
-    EXPECT_EQ(ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(),
+    EXPECT_EQ(evaluate(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))))->type(),
               FrameType::kPosesDone);
   };
   int rejected = 0;
   const auto look = [&] {
     for (const auto& [query, was] : {std::pair(&pairs, &first), {&moved, &first_moved}}) {
-      const Reply now = ask(c_, *query);
+      const Reply now = evaluate(c_, *query);
       ASSERT_EQ(now.rows(), was->rows());
       for (std::size_t row = 0; row < now.rows(); ++row) EXPECT_EQ(now.upper()[row], was->upper()[row]);
     }
-    const auto frame = ask(c_, every.frame(1));
+    const auto frame = evaluate(c_, every.frame(1));
     rejected += frame->type() == FrameType::kError;
   };
   for (int round = 0; round < 10; ++round) {

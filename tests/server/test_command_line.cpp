@@ -14,7 +14,7 @@ namespace {
 
 class CommandLine : public Clearanced {
  protected:
-  Finished ask(std::vector<std::string> options) {
+  Finished evaluate(std::vector<std::string> options) {
     options.insert(options.end(), {"--connect", daemon_.url()});
     return clearance_cli(options);
   }
@@ -22,7 +22,7 @@ class CommandLine : public Clearanced {
 };
 
 TEST_F(CommandLine, Bodies) {
-  const Finished table = ask({"bodies"});
+  const Finished table = evaluate({"bodies"});
   EXPECT_EQ(table.code, 0) << table.err;
   EXPECT_TRUE(contains(table.out, "id  body   kind     parent  pieces  vertices"));
   EXPECT_TRUE(
@@ -30,64 +30,66 @@ TEST_F(CommandLine, Bodies) {
                " 0  table  static   -            1         8   1.11915              0              0            0  "
                "pieces          0\n"));
   EXPECT_TRUE(contains(table.out, "group arm: link1 link2\n4 bodies, 6 enabled pairs, backend cpu, scene "));
-  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out,
+  EXPECT_TRUE(contains(evaluate({"bodies", "--csv"}).out,
                        "id,body,kind,parent,pieces,vertices,extent_m,model_error_m,hull_excess_m,empty_share,truth,"
                        "triangles\n0,table,static,,1,8,"));
-  EXPECT_TRUE(contains(ask({"bodies", "--json"}).out,
+  EXPECT_TRUE(contains(evaluate({"bodies", "--json"}).out,
                        "[{\"id\": 0, \"body\": \"table\", \"kind\": \"static\", \"parent\": null, \"pieces\": 1,"));
 }
 
 TEST_F(CommandLine, Query) {
-  const Finished table = ask({"query"});
+  const Finished table = evaluate({"query"});
   EXPECT_EQ(table.code, 0) << table.err;
   EXPECT_TRUE(contains(
       table.out, "a      b      status   distance_m  lower_m  upper_m  flags\ntable  cup    ok             0.15"));
   EXPECT_TRUE(contains(table.out, "table  link2  no_pose         nan     -inf      inf"));
   EXPECT_TRUE(contains(table.out, "6 rows of 6 pairs, pose revision 0, backend cpu"));
-  EXPECT_TRUE(contains(ask({"query", "--limit", "2"}).out, "... and 4 rows more (--limit 0 prints them all)"));
+  EXPECT_TRUE(contains(evaluate({"query", "--limit", "2"}).out, "... and 4 rows more (--limit 0 prints them all)"));
 
-  const Finished nearest = ask({"query", "--reduce", "nearest", "--csv", "--fields", "status"});
+  const Finished nearest = evaluate({"query", "--reduce", "nearest", "--csv", "--fields", "status"});
   EXPECT_EQ(nearest.out,
             "body,a,b,status\ntable,table,link2,no_pose\ncup,cup,link2,no_pose\nlink1,link1,link2,no_pose\n"
             "link2,table,link2,no_pose\n");
   const Finished pairs =
-      ask({"query", "--pairs", "arm,table", "cup,2", "--csv", "--fields", "status", "--max-distance", "0.3"});
+      evaluate({"query", "--pairs", "arm,table", "cup,2", "--csv", "--fields", "status", "--max-distance", "0.3"});
   EXPECT_EQ(pairs.out, "a,b,status\ntable,link1,ok\ntable,link2,no_pose\ncup,link1,beyond\n");
-  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--json"}).out,
+  EXPECT_TRUE(contains(evaluate({"query", "--reduce", "min", "--json"}).out,
                        "[{\"a\": \"table\", \"b\": \"link2\", \"status\": \"no_pose\", \"distance_m\": null"));
-  EXPECT_TRUE(contains(ask({"query", "--reduce", "min", "--pairs", "table,cup", "--json"}).out,
+  EXPECT_TRUE(contains(evaluate({"query", "--reduce", "min", "--pairs", "table,cup", "--json"}).out,
                        "\"status\": \"ok\", \"distance_m\": 0.15"));
-  EXPECT_TRUE(
-      contains(ask({"query", "--json", "--pairs", "table,link2"}).out, "\"distance_m\": null, \"lower_m\": \"-inf\""));
+  EXPECT_TRUE(contains(evaluate({"query", "--json", "--pairs", "table,link2"}).out,
+                       "\"distance_m\": null, \"lower_m\": \"-inf\""));
 }
 
 TEST_F(CommandLine, PosesAndAttachments) {
-  EXPECT_EQ(ask({"set-pose", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
-  EXPECT_EQ(ask({"set-pose", "cup", "--parent", "link2"}).code, 0);
-  const Finished poses = ask({"bodies", "--poses", "--csv"});
+  EXPECT_EQ(evaluate({"set-pose", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
+  EXPECT_EQ(evaluate({"set-pose", "cup", "--parent", "link2"}).code, 0);
+  const Finished poses = evaluate({"bodies", "--poses", "--csv"});
   EXPECT_TRUE(contains(poses.out, "3,link2,ok,0.5,0,1.5,1,0,0,0,"));
   EXPECT_TRUE(contains(poses.out, ",link2\n2,link1,ok,")) << "the cup follows link2";
-  EXPECT_EQ(ask({"set-pose", "cup", "--free"}).code, 0);
-  EXPECT_FALSE(contains(ask({"bodies", "--poses", "--csv"}).out, ",link2\n2,link1,ok,"));
+  EXPECT_EQ(evaluate({"set-pose", "cup", "--free"}).code, 0);
+  EXPECT_FALSE(contains(evaluate({"bodies", "--poses", "--csv"}).out, ",link2\n2,link1,ok,"));
 }
 
 TEST_F(CommandLine, BodiesComeAndGo) {
   const Finished added =
-      ask({"scene", "add", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
+      evaluate({"scene", "add", "mug", "--cylinder", "0.04", "0.1", "--parent", "link1", "--pose", "0", "0", "0.3"});
   EXPECT_TRUE(contains(added.out, ", 5 bodies, added in ")) << added.out << added.err;
-  EXPECT_TRUE(contains(ask({"bodies", "--poses", "--csv"}).out, "4,mug,ok,"));
-  EXPECT_EQ(ask({"scene", "add", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
-  EXPECT_TRUE(contains(ask({"query", "--pairs", "table,ball", "--csv", "--fields", "distance"}).out, "table,ball,1.7"));
-  EXPECT_EQ(ask({"scene", "add", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code, 0);
-  EXPECT_EQ(ask({"scene", "add", "rod", "--capsule", "0.01", "0.5"}).code, 0);
+  EXPECT_TRUE(contains(evaluate({"bodies", "--poses", "--csv"}).out, "4,mug,ok,"));
+  EXPECT_EQ(evaluate({"scene", "add", "ball", "--sphere", "0.25", "--pose", "0", "0", "2"}).code, 0);
+  EXPECT_TRUE(
+      contains(evaluate({"query", "--pairs", "table,ball", "--csv", "--fields", "distance"}).out, "table,ball,1.7"));
+  EXPECT_EQ(evaluate({"scene", "add", "plate", "--box", "0.1", "0.1", "0.01", "--radius", "0.005", "--static"}).code,
+            0);
+  EXPECT_EQ(evaluate({"scene", "add", "rod", "--capsule", "0.01", "0.5"}).code, 0);
   const std::string wedge = folder_.write("wedge.txt", "0 0 0\n1, 0, 0\n\n0\t1 0\r\n0 0 1\n");
   const Finished hull =
-      ask({"scene", "add", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
+      evaluate({"scene", "add", "wedge", "--vertices", wedge, "--pose", "0", "0", "5", "0", "1", "0", "0"});
   EXPECT_TRUE(contains(hull.out, ", 9 bodies, added in ")) << hull.out << hull.err;
   EXPECT_TRUE(
-      contains(ask({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
+      contains(evaluate({"query", "--pairs", "table,wedge", "--csv", "--fields", "distance"}).out, "table,wedge,3.95"));
 
-  EXPECT_TRUE(contains(ask({"scene", "remove", "ball"}).out, ", 8 bodies, removed in "));
+  EXPECT_TRUE(contains(evaluate({"scene", "remove", "ball"}).out, ", 8 bodies, removed in "));
   const std::string bad = folder_.write("bad.txt", "0 0 0\n1 0\n"), empty = folder_.write("empty.txt", "\n");
   struct Case {
     std::vector<std::string> options;
@@ -121,30 +123,30 @@ TEST_F(CommandLine, BodiesComeAndGo) {
        "clearance: --vertices " + (folder_ / "nowhere") + ": cannot be read\n"},
   };
   for (const Case& c : cases) {
-    const Finished finished = ask(c.options);
+    const Finished finished = evaluate(c.options);
     EXPECT_EQ(finished.code, c.code) << finished.err;
     EXPECT_EQ(finished.err.rfind(c.text, 0), 0u) << finished.err;
   }
-  EXPECT_TRUE(contains(ask({"bodies", "--csv"}).out, "wedge")) << "the rest is there still";
+  EXPECT_TRUE(contains(evaluate({"bodies", "--csv"}).out, "wedge")) << "the rest is there still";
 }
 
 TEST_F(CommandLine, StatAndPing) {
-  EXPECT_TRUE(contains(ask({"stat", "--csv"}).out, "queries.waiting,0\n"));
-  for (int i = 0; i < 3; ++i) ask({"query"});
-  const Finished text = ask({"stat", "--prometheus"});
+  EXPECT_TRUE(contains(evaluate({"stat", "--csv"}).out, "queries.waiting,0\n"));
+  for (int i = 0; i < 3; ++i) evaluate({"query"});
+  const Finished text = evaluate({"stat", "--prometheus"});
   EXPECT_TRUE(contains(text.out, "\nclearance_queries_answered_total 3\n"));
   EXPECT_TRUE(contains(text.out, "\nclearance_latency_seconds_bucket{le=\"+Inf\"} 3\n"));
   EXPECT_TRUE(contains(text.out, "\nclearance_latency_seconds_count 3\n"));
-  EXPECT_TRUE(contains(ask({"stat"}).out, "latency_us, half at most"));
-  const Finished watched = ask({"stat", "--watch", "0.05", "--count", "2", "--csv"});
+  EXPECT_TRUE(contains(evaluate({"stat"}).out, "latency_us, half at most"));
+  const Finished watched = evaluate({"stat", "--watch", "0.05", "--count", "2", "--csv"});
   EXPECT_TRUE(contains(watched.out, "queries.answered,3,\n")) << "none in between";
-  const Finished bare = ask({"stat", "--watch", "--count", "1", "--csv"});
+  const Finished bare = evaluate({"stat", "--watch", "--count", "1", "--csv"});
   EXPECT_EQ(bare.code, 0) << bare.err;
   EXPECT_TRUE(contains(bare.out, "counter,value,per_s\n")) << "every second, if no number is given";
   std::size_t tables = 0;
   for (std::size_t at = 0; (at = watched.out.find("counter,value,per_s\n", at)) != std::string::npos; ++at) ++tables;
   EXPECT_EQ(tables, 2u) << watched.out;
-  EXPECT_TRUE(contains(ask({"stat", "--ping", "10"}).out, ": 10 echoes of 64 bytes, round trip min "));
+  EXPECT_TRUE(contains(evaluate({"stat", "--ping", "10"}).out, ": 10 echoes of 64 bytes, round trip min "));
 }
 
 TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
@@ -176,7 +178,7 @@ TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
       {{"frobnicate"}, 2, "clearance: there is no command \"frobnicate\"; clearance --help lists them\n"},
   };
   for (const Case& c : cases) {
-    const Finished finished = ask(c.options);
+    const Finished finished = evaluate(c.options);
     EXPECT_EQ(finished.code, c.code) << finished.err;
     EXPECT_EQ(finished.err.rfind(c.text, 0), 0u) << finished.err;
   }

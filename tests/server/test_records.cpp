@@ -27,7 +27,7 @@ class Records : public LoopTest {
     return records;
   }
   std::string rejection_of(Bytes frame, ErrorCode code) {
-    const auto reply = ask(a_, std::move(frame));
+    const auto reply = evaluate(a_, std::move(frame));
     EXPECT_EQ(reply->type(), FrameType::kError);
     const auto error = wire::parse_error(reply->body());
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(code)) << error.text;
@@ -43,7 +43,7 @@ TEST_F(Records, OfUnknownTagsAreRefusedIfRequiredElsePassedOver) {
   query.records = record(77, 0, 13);
   const Bytes last = record(300, 0, 0);
   query.records.insert(query.records.end(), last.begin(), last.end());
-  const auto frame = ask(a_, query.frame(2));
+  const auto frame = evaluate(a_, query.frame(2));
   ASSERT_EQ(frame->type(), FrameType::kReply);
   const auto parts = wire::split_payload(frame->header(), frame->payload());
   EXPECT_EQ(wire::parse_reply(parts.body, parts.records).rows, 1u);
@@ -71,11 +71,11 @@ TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
   const Bytes describe = simple_frame(FrameType::kDescribe, 1);
   EXPECT_EQ(rejection_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
             "kDescribe: record 500 is required but unknown to this side");
-  const auto scene = ask(a_, with(describe, record(500, 0)));
+  const auto scene = evaluate(a_, with(describe, record(500, 0)));
   EXPECT_EQ(scene->type(), FrameType::kScene);
   TestQuery query = small_query();
   query.records = record(500, 0);
-  EXPECT_EQ(ask(a_, query.frame(1, FrameType::kPairs))->type(), FrameType::kPairTable);
+  EXPECT_EQ(evaluate(a_, query.frame(1, FrameType::kPairs))->type(), FrameType::kPairTable);
   EXPECT_EQ(loop_->counter("records.ignored"), 2u);
 }
 

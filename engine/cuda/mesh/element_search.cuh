@@ -157,7 +157,7 @@ class HullSearch : public WarpSearch {
     const ElementHull<Elements> hull(set_, element);
     const Part x = hull_part(c_.hulls, &head), e = hull.part();
     Vec3d along;
-    if (ask(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {convex_part, element}, answer, along))
+    if (evaluate(there, limit, elements_first_ ? e : x, elements_first_ ? x : e, {convex_part, element}, answer, along))
       before.look_along(elements_first_ ? along : before.turned(-along), x);
     if (overlaps_ && is_writer_) set_parts(convex_part, answer);
   }

@@ -271,7 +271,7 @@ class MeshSearch : public WarpSearch {
     const std::uint32_t i = parts.a & ~kIsTriangle, j = parts.b & ~kIsTriangle;
     const ElementHull<Triangles> a(a_, i), b(b_, j);
     Vec3d along;
-    if (ask(there, limit, a.part(), b.part(), {i, j}, answer, along)) before_.look_along(along);
+    if (evaluate(there, limit, a.part(), b.part(), {i, j}, answer, along)) before_.look_along(along);
   }
 
   // Whether a mesh contains a part of the other, given that all triangles are farther than `apart`. kNone if neither

@@ -86,8 +86,8 @@ class WarpSearch {
   // \param there whether this thread has parts
   // \param along receives the direction that proves the new nearest, from a towards b in the axes of a
   // \returns whether the upper bound decreased
-  __device__ bool ask(bool there, double limit, const Part& a, const Part& b, const Parts& parts, PairAnswer& answer,
-                      Vec3d& along) {
+  __device__ bool evaluate(bool there, double limit, const Part& a, const Part& b, const Parts& parts,
+                           PairAnswer& answer, Vec3d& along) {
     PairLimits q = q_;
     q.max_distance = limit;
     double upper = __builtin_inf();

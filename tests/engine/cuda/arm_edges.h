@@ -48,7 +48,7 @@ struct ArmEdges {
     ends.positions = motions.positions;
     ends.configuration_count = 2 * motions.count();
     const std::vector<BodyPair> all = cpu.pairs(ends);
-    const Answer at = ask(cpu, ends);
+    const Answer at = evaluate(cpu, ends);
     for (std::size_t p = 0; p < all.size(); ++p) {
       int near = 0;
       for (std::uint32_t k = 0; k < ends.configuration_count; ++k) near += at.view.upper[k * all.size() + p] < 0.03;

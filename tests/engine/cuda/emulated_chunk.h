@@ -97,7 +97,7 @@ struct HostChunk {
 
   // Expects the CPU's rows, except for rows left to the CPU, which must be few and listed once each.
   void expect_the_cpus(const Engine& cpu, const QueryView& q, const std::string& what, double most_left = 0.02) {
-    Answer expected = ask(cpu, q);
+    Answer expected = evaluate(cpu, q);
     const std::set<std::uint32_t> left(rest.begin(), rest.begin() + host_counts[kRest]);
     EXPECT_EQ(left.size(), host_counts[kRest]) << what << ": each once";
     EXPECT_LT(static_cast<double>(left.size()), most_left * static_cast<double>(rest.size())) << what;

@@ -132,7 +132,7 @@ class HostReduction {
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
-    Answer expected = ask(cpu_, q_);
+    Answer expected = evaluate(cpu_, q_);
     expect_same(rows_, expected, what, true);
     return left;
   }
@@ -144,7 +144,7 @@ class HostReduction {
     launch(500, kItemThreads, [&] { any() ? answer_open_items<true>(r_, 5) : answer_open_items<false>(r_, 5); });
     write();
     rows_.info.rows = rows_.info.total = rows_.size.rows;
-    const Answer expected = ask(cpu_, q_);
+    const Answer expected = evaluate(cpu_, q_);
     for (std::uint64_t row = 0; row < rows_.size.rows; ++row) compare_row(expected.view, row, what);
     return left;
   }
@@ -164,7 +164,7 @@ class HostReduction {
   /// The same, but expects intervals that contain the CPU's distances and may differ from its intervals.
   std::uint32_t compare_bounds(const std::string& what) {
     const std::uint32_t left = answer();
-    const Answer expected = ask(cpu_, q_);
+    const Answer expected = evaluate(cpu_, q_);
     EXPECT_EQ(rows_.info.rows, expected.info.rows) << what;
     for (std::uint64_t row = 0; row < std::min(rows_.info.rows, expected.info.rows); ++row)
       compare_row(expected.view, row, what);

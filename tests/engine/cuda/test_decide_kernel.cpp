@@ -86,7 +86,7 @@ struct Case : EmulatedCase {
 // Expects the CPU's values in answered rows.
 // \returns number of answered rows
 std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const Decided& d, const std::string& what) {
-  Answer expected = ask(cpu, q);
+  Answer expected = evaluate(cpu, q);
   std::size_t answered = 0;
   for (std::uint32_t k = 0; k < q.configuration_count; ++k) {
     EXPECT_LE(d.answered[k], 1) << what;
@@ -139,14 +139,14 @@ TEST(DecideKernel, GivesTheBitsOfTheCpu) {
 TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
   Case c(1.0, 41);
   const Engine cpu(std::move(c.scene), {"cpu"});
-  const Answer least = ask(cpu, c.q);
+  const Answer least = evaluate(cpu, c.q);
   ASSERT_TRUE(std::all_of(least.view.status, least.view.status + 41,
                           [](std::uint8_t s) { return s == static_cast<std::uint8_t>(Status::kOverlap); }));
   EXPECT_LT(decide(cpu, c.q).looks, 41 * 2 * kThreads) << "a second look at most";
   QueryView touching = c.q;
   touching.reduce = Reduce::kNone;
   touching.max_distance = 0;
-  EXPECT_GT(ask(cpu, touching).info.pairs_evaluated, 41 * 4 * kThreads) << "boxes leave more";
+  EXPECT_GT(evaluate(cpu, touching).info.pairs_evaluated, 41 * 4 * kThreads) << "boxes leave more";
 }
 
 TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
@@ -167,7 +167,7 @@ TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
       if (step == 0) {
         expect_the_cpus_rows(cpu, c.q, d, "nothing to begin from");
       } else {
-        const Answer cold = ask(cpu, c.q);
+        const Answer cold = evaluate(cpu, c.q);
         for (std::uint32_t k = 0; k < 41; ++k) {
           if (!d.answered[k]) continue;
           const auto &a = d.rows.view, &b = cold.view;
@@ -208,7 +208,7 @@ TEST(DecideKernel, LeavesOpenWhatTouches) {
   const std::size_t answered = expect_the_cpus_rows(cpu, q, d, "a grid");
   EXPECT_GT(answered, 10u);
   EXPECT_LE(answered, 25u);
-  const Answer all = ask(cpu, dense);
+  const Answer all = evaluate(cpu, dense);
   for (std::uint32_t k = 0; k < 30; ++k) {
     if (d.answered[k]) continue;
     const double* lower = all.view.lower + k * pairs.size();

@@ -178,7 +178,7 @@ TEST(DenseKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
   const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
   ASSERT_GT(left.size(), kFewBlocks * kTile / 4u) << "more than these threads have warps";
   chunk.launch(kFewBlocks, [&] { answer_open_rows(chunk.view, chunk.pairs.data(), 5); });
-  const Answer expected = ask(reference, c.q);
+  const Answer expected = evaluate(reference, c.q);
   std::set<Status> seen;
   for (const std::uint32_t row : left) {
     const ReplyView &got = chunk.rows.view, &exact = expected.view;

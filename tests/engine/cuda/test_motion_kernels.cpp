@@ -29,7 +29,7 @@ Answer request_at(const Engine& engine, const ArmEdges& edges, std::uint32_t mot
   single.positions = there.positions;
   single.configuration_count = 1;
   single.fields = kDefaultFields;
-  return ask(engine, single);
+  return evaluate(engine, single);
 }
 
 void print_levels(const HostMotions& host) {
@@ -46,7 +46,7 @@ struct Found {
 // Results never contradict the CPU's, and hits are confirmed.
 Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
   const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
-  const Answer wanted = ask(cpu, q);
+  const Answer wanted = evaluate(cpu, q);
   host.run();
   Found found;
   for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
@@ -109,7 +109,7 @@ struct Least {
 };
 Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
   const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
-  const Answer wanted = ask(cpu, q);
+  const Answer wanted = evaluate(cpu, q);
   host.run();
   Least found;
   for (std::uint32_t i = 0; i < edges.motions.count(); ++i) {
@@ -365,8 +365,8 @@ struct EmulatedAnswer {
     });
     const Engine device(Scene(edges.scene), {.backend = "cuda", .threads = 2}),
         cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
-    found = ask(device, q);
-    wanted = ask(cpu, q);
+    found = evaluate(device, q);
+    wanted = evaluate(cpu, q);
     on_cpu = counter(device, "cuda.motions_finished_on_cpu");
     launches = work.launches;
   }

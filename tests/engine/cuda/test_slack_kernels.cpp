@@ -246,7 +246,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
                     [&](const ChunkView& view) { answer_ungrouped<false, false, false, Slack>(view, all); });
   std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.host_counts[kRest]);
   std::uint64_t proved = 0, shallow = 0;
-  const Answer expected = ask(cpu, c.q);
+  const Answer expected = evaluate(cpu, c.q);
   for (std::uint32_t k = 0; k < 300; ++k) {
     const bool overlaps = static_cast<Status>(expected.view.status[k]) == Status::kOverlap;
     if (left.contains(k)) {
@@ -271,7 +271,7 @@ TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
   chunk.launch(tiles_of(all, chunk), [&] { answer_ungrouped<false, false, false, Slack>(chunk.view, all); });
   const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
   chunk.launch(3, [&] { answer_open_rows(chunk.view, chunk.pairs.data(), 5); });
-  const Answer expected = ask(cpu, c.q);
+  const Answer expected = evaluate(cpu, c.q);
   std::uint64_t kept_apart = 0;
   for (const std::uint32_t row : left) {
     const ReplyView &got = chunk.rows.view, &exact = expected.view;

@@ -55,7 +55,7 @@ struct DeviceTestQuery {
 
 // Runs a query twice; the device has memory only for the second one.
 inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& question, const Answer& expected) {
-  const Answer first = ask(device, question.q), second = ask(device, question.q);
+  const Answer first = evaluate(device, question.q), second = evaluate(device, question.q);
   expect_same(first, expected, "without room");
   expect_same(second, expected, "with room");
   EXPECT_EQ(first.info.backend, "cpu");

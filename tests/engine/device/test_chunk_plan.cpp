@@ -77,7 +77,7 @@ TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
     q.configurations = poses;
     // The fake device leaves all rows unresolved, including rows it was not given, so the number of evaluated rows is
     // not compared.
-    expect_same(ask(device, q), ask(cpu, q), std::to_string(configurations) + " configurations", true);
+    expect_same(evaluate(device, q), evaluate(cpu, q), std::to_string(configurations) + " configurations", true);
 
     const std::vector<BodyPair> pairs = device.pairs(q);
     const auto part_pairs = [&](std::uint32_t place) {
@@ -122,7 +122,7 @@ TEST(ChunkPlan, MakesFewChunksThatGrow) {
     return std::make_shared<NotingDevice>(s, fault, dealt);
   });
   const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
-  expect_same(ask(device, {}), ask(cpu, {}), "800 bodies", true);
+  expect_same(evaluate(device, {}), evaluate(cpu, {}), "800 bodies", true);
   ASSERT_EQ(dealt.chunks.size(), std::size_t{cuda::kChunksUnderWay});
   std::uint64_t rows = 0;
   for (std::size_t i = 0; i < dealt.chunks.size(); ++i) {
@@ -156,7 +156,7 @@ TEST(ChunkPlan, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
   q.configuration_count = 5000;
   for (int round = 0; round < 5; ++round) {
     dealt.poses.clear();
-    ask(device, q);
+    evaluate(device, q);
     ASSERT_EQ(dealt.poses.size(), poses.size());
     EXPECT_EQ(std::memcmp(dealt.poses.data(), poses.data(), poses.size() * sizeof(Pose)), 0);
   }

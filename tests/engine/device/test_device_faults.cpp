@@ -46,8 +46,8 @@ Scene scene() {
 TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
   const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
   const DeviceTestQuery dense = query_about(Reduce::kNone);
-  const Answer a = ask(device, dense.q);
-  expect_same(a, ask(cpu, dense.q), "all rows left to the CPU");
+  const Answer a = evaluate(device, dense.q);
+  expect_same(a, evaluate(cpu, dense.q), "all rows left to the CPU");
   EXPECT_EQ(a.info.backend, "cuda");
   EXPECT_EQ(device.backend(), "cuda");
   EXPECT_GT(fault_.calls, 8) << "several chunks";
@@ -56,13 +56,13 @@ TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
 TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery question = query_about(Reduce::kNone);
-  const Answer expected = ask(cpu, question.q);
+  const Answer expected = evaluate(cpu, question.q);
   bool failed = true;
   int tried = 0;
   for (int at = 0; failed; ++at, ++tried) {
     fault_ = {at};
     const Engine device(scene(), options());
-    const Answer a = ask(device, question.q, std::chrono::nanoseconds(1));
+    const Answer a = evaluate(device, question.q, std::chrono::nanoseconds(1));
     failed = fault_.calls > at;  // else there is no such call
     expect_same(a, expected, "fault at call " + std::to_string(at));
     EXPECT_EQ(a.info.backend, failed ? "cpu" : "cuda");
@@ -72,7 +72,7 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
     EXPECT_EQ(counter(device, "cuda.usable"), 0u);
     // A lost device is not used again.
     const int calls = fault_.calls;
-    expect_same(ask(device, question.q), expected, "the next query");
+    expect_same(evaluate(device, question.q), expected, "the next query");
     EXPECT_EQ(fault_.calls, calls);
   }
   EXPECT_GT(tried, 8);
@@ -87,12 +87,12 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
     for (const std::uint64_t client : {0, 1}) {
       QueryView q = question.q;
       q.warm_slot = client;
-      const Answer expected = ask(cpu, q);
+      const Answer expected = evaluate(cpu, q);
       int at = 0;
       for (bool failed = true; failed; ++at) {
         fault_ = {at};
         const Engine device(scene(), options());
-        const Answer a = ask(device, q);
+        const Answer a = evaluate(device, q);
         failed = fault_.calls > at;
         expect_same(a, expected, "fault at call " + std::to_string(at), true);
         EXPECT_EQ(a.info.backend, "cpu");
@@ -111,14 +111,14 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
     try {
       const Engine device(scene(), options(false));
       try {
-        ask(device, question.q);
+        evaluate(device, question.q);
         break;  // no such call
       } catch (const QueryError& e) {
         EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
         EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
         ++rejected;
       }
-      EXPECT_THROW(ask(device, question.q), QueryError) << "the device is lost";
+      EXPECT_THROW(evaluate(device, question.q), QueryError) << "the device is lost";
     } catch (const DeviceError& e) {
       EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
     }
@@ -129,7 +129,7 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery question = query_about(Reduce::kNone);
-  const Answer expected = ask(cpu, question.q);
+  const Answer expected = evaluate(cpu, question.q);
   fault_ = {5, DeviceError::kNoRoom};
   const Engine device(scene(), options());
   expect_room_for_the_second(device, question, expected);
@@ -143,7 +143,7 @@ TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRefused) {
   const Engine device(scene(), small), cpu(scene(), {"cpu", 2});
   EXPECT_EQ(device.backend(), "cpu");
   EXPECT_EQ(device.device_error(), "1000 bytes would be needed");
-  expect_same(ask(device, {}), ask(cpu, {}), "on the CPU");
+  expect_same(evaluate(device, {}), evaluate(cpu, {}), "on the CPU");
   small.device_fallback = false;
   EXPECT_THROW(Engine(scene(), small), DeviceError);
 }

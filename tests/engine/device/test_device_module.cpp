@@ -117,7 +117,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
 [[noreturn]] void share_what_is_not_there() {
   setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
   int rejected = 0;
-  const auto ask = [&](int device, std::size_t bytes) {
+  const auto evaluate = [&](int device, std::size_t bytes) {
     try {
       const cuda::SharedMemory memory(device, bytes);
     } catch (const cuda::DeviceError& error) {
@@ -125,9 +125,9 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
       std::fprintf(stderr, "%s; ", error.what());
     }
   };
-  ask(7, 64);
-  ask(3, 0);
-  ask(3, ~std::size_t{0});
+  evaluate(7, 64);
+  evaluate(3, 0);
+  evaluate(3, ~std::size_t{0});
   std::exit(rejected);
 }
 

@@ -158,8 +158,8 @@ TEST_F(RoutedEngine, AnswersTheSameWhoeverAnswers) {
       q.fields = kAllFields;
       q.all_pairs = false;
       q.pairs = std::span(all).first(count);
-      const Answer a = ask(engine, q);
-      expect_same(a, ask(cpu, q), std::to_string(count) + " pairs");
+      const Answer a = evaluate(engine, q);
+      expect_same(a, evaluate(cpu, q), std::to_string(count) + " pairs");
       if (count == 1 && i == 0) {
         EXPECT_EQ(a.info.backend, "cpu") << "a device takes longer than one pair, as a first guess";
       }
@@ -175,8 +175,8 @@ TEST_F(RoutedEngine, GoesOnWithTheCpuWhereTheDeviceFails) {
   EXPECT_EQ(engine.backend(), "auto");
   Answer a;
   for (int i = 0; i < 20; ++i) {
-    a = ask(engine, {});
-    expect_same(a, ask(cpu, {}), "after a fault");
+    a = evaluate(engine, {});
+    expect_same(a, evaluate(cpu, {}), "after a fault");
   }
   EXPECT_GE(fault_.calls, 3) << "the device was asked";
   EXPECT_EQ(a.info.backend, "cpu");

@@ -35,12 +35,12 @@ TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
   DeviceTestQuery question(30'000);  // more chunks than two devices have in flight
   question.q.fields = kDefaultFields;
-  const Answer expected = ask(cpu, question.q);
+  const Answer expected = evaluate(cpu, question.q);
   int most = 0;
   for (const std::uint64_t warm : {0u, 1u}) {
     question.q.warm_slot = warm;
     for (Fault& fault : faults_) fault.launches = 0;
-    const Answer a = ask(device, question.q);
+    const Answer a = evaluate(device, question.q);
     EXPECT_EQ(a.info.backend, "cuda");
     if (warm == 0) expect_same(a, expected, "on two devices");
     for (const Fault& fault : {faults_[0], faults_[2]}) {
@@ -62,8 +62,8 @@ TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
     for (std::uint64_t i = 0; i < 6; ++i) {
       QueryView q;
       q.warm_slot = warm ? 1 + i % 3 : 0;
-      const Answer a = ask(device, q);
-      if (!warm) expect_same(a, ask(cpu, q), "one chunk");
+      const Answer a = evaluate(device, q);
+      if (!warm) expect_same(a, evaluate(cpu, q), "one chunk");
     }
     for (const Fault& fault : faults_) EXPECT_EQ(fault.launches, 2) << "warm " << warm;
   }
@@ -73,13 +73,13 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
   const Engine cpu(spheres(80), {"cpu", 2});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin}) {
     const DeviceTestQuery question(kConfigurations, reduce);
-    const Answer expected = ask(cpu, question.q);
+    const Answer expected = evaluate(cpu, question.q);
     int at = 1;  // call 0 opens it
     for (bool failed = true; failed; ++at) {
       faults_ = {};
       faults_[1].at = at;
       const Engine device(spheres(80), options({0, 1}, reduce != Reduce::kNone));
-      const Answer a = ask(device, question.q, std::chrono::nanoseconds(1));
+      const Answer a = evaluate(device, question.q, std::chrono::nanoseconds(1));
       failed = faults_[1].calls > at;
       expect_same(a, expected, "fault at call " + std::to_string(at), reduce != Reduce::kNone);
       EXPECT_EQ(a.info.backend, reduce == Reduce::kNone ? "cuda" : "cpu") << "the stand-in cannot reduce";
@@ -91,7 +91,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
       EXPECT_EQ(counter(device, "cuda.0.usable"), 1u);
       EXPECT_EQ(counter(device, "cuda.1.usable"), 0u);
       const int calls = faults_[1].calls;
-      expect_same(ask(device, question.q), expected, "the next query", reduce != Reduce::kNone);
+      expect_same(evaluate(device, question.q), expected, "the next query", reduce != Reduce::kNone);
       EXPECT_EQ(faults_[1].calls, calls) << "a lost device is not asked again";
     }
     EXPECT_GE(at, reduce == Reduce::kNone ? 8 : 5);
@@ -102,22 +102,22 @@ TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
       strict(spheres(80), options({0, 1, 2}, false));
   const DeviceTestQuery question(kConfigurations);
-  const Answer expected = ask(cpu, question.q);
-  ask(device, question.q);
+  const Answer expected = evaluate(cpu, question.q);
+  evaluate(device, question.q);
   for (Fault& fault : faults_) fault.at = fault.calls + 5;
-  const Answer a = ask(device, question.q);
+  const Answer a = evaluate(device, question.q);
   expect_same(a, expected, "none is left");
   EXPECT_EQ(a.info.backend, "cpu");
   EXPECT_EQ(counter(device, "cuda.usable"), 0u);
   EXPECT_EQ(device.backend(), "cpu");
-  EXPECT_THROW(ask(strict, question.q), QueryError);
-  EXPECT_THROW(ask(strict, question.q), QueryError) << "again";
+  EXPECT_THROW(evaluate(strict, question.q), QueryError);
+  EXPECT_THROW(evaluate(strict, question.q), QueryError) << "again";
 }
 
 TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
   const DeviceTestQuery question(kConfigurations);
-  const Answer expected = ask(cpu, question.q);
+  const Answer expected = evaluate(cpu, question.q);
   faults_[1] = {6, DeviceError::kNoRoom, faults_[1].calls};
   expect_room_for_the_second(device, question, expected);
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
@@ -126,7 +126,7 @@ TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
 TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRefused) {
   faults_[1].at = 0;
   const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1}));
-  expect_same(ask(device, {}), ask(cpu, {}), "with the one that is left");
+  expect_same(evaluate(device, {}), evaluate(cpu, {}), "with the one that is left");
   EXPECT_EQ(device.backend(), "cuda");
   EXPECT_EQ(device.device_error(), "device 1: a planted fault while opening");
   EXPECT_EQ(counter(device, "cuda.1.usable"), 0u);
@@ -176,7 +176,7 @@ TEST(RealDevices, AnswerWithTheBitsOfTheCpuHoweverManyThereAre) {
       posed.configuration_count = 200, posed.configurations = posed.configurations.first(400);
     posed.fields = kDefaultFields | kFieldFlags;
     for (const QueryView& query : {q, posed}) {
-      const Answer expected = ask(cpu, query), a = ask(several, query), b = ask(other, query);
+      const Answer expected = evaluate(cpu, query), a = evaluate(several, query), b = evaluate(other, query);
       expect_same(a, expected, "all devices", reduce != Reduce::kNone);
       expect_same(b, expected, "the last device", reduce != Reduce::kNone);
       EXPECT_EQ(a.info.backend, "cuda");

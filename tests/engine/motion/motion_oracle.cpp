@@ -34,9 +34,9 @@ class MotionOracle {
   void check(bool each_pair) {
     Motions all = case_.motions;
     all.pairs = pairs_;
-    const Answer min = ask(engine_, least_of(all));
+    const Answer min = evaluate(engine_, least_of(all));
     Answer none;
-    if (each_pair) none = ask(engine_, all.view(Reduce::kNone));
+    if (each_pair) none = evaluate(engine_, all.view(Reduce::kNone));
     for (std::uint32_t m = 0; m < all.count(); ++m) {
       ++findings_.motions;
       findings_.least_on_device += min.info.backend == "cuda";
@@ -54,7 +54,7 @@ class MotionOracle {
   void check_decisions(const MotionDecider& decide) {
     Motions all = case_.motions;
     all.pairs = pairs_;
-    const Answer min = ask(engine_, all.view(Reduce::kMin));
+    const Answer min = evaluate(engine_, all.view(Reduce::kMin));
     for (std::uint32_t m = 0; m < all.count(); ++m) {
       ++findings_.motions;
       motion_ = m;
@@ -221,7 +221,7 @@ class MotionOracle {
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
     query.margin = margin_beside_least();
-    const Answer any = ask(engine_, query);
+    const Answer any = evaluate(engine_, query);
     const auto status = static_cast<Status>(any.view.status[0]);
     const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
     const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;

@@ -152,11 +152,11 @@ struct Approach {
     const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
     QueryView query = motion.view(Reduce::kMin, 1);
     query.abs_tol = 1e-9;
-    const Answer bound = ask(engine, query);
+    const Answer bound = evaluate(engine, query);
     query.max_evaluations = 0;  // both ends, as configurations
     query.abs_tol = 1e-10;
     query.fields = kDefaultFields;
-    const Answer ends = ask(engine, query);
+    const Answer ends = evaluate(engine, query);
     const double least = std::min(ends.view.lower[0], ends.view.lower[1]) + 1e-9;
     EXPECT_LE(bound.view.lower[0], least);
     EXPECT_GE(bound.view.lower[0], least - 1e-3 * term - 2e-9);

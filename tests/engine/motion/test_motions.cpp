@@ -40,9 +40,9 @@ TEST(Motions, LeastDistanceOfABallThatFliesPast) {
     exact.push_back(norm(from + d * t) - 0.15);
   }
   const Engine engine = engine_of(std::move(flight.scene));
-  const Answer min = ask(engine, flight.motions.view(Reduce::kMin, 100000));
-  const Answer any = ask(engine, flight.motions.view(Reduce::kAny));
-  const Answer none = ask(engine, flight.motions.view(Reduce::kNone, 100000));
+  const Answer min = evaluate(engine, flight.motions.view(Reduce::kMin, 100000));
+  const Answer any = evaluate(engine, flight.motions.view(Reduce::kAny));
+  const Answer none = evaluate(engine, flight.motions.view(Reduce::kNone, 100000));
   ASSERT_EQ(min.info.rows, 200u);
   int hits = 0, free = 0;
   for (std::size_t i = 0; i < 200; ++i) {
@@ -93,7 +93,7 @@ TEST(Motions, FirstContactIsNarrowed) {
   for (const Reduce reduce : {Reduce::kAny, Reduce::kMin, Reduce::kNone}) {
     QueryView query = flight.motions.view(reduce, 1000);
     query.margin = kMargin;
-    const Answer answer = ask(engine, query);
+    const Answer answer = evaluate(engine, query);
     for (std::size_t i = 0; i < exact.size(); ++i) {
       const double from = answer.view.first_contact[2 * i], to = answer.view.first_contact[2 * i + 1];
       EXPECT_LE(from, exact[i] + 1e-12);
@@ -130,9 +130,9 @@ TEST(Motions, OutOfStepsIsNeverFree) {
         QueryView query = flight.motions.view(Reduce::kAny, steps);
         query.margin = margin;
         query.abs_tol = abs_tol;
-        const Answer any = ask(engine, query);
+        const Answer any = evaluate(engine, query);
         query.fields &= ~kFieldFirstContact;
-        const Answer without = ask(engine, query);
+        const Answer without = evaluate(engine, query);
         for (std::size_t i = 0; i < gaps.size(); ++i) {
           const auto status = static_cast<Status>(any.view.status[i]);
           ASSERT_EQ(status == Status::kBeyond, any.view.first_contact[2 * i] == kInf) << i << " " << steps;
@@ -158,7 +158,7 @@ TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
   const std::vector<double> gaps = add_flights_by_gap(flight, 60);
   const Engine engine = engine_of(std::move(flight.scene));
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNone}) {
-    const Answer answer = ask(engine, flight.motions.view(reduce));
+    const Answer answer = evaluate(engine, flight.motions.view(reduce));
     int narrow = 0, contacts = 0;
     for (std::size_t i = 0; i < gaps.size(); ++i) {
       const auto status = static_cast<Status>(answer.view.status[i]);
@@ -188,7 +188,7 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
       QueryView query = flight.motions.view(reduce);
       for (const std::uint32_t fields : {kMotionAnswer, std::uint32_t{kFieldStatus | kFieldLower | kFieldUpper}}) {
         query.fields = fields;
-        const Answer answer = ask(engine, query);
+        const Answer answer = evaluate(engine, query);
         EXPECT_EQ(static_cast<Status>(answer.view.status[0]), expected);
         EXPECT_EQ(answer.view.lower[0], -kInf);
         EXPECT_EQ(answer.view.upper[0], kInf);
@@ -196,7 +196,7 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
         EXPECT_LE(answer.view.lower[1], 0);
       }
       query.fields = kMotionAnswer;
-      const Answer answer = ask(engine, query);
+      const Answer answer = evaluate(engine, query);
       EXPECT_EQ(answer.view.pair[0].b, person);
       EXPECT_EQ(answer.view.first_contact[0], 0);
       EXPECT_TRUE(answer.view.flags[0] & kFlagIncomplete);
@@ -207,7 +207,7 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
   engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
   expect_status(Status::kBadPose);
   engine.set_poses(std::vector<BodyPose>{{person, Pose{{0, 5, 0}}}});
-  EXPECT_EQ(static_cast<Status>(ask(engine, flight.motions.view(Reduce::kMin)).view.status[0]), Status::kOk);
+  EXPECT_EQ(static_cast<Status>(evaluate(engine, flight.motions.view(Reduce::kMin)).view.status[0]), Status::kOk);
 }
 
 // A rod that rotates by nearly half a turn sweeps over a peg that it touches neither at the ends nor in the middle.
@@ -219,7 +219,7 @@ TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
   const auto turned = [](double angle) { return Pose{{0, 0, 0}, std::cos(angle / 2), 0, 0, std::sin(angle / 2)}; };
   motions.poses = {turned(0), turned(3.1), turned(0), turned(-3.1 + 2 * M_PI), turned(0), turned(0.7)};
   const Engine engine = engine_of(std::move(scene));
-  const Answer answer = ask(engine, motions.view(Reduce::kAny));
+  const Answer answer = evaluate(engine, motions.view(Reduce::kAny));
   EXPECT_EQ(answer.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_NEAR(answer.view.time[0] * 3.1, M_PI / 4, 0.06);
   // In the other direction the rod's other half passes, from below.
@@ -273,11 +273,11 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
   const std::uint32_t rows = motions.count();
   QueryView decides = motions.view(Reduce::kAny);
   decides.margin = 0.005;
-  const Answer any = ask(engine, decides), min = ask(engine, motions.view(Reduce::kMin, 4096));
+  const Answer any = evaluate(engine, decides), min = evaluate(engine, motions.view(Reduce::kMin, 4096));
   int free = 0, hits = 0, undecided = 0;
   for (std::uint32_t i = 0; i < rows; ++i) {
     const Samples samples(motions, i, 100u);
-    const Answer at = ask(engine, samples.view(motions, Reduce::kMin));
+    const Answer at = evaluate(engine, samples.view(motions, Reduce::kMin));
     const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
     EXPECT_LE(min.view.lower[i], nearest + kRounding);
     if (min.view.status[i] != static_cast<std::uint8_t>(Status::kUnconverged)) {
@@ -285,7 +285,7 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
       const double slack = min.view.flags[i] & kFlagUncertaintyLimited ? 1.3e-4 : 0;
       EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3 + slack);
     }
-    const Answer witness = ask(engine, Samples(motions, i, min.view.time[i]).view(motions, Reduce::kMin));
+    const Answer witness = evaluate(engine, Samples(motions, i, min.view.time[i]).view(motions, Reduce::kMin));
     EXPECT_NEAR(witness.view.upper[0], min.view.upper[i], 1.001e-3);
     EXPECT_LE(any.view.lower[i], nearest + kRounding);
     const auto status = static_cast<Status>(any.view.status[i]);
@@ -295,7 +295,7 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
     } else if (status == Status::kUnconverged) {
       ++undecided;
     } else {
-      const Answer hit = ask(engine, Samples(motions, i, any.view.time[i]).view(motions, Reduce::kMin));
+      const Answer hit = evaluate(engine, Samples(motions, i, any.view.time[i]).view(motions, Reduce::kMin));
       EXPECT_LE(hit.view.lower[0], 0.005);
       EXPECT_LE(any.view.upper[i], 0.005);
       ++hits;
@@ -312,8 +312,8 @@ TEST(Motions, PairsByThemselvesAndAllTogetherAgree) {
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 5, 0.5, 3);
   motions.pairs = pairs_of(scene);
   const Engine engine = engine_of(std::move(scene));
-  const Answer none = ask(engine, motions.view(Reduce::kNone, 100000)),
-               min = ask(engine, motions.view(Reduce::kMin, 100000));
+  const Answer none = evaluate(engine, motions.view(Reduce::kNone, 100000)),
+               min = evaluate(engine, motions.view(Reduce::kMin, 100000));
   const std::uint64_t pairs = none.size.pairs;
   ASSERT_EQ(none.info.rows, 5 * pairs);
   for (std::uint64_t i = 0; i < 5; ++i) {
@@ -333,7 +333,7 @@ TEST(Motions, SlicesAndThreadsChangeNothing) {
   const Engine one = engine_of(arm_scene(at_home()), 1), three = engine_of(std::move(scene), 3);
   for (const Reduce reduce : {Reduce::kAny, Reduce::kMin}) {
     const QueryView query = motions.view(reduce, 64);
-    const Answer whole = ask(one, query), sliced = ask(three, query, std::chrono::nanoseconds(1));
+    const Answer whole = evaluate(one, query), sliced = evaluate(three, query, std::chrono::nanoseconds(1));
     for (std::uint64_t i = 0; i < whole.info.rows; ++i) {
       EXPECT_EQ(whole.view.lower[i], sliced.view.lower[i]);
       EXPECT_EQ(whole.view.upper[i], sliced.view.upper[i]);
@@ -351,9 +351,9 @@ TEST(Motions, AMotionThatGoesNowhereIsAConfiguration) {
   for (std::uint32_t i = 0; i < motions.count(); ++i)
     std::copy_n(motions.positions.begin() + 2 * i * joints, joints, motions.positions.begin() + (2 * i + 1) * joints);
   const Engine engine = engine_of(std::move(scene));
-  const Answer min = ask(engine, motions.view(Reduce::kMin)), any = ask(engine, motions.view(Reduce::kAny));
+  const Answer min = evaluate(engine, motions.view(Reduce::kMin)), any = evaluate(engine, motions.view(Reduce::kAny));
   for (std::uint32_t i = 0; i < motions.count(); ++i) {
-    const Answer at = ask(engine, Samples(motions, i, 0.0).view(motions, Reduce::kMin));
+    const Answer at = evaluate(engine, Samples(motions, i, 0.0).view(motions, Reduce::kMin));
     EXPECT_EQ(min.view.steps[i], 1u);
     EXPECT_NEAR(min.view.upper[i], at.view.upper[0], 1e-3);
     EXPECT_LE(min.view.lower[i], at.view.upper[0]);
@@ -369,7 +369,7 @@ TEST(Motions, ContactAtEitherEndIsFound) {
   flight.add({0.1499, 0, 0}, {1, 0, 0});
   flight.add({1, 0, 0}, {0.1501, 0, 0});
   const Engine engine = engine_of(std::move(flight.scene));
-  const Answer any = ask(engine, flight.motions.view(Reduce::kAny));
+  const Answer any = evaluate(engine, flight.motions.view(Reduce::kAny));
   EXPECT_EQ(any.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_EQ(any.view.status[1], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_EQ(any.view.status[2], static_cast<std::uint8_t>(Status::kBeyond));
@@ -386,7 +386,7 @@ TEST(Motions, TooManyPairsAreRefusedByName) {
   motions.poses.assign(2 * motions.bodies.size(), Pose{});
   const Engine engine = engine_of(std::move(scene));
   try {
-    ask(engine, motions.view(Reduce::kAny));
+    evaluate(engine, motions.view(Reduce::kAny));
     FAIL() << "66,066 pairs were answered";
   } catch (const QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
@@ -402,13 +402,13 @@ TEST(Motions, NoPoseAndBadPositionsAreSaid) {
   motions.joints = {0};
   motions.positions = {0, 1};
   const Engine engine = engine_of(std::move(scene));
-  EXPECT_EQ(ask(engine, motions.view(Reduce::kAny)).view.status[0], static_cast<std::uint8_t>(Status::kNoPose));
+  EXPECT_EQ(evaluate(engine, motions.view(Reduce::kAny)).view.status[0], static_cast<std::uint8_t>(Status::kNoPose));
   Scene placed = arm_scene(at_home());
   Motions bad = random_edges(placed, joints_of(placed, "arm"), 3, 0.3, 6);
   bad.positions[0] = std::nan("");
   bad.positions[bad.joints.size() * 3] = 2e6;
   const Engine other = engine_of(std::move(placed));
-  const Answer any = ask(other, bad.view(Reduce::kAny)), min = ask(other, bad.view(Reduce::kMin));
+  const Answer any = evaluate(other, bad.view(Reduce::kAny)), min = evaluate(other, bad.view(Reduce::kMin));
   for (const Answer* answer : {&any, &min}) {
     EXPECT_EQ(answer->view.status[0], static_cast<std::uint8_t>(Status::kBadPose));
     EXPECT_EQ(answer->view.status[1], static_cast<std::uint8_t>(Status::kBadPose));
@@ -427,11 +427,12 @@ TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
     for (const char* link : {"upper", "wrist", "palm", "flange", "left_finger"})
       motions.pairs.push_back({plane, scene.find_body(std::string("arm/") + link)});
   const Engine engine = engine_of(std::move(scene));
-  const Answer any = ask(engine, motions.view(Reduce::kAny, 4096)), min = ask(engine, motions.view(Reduce::kMin, 4096));
+  const Answer any = evaluate(engine, motions.view(Reduce::kAny, 4096)),
+               min = evaluate(engine, motions.view(Reduce::kMin, 4096));
   int free = 0, hits = 0;
   for (std::uint32_t i = 0; i < motions.count(); ++i) {
     const Samples samples(motions, i, 100u);
-    const Answer at = ask(engine, samples.view(motions, Reduce::kMin));
+    const Answer at = evaluate(engine, samples.view(motions, Reduce::kMin));
     const double nearest = *std::min_element(at.view.upper, at.view.upper + samples.count);
     EXPECT_LE(min.view.lower[i], nearest + kRounding);
     EXPECT_LE(min.view.upper[i] - min.view.lower[i], 1.001e-3);

@@ -79,7 +79,7 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
     QueryView q;
     q.fields = test::kAllFields;
     q.max_distance = max_distance;
-    const test::Answer answer = test::ask(engine, q);
+    const test::Answer answer = test::evaluate(engine, q);
     const std::vector<BodyPair> pairs = engine.pairs(q);
     for (std::size_t row = 0; row < pairs.size(); ++row) {
       const auto [a, b] = pairs[row];

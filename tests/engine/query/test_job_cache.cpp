@@ -37,7 +37,7 @@ void expect_same(const Answer& a, const Answer& b) {
 Answer request_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
   const BodyPose same{body, engine.body_state(body).X_wb};
   engine.set_poses({&same, 1});
-  return ask(engine, query);
+  return evaluate(engine, query);
 }
 
 struct Named {
@@ -86,7 +86,7 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::ui
         QueryView q = query(k);
         q.precision = precision;
         reduction.set(q);
-        const Answer answer = ask(kept, q);
+        const Answer answer = evaluate(kept, q);
         expect_same(answer, request_anew(anew, body, q));
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
@@ -201,7 +201,7 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
   q.positions = q.positions.first(all_but_one.size());
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
     q.reduce = reduce;
-    ask(engine, q);
+    evaluate(engine, q);
   }
   for (std::size_t done = 1; done <= changes.size(); ++done) {
     Engine other(arm.scene, {.backend = "cpu", .threads = 1});
@@ -211,11 +211,11 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
       SCOPED_TRACE("change " + std::to_string(done) + ", reduce " + std::to_string(static_cast<int>(reduce)));
       q.reduce = reduce;
       const std::uint64_t before = cache_hits(engine);
-      const Answer now = ask(engine, q), again = ask(engine, q);
+      const Answer now = evaluate(engine, q), again = evaluate(engine, q);
       EXPECT_EQ(cache_hits(engine), before + 1);
       EXPECT_EQ(now.info.snapshot_revision, engine.pose_revision());
       EXPECT_EQ(again.info.snapshot_revision, engine.pose_revision());
-      const Answer wanted = ask(other, q);
+      const Answer wanted = evaluate(other, q);
       expect_same(now, wanted);
       expect_same(again, wanted);
     }
@@ -264,11 +264,11 @@ TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
     const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
     QueryView q = arm.query();
     q.reduce = Reduce::kMin;
-    ask(engine, q);
+    evaluate(engine, q);
     other.set(q);
-    const Answer first = ask(engine, q);
+    const Answer first = evaluate(engine, q);
     EXPECT_EQ(cache_hits(engine), 0u);
-    expect_same(ask(engine, q), first);
+    expect_same(evaluate(engine, q), first);
     EXPECT_EQ(cache_hits(engine), 1u);
   }
 }
@@ -289,7 +289,7 @@ TEST(JobCache, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
     QueryView q = two.query();
     question.set(q);
     q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
-    for (int i = 0; i < 3; ++i) ask(engine, q);
+    for (int i = 0; i < 3; ++i) evaluate(engine, q);
     EXPECT_EQ(cache_hits(engine), 0u);
   }
   Scene moving = arm.scene;
@@ -298,7 +298,7 @@ TEST(JobCache, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
   fast.max_speed = 1;
   moving.add_body(std::move(fast));
   const Engine engine(moving, {.backend = "cpu", .threads = 1});
-  for (int i = 0; i < 3; ++i) ask(engine, arm.query());
+  for (int i = 0; i < 3; ++i) evaluate(engine, arm.query());
   EXPECT_EQ(cache_hits(engine), 0u);
 }
 
@@ -307,14 +307,14 @@ TEST(JobCache, OnlyWholeJobsComeBack) {
   const Arm arm(64);  // more than the fewest lanes answer at once
   const Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
   const QueryView q = arm.query();
-  const Answer wanted = ask(engine, q);
+  const Answer wanted = evaluate(engine, q);
   for (int i = 0; i < 2; ++i) {
     Answer room = room_for(engine, q);
     Job job = engine.start(q, room.view);
     EXPECT_FALSE(job.advance(WorkBudget{.units = 0}));
     EXPECT_EQ(cache_hits(engine), 1u);  // the second time there was none
   }
-  expect_same(ask(engine, q), wanted);
+  expect_same(evaluate(engine, q), wanted);
   EXPECT_EQ(cache_hits(engine), 1u);
   for (int i = 0; i < 3; ++i) {
     const PreparedQuery prepared = engine.prepare(q);
@@ -324,7 +324,7 @@ TEST(JobCache, OnlyWholeJobsComeBack) {
   QueryView few = q;
   few.positions = few.positions.first(1);
   EXPECT_THROW(engine.prepare(few), QueryError);
-  expect_same(ask(engine, q), wanted);
+  expect_same(evaluate(engine, q), wanted);
   EXPECT_EQ(cache_hits(engine), 6u);
 }
 
@@ -345,7 +345,7 @@ TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   std::vector<std::thread> threads;
   for (auto& answers : found)
     threads.emplace_back([&] {
-      for (int k = 0; k < kRounds; ++k) answers.push_back(ask(engine, query(k)));
+      for (int k = 0; k < kRounds; ++k) answers.push_back(evaluate(engine, query(k)));
     });
   for (std::thread& thread : threads) thread.join();
   for (const auto& answers : found)

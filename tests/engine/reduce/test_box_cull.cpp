@@ -49,7 +49,7 @@ TEST(BoxColumns, GapsSideBySideHaveTheBitsOfOneAlone) {
 // The same query for few pairs at a time, for which no block is made.
 void expect_rows_of_few(const Engine& engine, const QueryView& query, const std::vector<BodyPair>& pairs,
                         std::array<std::uint64_t, 8>& seen) {
-  const Answer all = ask(engine, query);
+  const Answer all = evaluate(engine, query);
   ASSERT_EQ(all.size.pairs, pairs.size());
   const std::size_t few = engine.scene().bodies().size() / 2 - 1;
   for (std::size_t begin = 0; begin < pairs.size(); begin += few) {
@@ -57,7 +57,7 @@ void expect_rows_of_few(const Engine& engine, const QueryView& query, const std:
     QueryView part = query;
     part.all_pairs = false;
     part.pairs = std::span(pairs).subspan(begin, count);
-    const Answer answer = ask(engine, part);
+    const Answer answer = evaluate(engine, part);
     for (std::uint64_t k = 0; k < all.size.configurations; ++k) {
       Answer row_k;  // of this configuration
       row_k.view = answer.view;

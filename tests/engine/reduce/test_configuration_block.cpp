@@ -71,9 +71,9 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
     const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     q.max_distance = 0.25;
-    const Answer dense = ask(engine, q);
+    const Answer dense = evaluate(engine, q);
     q.reduce = Reduce::kWithin;
-    const Answer within = ask(engine, q);
+    const Answer within = evaluate(engine, q);
     std::uint64_t found = 0;
     std::array<std::uint64_t, 8> seen{};
     for (std::uint64_t i = 0; i < dense.info.rows; ++i) {
@@ -97,10 +97,10 @@ TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   for (const bool uncertainties : {false, true}) {
     const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
-    const Answer dense = ask(engine, q);
+    const Answer dense = evaluate(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;
     q.reduce = Reduce::kMin;
-    const Answer min = ask(engine, q);
+    const Answer min = evaluate(engine, q);
     ASSERT_EQ(min.info.rows, moves.count);
     std::array<std::uint64_t, 8> seen{};
     for (std::uint64_t k = 0; k < moves.count; ++k) {
@@ -131,13 +131,13 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
         QueryView q = moves.query();
         q.reduce = reduce;
         q.max_distance = max_distance;
-        const Answer all = ask(engine, q, std::chrono::microseconds(20));
+        const Answer all = evaluate(engine, q, std::chrono::microseconds(20));
         std::uint64_t row = 0, bad = 0;
         for (std::uint32_t k = 0; k < moves.count; ++k) {
           QueryView alone = moves.query(k, 1);
           alone.reduce = reduce;
           alone.max_distance = max_distance;
-          const Answer one = ask(engine, alone);
+          const Answer one = evaluate(engine, alone);
           ASSERT_LE(row + one.info.rows, all.info.rows);
           for (std::uint64_t i = 0; i < one.info.rows; ++i) EXPECT_EQ(all.view.configuration[row + i], k);
           for (std::uint64_t i = 0; i < one.info.rows; ++i)
@@ -164,12 +164,12 @@ TEST(ConfigurationBlock, MinEndsWhereBoxesAreFartherThanWhatWasFound) {
   const Engine engine(std::move(scene), {.threads = 1});
   Moves moves({0}, 20, 0.01, 4);
   QueryView q = moves.query();
-  const Answer dense = ask(engine, q);
+  const Answer dense = evaluate(engine, q);
   const std::uint64_t pairs = dense.info.rows / moves.count;
   for (int i = 0; i < kBalls; ++i)
     ASSERT_LT(dense.view.upper[1 + i], dense.view.lower[0]) << "the rod is farther than all balls";
   q.reduce = Reduce::kMin;
-  const Answer min = ask(engine, q);
+  const Answer min = evaluate(engine, q);
   EXPECT_LE(min.info.pairs_evaluated, 3 * moves.count) << "the rod and two balls";
   EXPECT_GE(min.info.pairs_evaluated, 2 * moves.count) << "the rod's box was not the nearest";
   for (std::uint64_t k = 0; k < moves.count; ++k) {

@@ -202,7 +202,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
     EXPECT_EQ(scene.bodies()[0].parts[0]->table->lists, part.table->lists);
     scene.add_sphere("probe", 0.25, {.pose = Pose{{0, 0, 2.39}, 1, 0, 0, 0}});
     const Engine engine(scene);
-    const test::Answer answer = test::ask(engine, {});
+    const test::Answer answer = test::evaluate(engine, {});
     ASSERT_EQ(answer.info.rows, 1u);
     const double lower = answer.view.lower[0], upper = answer.view.upper[0];
     const std::uint8_t status = answer.view.status[0];

@@ -254,7 +254,7 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
         scene.add_mesh("at " + std::to_string(x), folder.write(std::to_string(x) + extension, write(box_at(x))),
                        {scale, scale, scale}, MeshAs::kHull, options);
       const Engine engine(scene);
-      const test::Answer answer = test::ask(engine, {});
+      const test::Answer answer = test::evaluate(engine, {});
       ASSERT_EQ(answer.info.rows, 1u);
       const double lower = answer.view.lower[0], upper = answer.view.upper[0];
       const std::uint8_t status = answer.view.status[0];

@@ -16,7 +16,7 @@ namespace clearance {
 namespace {
 
 using test::Answer;
-using test::ask;
+using test::evaluate;
 using test::expect_same_rows;
 
 /// Saves a scene in a new folder and loads it again.
@@ -67,7 +67,7 @@ void expect_same(const Scene& one, const Scene& other) {
     EXPECT_EQ(a.pairs({}), b.pairs({}));
   }
   query.fields = many ? kDefaultFields | kFieldPair : test::kAllFields & ~(kFieldPair | kFieldConfiguration);
-  const Answer expected = ask(a, query), got = ask(b, query);
+  const Answer expected = evaluate(a, query), got = evaluate(b, query);
   ASSERT_EQ(expected.size.rows, got.size.rows);
   expect_same_rows(expected, 0, got, expected.size.rows);
 }
@@ -165,7 +165,7 @@ TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
   query.positions = rows;
   query.configuration_count = 3;
   query.fields = test::kAllFields & ~(kFieldPair | kFieldConfiguration);
-  const Answer expected = ask(a, query), got = ask(b, query);
+  const Answer expected = evaluate(a, query), got = evaluate(b, query);
   ASSERT_GT(expected.size.rows, 50u);
   const auto seen = expect_same_rows(expected, 0, got, expected.size.rows);
   EXPECT_GT(seen[static_cast<int>(Status::kOk)], 20u);

@@ -8,7 +8,7 @@
 
 #include "engine/engine.h"
 #include "engine/narrow/answer.h"
-#include "tests/engine/ask.h"
+#include "tests/engine/evaluate_query.h"
 
 namespace clearance::test {
 namespace {
@@ -37,7 +37,7 @@ PairAnswer look(const Engine& engine) {
   query.pairs = std::span(&pair, 1);
   query.all_pairs = false;
   query.fields = kDefaultFields | kFieldFlags;
-  const Answer a = ask(engine, query);
+  const Answer a = evaluate(engine, query);
   PairAnswer answer = no_answer(static_cast<Status>(a.view.status[0]));
   answer.lower = a.view.lower[0];
   answer.upper = a.view.upper[0];
@@ -90,9 +90,9 @@ TEST(Points, MayBeNoneAndThenNothingIsNear) {
   QueryView least;
   least.fields = kDefaultFields;
   least.reduce = Reduce::kMin;
-  EXPECT_EQ(ask(engine, least).view.lower[0], kInf);
+  EXPECT_EQ(evaluate(engine, least).view.lower[0], kInf);
   least.reduce = Reduce::kAny;
-  EXPECT_EQ(static_cast<Status>(ask(engine, least).view.status[0]), Status::kBeyond);
+  EXPECT_EQ(static_cast<Status>(evaluate(engine, least).view.status[0]), Status::kBeyond);
 }
 
 TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
@@ -137,9 +137,9 @@ TEST(Points, GrowOlderAsPosesDo) {
     query.bodies = moved;
     query.configurations = at;
     query.configuration_count = 1;
-    EXPECT_EQ(ask(engine, query).view.status[0], std::uint8_t(Status::kOk)) << "any age";
+    EXPECT_EQ(evaluate(engine, query).view.status[0], std::uint8_t(Status::kOk)) << "any age";
     query.max_pose_age_ns = 1;  // every received pose is older
-    const Answer reply = ask(engine, query);
+    const Answer reply = evaluate(engine, query);
     EXPECT_EQ(reply.view.status[0], std::uint8_t(Status::kStalePose))
         << "the query says where the cloud is, but not what is there";
     EXPECT_EQ(reply.info.snapshot_stamp_ns, 77);

@@ -61,7 +61,7 @@ TEST(Contradictions, OfAMisleadingTableAreAnsweredAnewAndCounted) {
     const Bench bench = misled(spheres, backend);
     std::uint64_t before = 0;
     for (const Setting& s : standard_settings({backend})) {
-      const std::vector<Answer> answers = bench.ask(s);
+      const std::vector<Answer> answers = bench.evaluate(s);
       for (std::size_t i = 0; i < answers.size(); ++i) {
         const CheckResult v = hold_against(spheres.cases[i], spheres.exact_value[i], s, answers[i], false);
         EXPECT_TRUE(v.violation.empty()) << s.name() << ", case " << i << ": " << v.violation << in_words(answers[i]);
@@ -78,7 +78,7 @@ TEST(Contradictions, AreCaughtBeforeReductionsDecide) {
   const Spheres spheres;
   const Bench bench = misled(spheres, "cpu"), whole(spheres.cases, "cpu");
   for (const Reduce reduce : {Reduce::kMin, Reduce::kWithin}) {
-    const auto ask = [&](const Engine& engine) {
+    const auto evaluate = [&](const Engine& engine) {
       QueryView query;
       query.reduce = reduce;
       query.max_results = 10000;
@@ -98,7 +98,7 @@ TEST(Contradictions, AreCaughtBeforeReductionsDecide) {
       for (std::uint64_t i = 0; i < job.info().rows; ++i) rows.push_back({bounds[i], bounds[size.rows + i]});
       return rows;
     };
-    const std::vector<Interval> seen = ask(bench.engine()), expected = ask(whole.engine());
+    const std::vector<Interval> seen = evaluate(bench.engine()), expected = evaluate(whole.engine());
     ASSERT_EQ(seen.size(), expected.size());
     ASSERT_FALSE(seen.empty());
     for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -137,7 +137,7 @@ struct Batch {
           {parts[i].get(), parts[i + 1].get(), &poses[i], &poses[i + 1], kInf, static_cast<std::uint32_t>(i / 2)});
     }
   }
-  std::vector<Interval> ask(const NarrowOptions& options) const {
+  std::vector<Interval> evaluate(const NarrowOptions& options) const {
     std::vector<Interval> found(tasks.size());
     PartBatch(options).run(
         tasks,
@@ -165,7 +165,7 @@ TEST(Contradictions, OfABrokenLaneAreAnsweredAnewAndCounted) {
     options.f32 = f32;
     options.limits.rel_tol = 1e-4;
     options.contradictions = &count;
-    const std::vector<Interval> found = batch.ask(options);
+    const std::vector<Interval> found = batch.evaluate(options);
     EXPECT_GT(count, 15u) << "float32 " << f32;
     std::size_t apart = 0;
     for (std::size_t i = 0; i < found.size(); ++i) {

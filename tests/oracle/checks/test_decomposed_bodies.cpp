@@ -23,8 +23,8 @@ struct Row {
   Status status;
 };
 /// \param limits max_distance of each query
-std::vector<Row> ask(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartPtr& b, const Pose& X_wb,
-                     std::span<const double> limits) {
+std::vector<Row> evaluate(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartPtr& b, const Pose& X_wb,
+                          std::span<const double> limits) {
   Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
@@ -88,8 +88,8 @@ void try_pair(Random& random, Kind kind, Found& found) {
     const bool apart = exact_value.distance.compare(0) > 0;
     const double near = apart ? exact_value.distance.upper() : 0.1;
     const std::array<double, 4> limits{0.0, 0.5 * near, 0.999 * near, 1.01 * near};
-    const std::vector<Row> rows = ask(with, c.X_wa, part_b, c.X_wb, limits),
-                           plain = ask(without, c.X_wa, part_b, c.X_wb, limits);
+    const std::vector<Row> rows = evaluate(with, c.X_wa, part_b, c.X_wb, limits),
+                           plain = evaluate(without, c.X_wa, part_b, c.X_wb, limits);
     for (std::size_t i = 0; i < rows.size(); ++i) {
       ++found.requested;
       found.wrong += is_wrong(rows[i], exact_value, limits[i]);
@@ -112,7 +112,7 @@ void try_held(Random& random, Found& found) {
   const ConvexPartPtr a = make_decomposed_part(box.vertices, box.triangles, skin, 0),
                       b = make_convex_part({random.direction() * 0.1, random.direction() * 0.1}, 0);
   const std::array<double, 2> limits{0.0, 0.25};
-  for (const Row& row : ask(a, {}, b, random.rotation(random.direction() * random.uniform(0, 0.3)), limits)) {
+  for (const Row& row : evaluate(a, {}, b, random.rotation(random.direction() * random.uniform(0, 0.3)), limits)) {
     ++found.held;
     found.wrong += row.status != Status::kOverlap;
   }

@@ -9,7 +9,7 @@
 
 #include "engine/hull/box.h"
 #include "engine/narrow/narrow_phase.h"
-#include "tests/engine/ask.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/oracle/cases/cases.h"
 
 namespace clearance::exact {
@@ -220,7 +220,7 @@ TEST(HalfSpace, IsAskedLikeAnyBody) {
           query.max_distance = max_distance;
           query.precision = precision;
           query.fields = kDefaultFields | kFieldFlags | kFieldPair;
-          const test::Answer dense = test::ask(engine, query);
+          const test::Answer dense = test::evaluate(engine, query);
           ASSERT_EQ(dense.info.rows, pairs.size());
           double least = kInf;
           std::size_t within = 0;
@@ -238,14 +238,14 @@ TEST(HalfSpace, IsAskedLikeAnyBody) {
             within += status != Status::kBeyond;
           }
           query.reduce = Reduce::kMin;
-          const test::Answer min = test::ask(engine, query);
+          const test::Answer min = test::evaluate(engine, query);
           EXPECT_EQ(min.view.upper[0], least);
           query.reduce = Reduce::kWithin;
-          EXPECT_EQ(test::ask(engine, query).info.rows, within);
+          EXPECT_EQ(test::evaluate(engine, query).info.rows, within);
           query.reduce = Reduce::kNearest;
           query.pairs = {};
           query.all_pairs = true;
-          EXPECT_EQ(test::ask(engine, query).info.rows, scene.bodies().size());
+          EXPECT_EQ(test::evaluate(engine, query).info.rows, scene.bodies().size());
         }
     }
   EXPECT_GT(statuses[static_cast<int>(Status::kOk)], 100);
@@ -264,7 +264,7 @@ TEST(HalfSpace, TwoOfThemAreNotAskedAboutUnlessNamed) {
   query.pairs = named;
   query.all_pairs = false;
   query.fields = kDefaultFields;
-  const test::Answer answer = test::ask(engine, query);
+  const test::Answer answer = test::evaluate(engine, query);
   for (std::size_t i = 0; i < answer.info.rows; ++i) {
     EXPECT_EQ(static_cast<Status>(answer.view.status[i]), Status::kUnconverged);
     EXPECT_LE(answer.view.lower[i], 0);

@@ -4,14 +4,14 @@
 #include <cmath>
 #include <vector>
 
-#include "tests/engine/ask.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/oracle/cases/link_scene.h"
 
 namespace clearance::exact {
 namespace {
 
 using test::Answer;
-using test::ask;
+using test::evaluate;
 
 constexpr std::uint32_t kCount = 5;
 
@@ -56,7 +56,7 @@ TEST(JointGradient, IsTheSlopeOfTheExactDistance) {
     const LinkScene scene(random, {.travel = i % 2 ? 1.0 : 0.0, .far = i % 5 ? 0.0 : 2.0});
     const GradientQuery q = query_of(scene);
     const std::vector<BodyPair> pairs = scene.engine().pairs(q.query);
-    const Answer answer = ask(scene.engine(), q.query);
+    const Answer answer = evaluate(scene.engine(), q.query);
     const std::size_t width = scene.joints().size();
     ASSERT_EQ(answer.size.joints, width);
     for (std::uint32_t k = 0; k < kCount; ++k) {
@@ -87,11 +87,11 @@ TEST(JointGradient, IsThatOfTheRowsPairInEveryReduction) {
   const LinkScene scene(random, {.travel = 0.5});
   GradientQuery q = query_of(scene);
   const std::vector<BodyPair> pairs = scene.engine().pairs(q.query);
-  const Answer dense = ask(scene.engine(), q.query);
+  const Answer dense = evaluate(scene.engine(), q.query);
   const std::size_t width = scene.joints().size();
   for (const Reduce reduce : {Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
     q.query.reduce = reduce;
-    const Answer reduced = ask(scene.engine(), q.query);
+    const Answer reduced = evaluate(scene.engine(), q.query);
     const std::uint64_t rows_each = reduced.info.rows / kCount;
     int compared = 0;
     for (std::uint64_t r = 0; r < reduced.info.rows; ++r) {
@@ -109,12 +109,12 @@ TEST(JointGradient, IsThatOfTheRowsPairInEveryReduction) {
   }
   q.query.reduce = Reduce::kAny;
   q.query.margin = 100;
-  const Answer any = ask(scene.engine(), q.query);
+  const Answer any = evaluate(scene.engine(), q.query);
   for (std::size_t i = 0; i < kCount * width; ++i) EXPECT_TRUE(std::isfinite(any.view.gradient_joints[i]));
   q.query.margin = 0;
   q.query.reduce = Reduce::kMin;
   q.query.max_distance = 1e-9;
-  const Answer beyond = ask(scene.engine(), q.query);
+  const Answer beyond = evaluate(scene.engine(), q.query);
   for (std::size_t k = 0; k < kCount; ++k)
     if (beyond.view.status[k] == static_cast<std::uint8_t>(Status::kBeyond)) {
       EXPECT_TRUE(std::isnan(beyond.view.gradient_joints[k * width])) << "there are no witness points";
@@ -144,14 +144,14 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
   query.positions = row;
   query.configuration_count = 1;
   query.fields = kDefaultFields | kFieldGradientJoints;
-  const Answer answer = ask(engine, query);
+  const Answer answer = evaluate(engine, query);
   EXPECT_NEAR(answer.view.gradient_joints[0], 0, 1e-9) << "the upper joint moves it across";
   EXPECT_NEAR(answer.view.gradient_joints[1], -1, 1e-9) << "the lower joint lifts it";
   EXPECT_EQ(answer.view.gradient_joints[3], 0) << "the lower joint carries both";
   EXPECT_NEAR(answer.view.gradient_joints[2], 0, 1e-9);
   query.joints = std::span(joints).subspan(1, 1);
   query.positions = std::span(row).subspan(1, 1);
-  EXPECT_EQ(ask(engine, query).size.joints, 1u);
+  EXPECT_EQ(evaluate(engine, query).size.joints, 1u);
 }
 
 TEST(JointGradient, WithoutJointsItIsRefusedByName) {

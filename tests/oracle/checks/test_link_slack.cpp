@@ -8,7 +8,7 @@
 #include <limits>
 #include <vector>
 
-#include "tests/engine/ask.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/oracle/cases/link_scene.h"
 
 namespace clearance::exact {
@@ -51,7 +51,7 @@ void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
   std::vector<std::vector<Real>> exact_values;
   for (std::size_t k = 0; k * width < rows.size(); ++k)
     exact_values.push_back(scene.exact_values(pairs, std::span(rows).subspan(k * width, width)));
-  const test::Answer dense = test::ask(scene.engine(), query);
+  const test::Answer dense = test::evaluate(scene.engine(), query);
   for (std::size_t k = 0; k < exact_values.size(); ++k)
     for (std::size_t p = 0; p < pairs.size(); ++p) {
       const double lower = dense.view.lower[k * pairs.size() + p], upper = dense.view.upper[k * pairs.size() + p];
@@ -61,7 +61,7 @@ void check_robot(LinkScene& scene, bool by_joints, Findings& findings) {
   for (const double max_distance : {kInf, 0.5}) {
     query.reduce = Reduce::kMin;
     query.max_distance = max_distance;
-    const test::Answer least = test::ask(scene.engine(), query);
+    const test::Answer least = test::evaluate(scene.engine(), query);
     for (std::size_t k = 0; k < exact_values.size(); ++k) {
       const Real exact_value = *std::min_element(exact_values[k].begin(), exact_values[k].end());
       if (least.view.status[k] != static_cast<std::uint8_t>(Status::kBeyond))
@@ -112,7 +112,7 @@ TEST(LinkSlack, LinksOfOneRobotStandOnOneBase) {
   QueryView query;
   query.rel_tol = 0;
   const std::vector<BodyPair> pairs = scene.engine().pairs(query);
-  const test::Answer answer = test::ask(scene.engine(), query);
+  const test::Answer answer = test::evaluate(scene.engine(), query);
   int links = 0, others = 0;
   for (std::size_t p = 0; p < pairs.size(); ++p) {
     const double width = answer.view.upper[p] - answer.view.lower[p];

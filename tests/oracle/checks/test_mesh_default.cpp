@@ -19,7 +19,7 @@ struct Bounds {
   double lower, upper;
 };
 
-Bounds ask(const Shape& mesh, MeshAs how, const std::vector<Vec3d>& other, const Pose& X) {
+Bounds evaluate(const Shape& mesh, MeshAs how, const std::vector<Vec3d>& other, const Pose& X) {
   Scene scene;
   scene.add_mesh("mesh", mesh.vertices, mesh.triangles, how, {.pose = Pose{}});
   EXPECT_FALSE(scene.has_surfaces());
@@ -50,7 +50,7 @@ TEST(MeshDefault, TheHullOfAConvexMeshHoldsWhatItEncloses) {
     const Pose X = random.rotation(random.direction() * (1 + 0.01 * random.uniform()));
     const BodyView solid{ball.vertices, ball.triangles, true, 0}, other{point, {}, false, 0};
     const Result exact_value = exact_distance(solid, Pose{}, other, X);
-    const Bounds bounds = ask(ball, MeshAs::kAuto, point, X), hull = ask(ball, MeshAs::kHull, point, X);
+    const Bounds bounds = evaluate(ball, MeshAs::kAuto, point, X), hull = evaluate(ball, MeshAs::kHull, point, X);
     EXPECT_GE(exact_value.distance.compare(bounds.lower), 0) << i;
     EXPECT_LE(exact_value.distance.compare(bounds.upper), 0) << i;
     EXPECT_LT(bounds.upper - bounds.lower, 1e-6) << i;

@@ -22,7 +22,7 @@ struct Depth {
 };
 
 /// \param beside null, or another part of a
-Depth ask(const Case& c, const SolidPtr& beside = nullptr) {
+Depth evaluate(const Case& c, const SolidPtr& beside = nullptr) {
   Scene scene;
   Body a, b;
   a.name = "a", b.name = "b";
@@ -69,7 +69,7 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
       const Case c = make_case(cls, kSeed, i);
       if (has_points(c)) continue;
       const Result exact_value = exact_answer(c, false);
-      const Depth d = ask(c);
+      const Depth d = evaluate(c);
       const std::string where = std::string(cls.name) + " " + std::to_string(i);
       ASSERT_LE(d.lower, d.upper) << where;
       converged += d.status != Status::kUnconverged;
@@ -104,7 +104,7 @@ TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {
       const Case c = make_case(cls, kSeed, i), other{make_case(cls, kSeed, i + kCases).b, c.b, c.X_wa, c.X_wb};
       if (has_points(c) || has_points(other)) continue;
-      const double one = ask(c).lower, two = ask(other).lower, both = ask(c, other.a).lower;
+      const double one = evaluate(c).lower, two = evaluate(other).lower, both = evaluate(c, other.a).lower;
       if (std::min(one, two) > 0) continue;
       EXPECT_LE(both, std::min(one, two) + 1e-9) << cls.name << ' ' << i;
       if (one < two - 1e-6) ++first;

@@ -111,7 +111,7 @@ struct Rows {
   Status status_of(std::size_t row) const { return static_cast<Status>(status[row]); }
 };
 
-Rows ask(const Engine& engine, const Trial& trial, QueryView q) {
+Rows evaluate(const Engine& engine, const Trial& trial, QueryView q) {
   static constexpr std::array<BodyPair, kOthers> kPairs{BodyPair{0, 1}, {0, 2}, {0, 3}};
   static constexpr std::array<std::uint32_t, 1> kMoved{0};
   q.pairs = kPairs;
@@ -156,7 +156,7 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
   QueryView q;
   q.max_distance = limit;
   q.precision = precision;
-  const Rows rows = ask(engine, trial, q);
+  const Rows rows = evaluate(engine, trial, q);
   for (std::uint32_t row = 0; row < kPlaces * kOthers; ++row) {
     const Result& exact_value = trial.exact_value[row / kOthers][row % kOthers];
     const double lower = rows.lower[row], upper = rows.upper[row];
@@ -181,7 +181,7 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
 void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found) {
   QueryView q;
   q.signed_distance = true;
-  const Rows rows = ask(engine, trial, q);
+  const Rows rows = evaluate(engine, trial, q);
   const auto solids_of = [&](std::uint32_t i) {
     std::vector<SolidPtr> all;
     if (!trial.is_by_parts(i)) return std::vector{trial.solids[i]};
@@ -228,9 +228,9 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   QueryView q;
   q.precision = precision;
   q.reduce = Reduce::kMin;
-  const Rows least = ask(engine, trial, q);
+  const Rows least = evaluate(engine, trial, q);
   q.reduce = Reduce::kNearest;
-  const Rows nearest = ask(engine, trial, q);
+  const Rows nearest = evaluate(engine, trial, q);
   for (std::uint32_t k = 0; k < kPlaces; ++k) {
     found.expect(holds_least(least.lower[k], least.upper[k], trial.exact_value[k]), "min");
     for (std::uint32_t body = 0; body <= kOthers; ++body) {
@@ -243,7 +243,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   }
   q.reduce = Reduce::kWithin;
   q.max_distance = limit;
-  const Rows within = ask(engine, trial, q);
+  const Rows within = evaluate(engine, trial, q);
   for (std::uint32_t k = 0; k < kPlaces; ++k)
     for (std::uint32_t i = 0; i < kOthers; ++i) {
       bool there = false;
@@ -255,7 +255,7 @@ void look_at_reductions(const Engine& engine, const Trial& trial, double limit, 
   q.reduce = Reduce::kAny;
   q.max_distance = std::numeric_limits<double>::infinity();
   q.margin = limit;
-  const Rows any = ask(engine, trial, q);
+  const Rows any = evaluate(engine, trial, q);
   for (std::uint32_t k = 0; k < kPlaces; ++k) {
     const Status status = any.status_of(k);
     const bool beyond = status == Status::kBeyond, open = status == Status::kUnconverged;

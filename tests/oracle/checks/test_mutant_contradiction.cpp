@@ -26,7 +26,7 @@ TEST(ContradictionMutant, ProvesNothingAndSaysSo) {
   for (const std::string backend : {"cpu", "reference"}) {
     const Bench bench(cases, backend);
     for (const Setting& s : standard_settings({backend}))
-      for (const Answer& a : bench.ask(s)) {
+      for (const Answer& a : bench.evaluate(s)) {
         ++answers;
         EXPECT_TRUE(a.lower <= a.upper) << s.name() << ": " << in_words(a);
         if (a.lower != -kInf || a.upper != kInf) continue;

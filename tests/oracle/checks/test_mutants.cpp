@@ -32,7 +32,7 @@ void try_class(const CaseClass& cls, Tried& tried) {
       s.backend = backend;
       s.signed_distance = depth;
       s.rel_tol = 0;
-      const std::vector<Answer> answers = bench.ask(s);
+      const std::vector<Answer> answers = bench.evaluate(s);
       for (std::size_t i = 0; i < cases.size(); ++i) {
         ++tried.answers;
         tried.violations += !hold_against(cases[i], exact_value[i], s, answers[i], false).violation.empty();

@@ -140,7 +140,7 @@ struct Rows {
   ReplyInfo info;
 };
 
-Rows ask(const Engine& engine, QueryView query, const WorkBudget& slice = {}) {
+Rows evaluate(const Engine& engine, QueryView query, const WorkBudget& slice = {}) {
   query.fields = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
   const QuerySize size = engine.size(query);
   Rows rows;
@@ -258,26 +258,26 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
       q.configuration_count = Crowd::kConfigurations;
       q.bodies = crowd.moved;
       q.configurations = crowd.configurations;
-      requested.dense(crowd, ask(engine, q));
+      requested.dense(crowd, evaluate(engine, q));
       q.warm_slot = 1;
-      requested.dense(crowd, ask(engine, q));
-      requested.dense(crowd, ask(engine, q));
+      requested.dense(crowd, evaluate(engine, q));
+      requested.dense(crowd, evaluate(engine, q));
       q.warm_slot = 0;
       q.reduce = Reduce::kMin;
-      requested.least(crowd, ask(engine, q));
+      requested.least(crowd, evaluate(engine, q));
       q.reduce = Reduce::kNearest;
-      requested.nearest(crowd, ask(engine, q));
+      requested.nearest(crowd, evaluate(engine, q));
       q.reduce = Reduce::kWithin;
       for (const double most : {0.0, 0.5 * middle, middle}) {
         q.max_distance = most;
-        requested.listed(crowd, ask(engine, q), most);
+        requested.listed(crowd, evaluate(engine, q), most);
       }
       q.max_distance = kInf;
       q.reduce = Reduce::kAny;
       for (const Result& r : crowd.exact_value[0])
         for (const double by : {0.5, 1.0, 2.0}) {
           q.margin = by * std::max(0.0, r.distance.lower());
-          requested.decided(crowd, ask(engine, q), q.margin);
+          requested.decided(crowd, evaluate(engine, q), q.margin);
         }
     }
   }
@@ -309,7 +309,7 @@ TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
       scene.add_body(std::move(b));
       Engine::Options options;
       options.backend = "cpu";
-      const Rows rows = ask(Engine(std::move(scene), options), {});
+      const Rows rows = evaluate(Engine(std::move(scene), options), {});
       Solid grown = *c.a, grown_other = *other.b;
       grown.radius = grown_other.radius = kPadding;
       const Result exact_value[] = {
@@ -350,7 +350,7 @@ TEST(MeshCrowds, AnswersHaveTheSameBitsHoweverTheyAreMade) {
               q.configuration_count = Crowd::kConfigurations;
               q.bodies = crowd.moved;
               q.configurations = crowd.configurations;
-              Rows rows = ask(engine, q, {.units = units});
+              Rows rows = evaluate(engine, q, {.units = units});
               std::optional<Rows>& known = first[reduce];
               if (!known) {
                 known = std::move(rows);

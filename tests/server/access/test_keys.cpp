@@ -87,7 +87,7 @@ class Keys : public testing::Test {
       return false;
     }
   }
-  static void ask(Client& client) {
+  static void evaluate(Client& client) {
     Query query;
     query.check_scene = false;
     client.distances(query);
@@ -110,7 +110,7 @@ TEST_F(Keys, EachMayDoWhatTheListSays) {
   };
   for (const Case& c : {Case{"all", true, true, true}, {"probe", true, false, false}, {"mover", false, true, false}}) {
     Client client = come(c.key);
-    EXPECT_EQ(may(client, ask), c.query) << c.key;
+    EXPECT_EQ(may(client, evaluate), c.query) << c.key;
     EXPECT_EQ(may(client, move), c.poses) << c.key;
     EXPECT_EQ(may(client, reload), c.admin) << c.key;
     EXPECT_GT(client.ping().count(), 0);
@@ -125,7 +125,7 @@ TEST_F(Keys, EachMayDoWhatTheListSays) {
 TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   start();
   Client witness = come("all");
-  ask(witness);
+  evaluate(witness);
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { come("stranger"); }), "the daemon rejects this client's key"));
   EXPECT_TRUE(
       contains(daemon_->log(), "event=zmq_rejected more=0 reason=\"this key is not authorized\" address=127.0.0.1"));
@@ -134,13 +134,13 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),
                        "the daemon there has another key than server_key"));
   EXPECT_GE(counter("zmq.refused"), 3u);
-  ask(witness);  // as if nothing had happened
+  evaluate(witness);  // as if nothing had happened
 }
 
 TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
   start();
   Client probe = come("probe");
-  ask(probe);
+  evaluate(probe);
   const std::string all = read_public_key(folder_ / "all.key");
   {
     std::ofstream list(folder_ / "keys/next");
@@ -150,13 +150,14 @@ TEST_F(Keys, AKeyThatIsStruckOffLosesItsRightsAndOneThatIsAddedComesIn) {
   }
   std::filesystem::rename(folder_ / "keys/next", folder_ / "keys/authorized");
   Client stranger = come("stranger");  // the list is read when a client connects
-  ask(stranger);
-  EXPECT_EQ(thrown_by<RequestError>([&] { ask(probe); }), "kQuery needs the right \"query\"; this client has nothing");
+  evaluate(stranger);
+  EXPECT_EQ(thrown_by<RequestError>([&] { evaluate(probe); }),
+            "kQuery needs the right \"query\"; this client has nothing");
   EXPECT_TRUE(contains(daemon_->log(), "event=keys_read keys=2"));
 
   // An unreadable list changes nothing.
   std::ofstream(folder_ / "keys/authorized", std::ios::app) << "nonsense\n";
-  ask(stranger);
+  evaluate(stranger);
   come("stranger");
   EXPECT_TRUE(contains(daemon_->log(), "keys/authorized:5: expected a public key of 40 characters (Z85) first"));
 }
@@ -184,7 +185,7 @@ TEST_F(Keys, InTheUrlAndInTheEnvironment) {
 TEST_F(Keys, ADaemonWithoutThemAndAClientWithThem) {
   Daemon daemon({"--scene", folder_.write("scene.yaml", kSmallSceneYaml), "--zmq", "tcp://127.0.0.1:*"});
   Client stranger = patient(daemon.url());
-  EXPECT_TRUE(may(stranger, ask));
+  EXPECT_TRUE(may(stranger, evaluate));
   EXPECT_TRUE(may(stranger, move));
   EXPECT_FALSE(may(stranger, reload)) << "the loopback knows no users";
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon.url(), with("all")); }), "or uses none"));
@@ -195,7 +196,7 @@ TEST_F(Keys, WithThemOtherAddressesAreOpened) {
   Daemon daemon({"--scene", scene, "--zmq", "tcp://0.0.0.0:*", "--keys", folder_ / "keys"});
   const std::string port = daemon.url().substr(daemon.url().rfind(':'));
   Client client = connect("tcp://127.0.0.1" + port, with("probe"));
-  ask(client);
+  evaluate(client);
 }
 
 TEST_F(Keys, FilesThatWillNotDoEndTheDaemonWith4) {

@@ -51,12 +51,12 @@ class LoopTest : public testing::Test {
     return frame;
   }
   /// Sends a frame, serves, and returns the one reply.
-  std::unique_ptr<MemoryFrame> ask(MemoryClient& client, std::vector<std::byte> frame) {
+  std::unique_ptr<MemoryFrame> evaluate(MemoryClient& client, std::vector<std::byte> frame) {
     transport_->send(client, std::move(frame));
     turn_until_idle();
     return take(client);
   }
-  Reply ask(MemoryClient& client, const TestQuery& query) { return Reply(ask(client, query.frame(1))); }
+  Reply evaluate(MemoryClient& client, const TestQuery& query) { return Reply(evaluate(client, query.frame(1))); }
   static wire::ErrorParts error_of(const std::unique_ptr<MemoryFrame>& frame) {
     EXPECT_EQ(frame->type(), wire::FrameType::kError);
     return wire::parse_error(frame->body());

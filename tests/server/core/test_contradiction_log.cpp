@@ -33,7 +33,7 @@ Scene misled_scene() {
 class ContradictionLog : public LoopTest {
  protected:
   std::uint64_t contradictions() {
-    const auto frame = ask(a_, simple_frame(FrameType::kGetStats, 9));
+    const auto frame = evaluate(a_, simple_frame(FrameType::kGetStats, 9));
     const auto counters = wire::parse_stats(frame->body());
     for (std::uint64_t i = 0; i < counters.size(); ++i)
       if (wire::name_of(counters[i].name) == "engine.contradictions") return counters[i].value;
@@ -49,9 +49,9 @@ TEST_F(ContradictionLog, SpeaksOnce) {
   query.header.fields = kFieldLower | kFieldUpper | kFieldStatus;
   EXPECT_EQ(contradictions(), 0u);
   testing::internal::CaptureStdout();
-  ask(a_, query);
+  evaluate(a_, query);
   const std::uint64_t first = contradictions();
-  ask(a_, query);
+  evaluate(a_, query);
   const std::string log = testing::internal::GetCapturedStdout();
   EXPECT_GT(first, 0u);
   EXPECT_GT(contradictions(), first);

@@ -39,7 +39,7 @@ class Deadlines : public LoopTest {
 
 TEST_F(Deadlines, OneThatIsKeptChangesNothing) {
   start(scattered_scene(20), short_slices());
-  const Reply without = ask(a_, large_query(20)), with = ask(a_, with_deadline(large_query(20), 1h));
+  const Reply without = evaluate(a_, large_query(20)), with = evaluate(a_, with_deadline(large_query(20), 1h));
   ASSERT_EQ(with.rows(), without.rows());
   EXPECT_EQ(std::memcmp(with.lower().data(), without.lower().data(), 8 * with.rows()), 0);
 }
@@ -83,12 +83,12 @@ TEST_F(Deadlines, AQueryThatOverrunsIsGivenUp) {
   turn_until_idle();
   EXPECT_EQ(loop_->waiting(), 0u);
   EXPECT_EQ(a_.sinks, 0);
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u);
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u);
 }
 
 TEST_F(Deadlines, OneThatLikeQueriesDidNotKeepIsRefusedBeforeAnyWork) {
   start(scattered_scene(20), short_slices());
-  ask(a_, large_query(20));
+  evaluate(a_, large_query(20));
   std::string said;
   for (int i = 0; i < 10 && said.find("it would take about ") == std::string::npos; ++i) {
     send(a_, with_deadline(large_query(20), 500us));
@@ -107,7 +107,7 @@ TEST_F(Deadlines, ALargeRequestIsReadBeforeItsDeadlineIsKnown) {
   send(a_, with_deadline(query, 1ns));
   turn_until_idle();
   rejection(a_);
-  EXPECT_EQ(ask(a_, with_deadline(query, 1h)).rows(), 320u * 190);
+  EXPECT_EQ(evaluate(a_, with_deadline(query, 1h)).rows(), 320u * 190);
 }
 
 TEST_F(Deadlines, AQueryWaitsForPosesToItsDeadlineAtMost) {

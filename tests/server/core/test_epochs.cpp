@@ -79,8 +79,8 @@ TEST_F(Epochs, EveryReplyCarriesThatOfTheDaemon) {
   ASSERT_NE(loop_->epoch(), 0u);
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
-    EXPECT_EQ(epoch_of(*ask(a_, request)), loop_->epoch());
-    EXPECT_EQ(epoch_of(*ask(a_, for_epoch(request, loop_->epoch()))), loop_->epoch());
+    EXPECT_EQ(epoch_of(*evaluate(a_, request)), loop_->epoch());
+    EXPECT_EQ(epoch_of(*evaluate(a_, for_epoch(request, loop_->epoch()))), loop_->epoch());
   }
 }
 
@@ -96,7 +96,7 @@ TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
   const Pose before = engine_->body_state(1).X_wb;
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
-    const auto frame = ask(a_, for_epoch(request, loop_->epoch() ^ 1));
+    const auto frame = evaluate(a_, for_epoch(request, loop_->epoch() ^ 1));
     ASSERT_EQ(frame->type(), FrameType::kError);
     EXPECT_EQ(epoch_of(*frame), loop_->epoch());
     const auto error = wire::parse_error(frame->body());
@@ -113,7 +113,7 @@ TEST_F(Epochs, RecordsThatNameNoneAreRefused) {
   const auto rejection = [&](std::size_t bytes, std::byte value) {
     TestQuery query = small_query();
     wire::append_record(query.records, static_cast<std::uint16_t>(wire::CommonRecord::kEpoch), 0, Bytes(bytes, value));
-    const auto frame = ask(a_, query.frame(1));
+    const auto frame = evaluate(a_, query.frame(1));
     const auto error = wire::parse_error(frame->body());
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kBadFrame));
     return error.text;
@@ -131,14 +131,14 @@ TEST_F(Epochs, ADaemonThatRequiresThemAnswersWhoNamesNoneOnlyWhatIsHarmless) {
   for (const auto& [name, request] : requests_) {
     SCOPED_TRACE(name);
     const bool is_harmless = name == "ping" || name == "describe" || name == "stats";
-    const auto frame = ask(a_, request);
+    const auto frame = evaluate(a_, request);
     EXPECT_EQ(frame->type() != FrameType::kError, is_harmless);
     if (is_harmless) continue;
     EXPECT_EQ(wire::parse_error(frame->body()).header.code, static_cast<std::uint16_t>(ErrorCode::kNewEpoch));
     ++rejected;
   }
   EXPECT_EQ(rejected, 11);
-  EXPECT_EQ(ask(a_, for_epoch(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
+  EXPECT_EQ(evaluate(a_, for_epoch(requests_["query"], loop_->epoch()))->type(), FrameType::kReply);
 }
 
 TEST_F(Epochs, AQueryThatWaitsForPosesIsAnsweredWithThem) {

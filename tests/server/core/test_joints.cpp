@@ -38,7 +38,7 @@ class JointsTest : public LoopTest {
     return frame.take();
   }
   wire::JointsParts joints() {
-    frame_ = ask(a_, simple_frame(FrameType::kGetJoints, 3));
+    frame_ = evaluate(a_, simple_frame(FrameType::kGetJoints, 3));
     EXPECT_EQ(frame_->type(), FrameType::kJoints);
     return wire::parse_joints(frame_->body());
   }
@@ -56,7 +56,7 @@ TEST_F(JointsTest, PositionsAreSetInOneRevisionAndListed) {
   start(arm_scene());
   const std::uint64_t before = engine_->pose_revision();
   const auto done = wire::parse_poses_done(
-      ask(a_, update({{0, 0, 0.5}, {4, 0, std::numeric_limits<double>::quiet_NaN()}, {99, 0, 1}}, 77000))->body());
+      evaluate(a_, update({{0, 0, 0.5}, {4, 0, std::numeric_limits<double>::quiet_NaN()}, {99, 0, 1}}, 77000))->body());
   EXPECT_EQ(done.applied, 1u);
   EXPECT_EQ(done.bad, 1u);
   EXPECT_EQ(done.unknown, 1u);
@@ -78,7 +78,7 @@ TEST_F(JointsTest, PositionsAreSetInOneRevisionAndListed) {
 TEST_F(JointsTest, AnswersAreThoseOfTheEngine) {
   start(arm_scene());
   const TestQuery query = joint_query();
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   QueryView view;
   view.joints = query.joints;
   view.positions = query.positions;
@@ -118,14 +118,14 @@ class FreeScaleTest : public JointsTest {
     view.pairs = {reinterpret_cast<const BodyPair*>(query.pairs.data()), query.pairs.size()};
     return view;
   }
-  std::string rejection(const TestQuery& query) { return error_of(ask(a_, query.frame(4))).text; }
+  std::string rejection(const TestQuery& query) { return error_of(evaluate(a_, query.frame(4))).text; }
 };
 
 TEST_F(FreeScaleTest, IsThatOfTheEngine) {
   start(arm_scene());
   const TestQuery query = scale_query();
   const std::vector<double> expected = engine_->free_scale(view_of(query), query.weights);
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   ASSERT_EQ(reply.rows(), 3u);
   EXPECT_EQ(reply.fields(), kFieldFreeScale | kFieldPair);
   for (int k = 0; k < 3; ++k) {
@@ -161,9 +161,9 @@ TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {
   start(arm_scene());
   TestQuery query = scale_query();
   query.pairs = {{0, 2}};  // the table and the base
-  const auto frame = ask(a_, query.frame(1));
+  const auto frame = evaluate(a_, query.frame(1));
   ASSERT_EQ(frame->type(), FrameType::kReply) << error_of(frame).text;
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   EXPECT_EQ(reply.free_scale()[2], std::numeric_limits<double>::infinity());
   EXPECT_EQ(reply.pair()[2], (IdPair{kNone, kNone}));
 }
@@ -205,7 +205,7 @@ TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
   query.header.max_distance = 0.3;
   query.header.fields = kDefaultFields | kFieldNormal | kFieldGradientJoints | kFieldPairLower;
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   QueryView view;
   view.joints = query.joints;
   view.positions = query.positions;
@@ -231,18 +231,18 @@ TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   EXPECT_EQ(std::memcmp(reply.gradient_joints().data(), slopes.data(), 16 * reply.rows()), 0);
   EXPECT_EQ(std::memcmp(reply.pair_lower().data(), pairs.data(), 8 * reply.rows()), 0);
   query.header.format = static_cast<std::uint8_t>(Format::kCompact);
-  const Reply compact = ask(a_, query);
+  const Reply compact = evaluate(a_, query);
   EXPECT_EQ(compact.fields() & kFieldGradientJoints, 0u) << "one of the float64 columns that compact rows replace";
   TestQuery without;
   without.header.fields = query.header.fields;
-  EXPECT_EQ(error_of(ask(a_, without.frame(4))).text, "fields: gradient_joints is for a query with joints");
+  EXPECT_EQ(error_of(evaluate(a_, without.frame(4))).text, "fields: gradient_joints is for a query with joints");
 }
 
 TEST_F(JointsTest, ItsPairsAreThoseOfTheLinksThatMove) {
   start(arm_scene());
   TestQuery last;
   last.joints = {6};
-  const auto frame = ask(a_, last.frame(1, FrameType::kPairs));
+  const auto frame = evaluate(a_, last.frame(1, FrameType::kPairs));
   ASSERT_EQ(frame->type(), FrameType::kPairTable);
   const auto table = wire::parse_pair_table(frame->body());
   const std::uint32_t spin = engine_->scene().find_body("arm/spin");
@@ -259,14 +259,14 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
   query.header.min_pose_stamp_ns = 5000;
   query.header.pose_wait_ns = 10'000'000'000;
   query.header.wait_for = engine_->scene().find_body("arm/palm");
-  ask(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // gives the palm a stamp
+  evaluate(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // gives the palm a stamp
   transport_->send(a_, query.frame(9));
   turn_until_idle();
   EXPECT_TRUE(a_.replies.empty());
-  ask(b_, update({{0, 0, 0.2}}, 5000));
+  evaluate(b_, update({{0, 0, 0.2}}, 5000));
   turn_until_idle();
   EXPECT_TRUE(a_.replies.empty()) << "joint2 is as old as before";
-  ask(b_, update({{1, 0, 0.2}}, 6000));
+  evaluate(b_, update({{1, 0, 0.2}}, 6000));
   turn_until_idle();
   ASSERT_EQ(a_.replies.size(), 1u);
   EXPECT_EQ(take(a_)->type(), FrameType::kReply);
@@ -275,7 +275,7 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
 TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
   start(arm_scene());
   const auto rejected = [&](std::vector<std::byte> frame, ErrorCode code, const std::string& text) {
-    const auto error = error_of(ask(a_, std::move(frame)));
+    const auto error = error_of(evaluate(a_, std::move(frame)));
     EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(code));
     EXPECT_EQ(error.text, text);
   };
@@ -284,7 +284,7 @@ TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
   rejected(update({{2, 0, 0.1}}, 0, revision + 1), ErrorCode::kWrongScene,
            "the request is for scene revision " + std::to_string(revision + 1) + ", the daemon's is " +
                std::to_string(revision) + ": fetch the scene again");
-  ask(a_, update({{2, 0, 0.1}}, 5000));
+  evaluate(a_, update({{2, 0, 0.1}}, 5000));
   rejected(update({{2, 0, 0.1}}, 4000), ErrorCode::kBadQuery,
            "stamp_ns: 4000 is older than 5000, the last from this publisher for 'arm/joint3'");
   TestQuery query = joint_query();
@@ -325,7 +325,7 @@ TEST_F(JointsTest, AnAttachmentLeavesJointIdsWhatTheyAre) {
   const Pose held{{0, 0, 0.1}};
   engine_->attach(cup, engine_->scene().find_body("arm/palm"), &held);
   ASSERT_NE(engine_->scene_revision(), revision);
-  EXPECT_EQ(ask(a_, update({{2, 0, 0.1}}, 0, revision))->type(), FrameType::kPosesDone);
+  EXPECT_EQ(evaluate(a_, update({{2, 0, 0.1}}, 0, revision))->type(), FrameType::kPosesDone);
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ TEST_F(LoopTest, AnswersAreTheEnginesBits) {
   TestQuery query = large_query(3);
   query.header.fields =
       kDefaultFields | kFieldPoints | kFieldNormal | kFieldFlags | kFieldPieces | kFieldPair | kFieldGradient;
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   ASSERT_GT(reply.rows(), 1000u);
 
   QueryView direct;
@@ -52,9 +52,9 @@ TEST_F(LoopTest, PayloadsNeedNoAlignment) {
   query.pairs = {{0, 1}, {1, 2}};
   query.bodies = {1};
   query.configurations = {{0, 0, 0.5, 1, 0, 0, 0}, {0, 0, 0.6, 1, 0, 0, 0}};
-  const Reply aligned = ask(a_, query);
+  const Reply aligned = evaluate(a_, query);
   transport_->unaligned = true;
-  const Reply unaligned = ask(a_, query);
+  const Reply unaligned = evaluate(a_, query);
   ASSERT_EQ(aligned.rows(), 4u);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(aligned.lower()[i], unaligned.lower()[i]);
   EXPECT_NEAR(unaligned.distance()[2], 0.45, 1e-6);
@@ -139,7 +139,7 @@ TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
   EXPECT_EQ(a_.replies.size(), 5u);
   EXPECT_EQ(b_.replies.size(), 1u) << "another client is not concerned";
   a_.replies.clear();
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "and it may ask again";
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u) << "and it may ask again";
 }
 
 TEST_F(LoopTest, RepliesUnderWayAreBoundedInBytes) {
@@ -174,9 +174,9 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   TestQuery query;
   query.header.fields = kDefaultFields | kFieldPoints | kFieldFlags;
   query.header.max_distance = 6;
-  const Reply dense = ask(a_, query);
+  const Reply dense = evaluate(a_, query);
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
-  const Reply sparse = ask(a_, query);
+  const Reply sparse = evaluate(a_, query);
   std::size_t near = 0;
   for (std::size_t i = 0; i < dense.rows(); ++i) {
     if (dense.status()[i] == Status::kBeyond) continue;
@@ -195,17 +195,17 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   // A client whose buffer fits the actual reply, but not the largest possible one.
   a_.room = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
             wire::columns_bytes(sparse.rows(), sparse.fields()) + wire::kEpochRecordBytes;
-  const Reply narrow = ask(a_, query);
+  const Reply narrow = evaluate(a_, query);
   ASSERT_EQ(narrow.rows(), sparse.rows());
   EXPECT_EQ(std::memcmp(narrow.point_a().data(), sparse.point_a().data(), 24 * sparse.rows()), 0);
   --a_.room;
-  const auto error = error_of(ask(a_, query.frame(1)));
+  const auto error = error_of(evaluate(a_, query.frame(1)));
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kTooLarge));
   EXPECT_EQ(error.header.needed_bytes, a_.room + 1);
 
   query.header.max_results = 5;
   a_.room = std::numeric_limits<std::uint64_t>::max();
-  const Reply few = ask(a_, query);
+  const Reply few = evaluate(a_, query);
   EXPECT_EQ(few.rows(), 5u);
   EXPECT_EQ(few.total(), near);
 }
@@ -213,11 +213,11 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
 TEST_F(LoopTest, WhatAClientHasNoRoomForIsSaid) {
   start(small_scene());
   a_.room = 400;
-  const auto error = error_of(ask(a_, small_query().frame(1)));
+  const auto error = error_of(evaluate(a_, small_query().frame(1)));
   EXPECT_EQ(error.header.code, static_cast<std::uint16_t>(ErrorCode::kTooLarge));
   EXPECT_EQ(error.text, "the reply of 1 rows needs 464 bytes, more than this client has room for");
   EXPECT_EQ(error.header.needed_bytes, 464u);
-  const auto scene = error_of(ask(a_, simple_frame(FrameType::kDescribe, 1)));
+  const auto scene = error_of(evaluate(a_, simple_frame(FrameType::kDescribe, 1)));
   EXPECT_EQ(scene.text, "the reply needs 744 bytes, more than this client has room for");
   a_.room = 10;
   transport_->send(a_, small_query().frame(1));
@@ -238,7 +238,7 @@ class FailingTransport final : public Transport {
 TEST_F(LoopTest, AFailingTransportDoesNotStopTheOthers) {
   start(small_scene());
   loop_->add(std::make_unique<FailingTransport>());
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u);
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u);
   EXPECT_GE(loop_->counter("errors.transport"), 2u);
 }
 

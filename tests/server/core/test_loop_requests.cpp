@@ -13,7 +13,7 @@ using wire::FrameType;
 
 TEST_F(LoopTest, DescribesItsScene) {
   start(small_scene());
-  const auto frame = ask(a_, simple_frame(FrameType::kDescribe, 4));
+  const auto frame = evaluate(a_, simple_frame(FrameType::kDescribe, 4));
   ASSERT_EQ(frame->type(), FrameType::kScene);
   EXPECT_EQ(frame->header().request_id, 4u);
   EXPECT_EQ(frame->header().scene_revision, engine_->scene_revision());
@@ -42,14 +42,14 @@ TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
       .add(wire::PoseRecord{1, 0, {0, 0, 0, 0, 0, 0, 0}})  // no rotation
       .add(wire::PoseRecord{0, 0, {0, 0, 1, 1, 0, 0, 0}})  // static
       .add(wire::PoseRecord{99, 0, {0, 0, 1, 1, 0, 0, 0}});
-  const auto done = wire::parse_poses_done(ask(a_, frame.take())->body());
+  const auto done = wire::parse_poses_done(evaluate(a_, frame.take())->body());
   EXPECT_EQ(done.applied, 1u);
   EXPECT_EQ(done.bad, 1u);
   EXPECT_EQ(done.fixed, 1u);
   EXPECT_EQ(done.unknown, 1u);
   EXPECT_EQ(done.revision, engine_->pose_revision());
 
-  const auto states = wire::parse_states(ask(a_, simple_frame(FrameType::kGetStates, 2))->body());
+  const auto states = wire::parse_states(evaluate(a_, simple_frame(FrameType::kGetStates, 2))->body());
   ASSERT_EQ(states.states.size(), 4u);
   EXPECT_EQ(states.states[3].pose[2], 2);
   EXPECT_EQ(states.states[3].stamp_ns, 77);
@@ -58,7 +58,7 @@ TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
   EXPECT_EQ(states.states[1].status, static_cast<std::uint8_t>(Status::kBadPose));
   EXPECT_EQ(states.header.revision, done.revision);
 
-  const Reply reply = ask(a_, TestQuery());
+  const Reply reply = evaluate(a_, TestQuery());
   EXPECT_EQ(reply.snapshot_revision(), done.revision);
   EXPECT_EQ(reply.snapshot_stamp_ns(), 77);
   EXPECT_EQ(reply.snapshot_sequence(), 5);
@@ -70,7 +70,7 @@ TEST_F(LoopTest, AQuerySeesThePosesOfItsArrival) {
   start(scattered_scene(60), short_slices());
   TestQuery query = large_query(60);
   query.header.fields |= kFieldPair;
-  const Reply before = ask(a_, query);
+  const Reply before = evaluate(a_, query);
   transport_->send(a_, query.frame(1));
   for (int i = 0; i < 3; ++i) loop_->turn();
   ASSERT_TRUE(a_.replies.empty());
@@ -91,14 +91,15 @@ TEST_F(LoopTest, AttachmentsChangeTheScene) {
     return wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, revision)).add(record).take();
   };
   const std::uint64_t old_revision = engine_->scene_revision();
-  const auto done = wire::parse_poses_done(ask(a_, attach(old_revision))->body());
+  const auto done = wire::parse_poses_done(evaluate(a_, attach(old_revision))->body());
   EXPECT_NE(done.scene_revision, old_revision);
   EXPECT_EQ(done.scene_revision, engine_->scene_revision());
-  const auto scene_frame = ask(a_, simple_frame(FrameType::kDescribe, 1));
+  const auto scene_frame = evaluate(a_, simple_frame(FrameType::kDescribe, 1));
   const auto scene = wire::parse_scene(scene_frame->body());
   EXPECT_EQ(scene.bodies[1].parent, 2u);
   EXPECT_EQ(scene.header.pair_count, 5u) << "a body and the one it follows are no pair";
-  EXPECT_EQ(error_of(ask(a_, attach(old_revision))).header.code, static_cast<std::uint16_t>(ErrorCode::kWrongScene));
+  EXPECT_EQ(error_of(evaluate(a_, attach(old_revision))).header.code,
+            static_cast<std::uint16_t>(ErrorCode::kWrongScene));
 }
 
 TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
@@ -107,11 +108,11 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
   record.child = 1;
   record.parent = 2;
   const std::uint64_t old_revision = engine_->scene_revision();
-  ask(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))));
+  evaluate(a_, simple_frame(FrameType::kAttach, 1, std::as_bytes(std::span(&record, 1))));
   ASSERT_NE(engine_->scene_revision(), old_revision);
   const auto answered = [&](TestQuery query, std::uint64_t revision) {
     query.scene_revision = revision;
-    const auto frame = ask(b_, query.frame(1));
+    const auto frame = evaluate(b_, query.frame(1));
     if (frame->type() != FrameType::kReply) {
       EXPECT_EQ(static_cast<ErrorCode>(error_of(frame).header.code), ErrorCode::kWrongScene);
       return false;
@@ -139,10 +140,10 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
     wire::PoseRecord pose;
     pose.body = body;
     pose.pose[3] = 1;
-    return ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0, old_revision))
-                       .add(head)
-                       .add(pose)
-                       .take())
+    return evaluate(b_, wire::FrameBuilder(wire::make_header(FrameType::kSetPoses, 1, 0, old_revision))
+                            .add(head)
+                            .add(pose)
+                            .take())
         ->type();
   };
   EXPECT_EQ(pose_of_body(1), FrameType::kError) << "X_wb is not X_pb";
@@ -151,7 +152,7 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
   record.child = 4;
   record.parent = 5;
   const auto done =
-      ask(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
+      evaluate(b_, wire::FrameBuilder(wire::make_header(FrameType::kAttach, 1, 0, old_revision)).add(record).take());
   ASSERT_EQ(done->type(), FrameType::kPosesDone);
   EXPECT_EQ(wire::parse_poses_done(done->body()).scene_revision, old_revision)
       << "it does not know what the first one did";
@@ -161,12 +162,12 @@ TEST_F(LoopTest, TellsTheOrderOfPairs) {
   start(small_scene());
   TestQuery query;
   query.pairs = {{kGroupBit | 0u, 0}, {2, 1}};
-  const auto frame = ask(a_, query.frame(1, FrameType::kPairs));
+  const auto frame = evaluate(a_, query.frame(1, FrameType::kPairs));
   ASSERT_EQ(frame->type(), FrameType::kPairTable);
   const auto table = wire::parse_pair_table(frame->body());
   EXPECT_EQ(table.header.scene_revision, engine_->scene_revision());
   query.header.fields |= kFieldPair;
-  const Reply reply = ask(a_, query);
+  const Reply reply = evaluate(a_, query);
   ASSERT_EQ(table.pairs.size(), 3u);
   ASSERT_EQ(reply.rows(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {
@@ -177,20 +178,20 @@ TEST_F(LoopTest, TellsTheOrderOfPairs) {
   TestQuery moved;
   moved.bodies = {1};
   moved.configurations = {{0, 0, 0, 1, 0, 0, 0}};
-  const auto moved_frame = ask(a_, moved.frame(2, FrameType::kPairs));
+  const auto moved_frame = evaluate(a_, moved.frame(2, FrameType::kPairs));
   EXPECT_EQ(wire::parse_pair_table(moved_frame->body()).pairs.size(), 3u);
 }
 
 TEST_F(LoopTest, EchoesAndCounts) {
   start(small_scene());
   const std::vector<std::byte> payload{std::byte{1}, std::byte{2}, std::byte{3}};
-  const auto echo = ask(a_, simple_frame(FrameType::kPing, 8, payload));
+  const auto echo = evaluate(a_, simple_frame(FrameType::kPing, 8, payload));
   EXPECT_EQ(echo->type(), FrameType::kPong);
   EXPECT_TRUE(std::equal(payload.begin(), payload.end(), echo->body().begin(), echo->body().end()));
-  ask(a_, small_query());
-  ask(a_, simple_frame(FrameType::kDescribe, 1, payload));  // rejected, because it has a payload
+  evaluate(a_, small_query());
+  evaluate(a_, simple_frame(FrameType::kDescribe, 1, payload));  // rejected, because it has a payload
 
-  const auto frame = ask(a_, simple_frame(FrameType::kGetStats, 9));
+  const auto frame = evaluate(a_, simple_frame(FrameType::kGetStats, 9));
   std::map<std::string, std::uint64_t> stats;
   const auto counters = wire::parse_stats(frame->body());
   for (std::uint64_t i = 0; i < counters.size(); ++i) stats[wire::name_of(counters[i].name)] = counters[i].value;

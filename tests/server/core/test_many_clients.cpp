@@ -133,7 +133,7 @@ TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
     view.configurations = {reinterpret_cast<const Pose*>(e.query.configurations.data()), e.query.configurations.size()};
     view.configuration_count =
         static_cast<std::uint32_t>(e.query.bodies.empty() ? 0 : e.query.configurations.size() / e.query.bodies.size());
-    e.own = test::ask(*engine_, view);
+    e.own = test::evaluate(*engine_, view);
   }
 
   std::jthread serving([this] { loop_->run(); });

@@ -55,7 +55,7 @@ TEST_F(Reload, QueriesGoOnWhileItLoadsAndThoseUnderWayEndWithTheOldScene) {
   EXPECT_FALSE(loop_->is_reloading());
   EXPECT_NE(revision(), before);
   EXPECT_EQ(loop_->engine().scene().bodies()[1].name, "cup");
-  const Reply fresh = ask(c_, small_query());
+  const Reply fresh = evaluate(c_, small_query());
   EXPECT_EQ(fresh.scene_revision(), revision());
   turn_until_idle();
   const Reply old(take(a_));
@@ -63,7 +63,7 @@ TEST_F(Reload, QueriesGoOnWhileItLoadsAndThoseUnderWayEndWithTheOldScene) {
 
   // Answers equal those of an engine that has only the old scene.
   start(scattered_scene(20));
-  const Reply expected = ask(a_, large);
+  const Reply expected = evaluate(a_, large);
   ASSERT_EQ(old.rows(), expected.rows());
   for (std::uint64_t i = 0; i < old.rows(); ++i) ASSERT_EQ(old.distance()[i], expected.distance()[i]) << i;
 }
@@ -81,7 +81,7 @@ TEST_F(Reload, ThatFailsLeavesTheOldScene) {
   EXPECT_EQ(calls, 1);
   EXPECT_EQ(revision(), before);
   EXPECT_EQ(loop_->counter("reloads"), 0u);
-  EXPECT_EQ(ask(a_, small_query()).scene_revision(), before);
+  EXPECT_EQ(evaluate(a_, small_query()).scene_revision(), before);
 }
 
 TEST_F(Reload, AskedForWhileOneIsUnderWayFollowsIt) {
@@ -117,7 +117,7 @@ TEST_F(Reload, ARequestForTheOldSceneIsRefused) {
   turn_until("reloads", 1);
   TestQuery query;
   query.scene_revision = before;
-  const auto error = error_of(ask(a_, query.frame(1, FrameType::kPairs)));
+  const auto error = error_of(evaluate(a_, query.frame(1, FrameType::kPairs)));
   EXPECT_EQ(static_cast<ErrorCode>(error.header.code), ErrorCode::kWrongScene);
 }
 
@@ -196,7 +196,7 @@ TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
   options.max_waiting_per_client = 2;
   options.tick = std::chrono::nanoseconds(0);
   start(small_scene(), options);
-  EXPECT_EQ(static_cast<ErrorCode>(error_of(ask(a_, simple_frame(FrameType::kReload, 1))).header.code),
+  EXPECT_EQ(static_cast<ErrorCode>(error_of(evaluate(a_, simple_frame(FrameType::kReload, 1))).header.code),
             ErrorCode::kNotSupported)
       << "a loop that was given no way to reload";
   std::atomic<bool> may_end{false};
@@ -214,7 +214,7 @@ TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
   may_end = true;
   turn_until("reloads", 1);
   a_.alive = true;
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u);
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u);
 }
 
 TEST(TakePoses, OfBodiesThatBothScenesKnow) {

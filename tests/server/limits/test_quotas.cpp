@@ -31,7 +31,7 @@ TEST_F(Quotas, PairsOfOneQuery) {
   const auto evaluate_for = [&](int configurations) {
     query.pairs = {{0, 1}, {1, 2}, {0, 2}, {2, 3}, {1, 3}, {0, 3}};
     query.configurations.assign(static_cast<std::size_t>(configurations), {0, 0, 1, 1, 0, 0, 0});
-    return ask(a_, query.frame(1));
+    return evaluate(a_, query.frame(1));
   };
   EXPECT_EQ(evaluate_for(20)->type(), wire::FrameType::kReply);
   const auto error = error_of(evaluate_for(21));
@@ -62,7 +62,7 @@ TEST_F(Quotas, BytesOfOneClientsReplies) {
   turn_until_idle();
   EXPECT_EQ(take(b_)->type(), wire::FrameType::kReply) << "others are not touched";
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "what has been answered is not counted any more";
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u) << "what has been answered is not counted any more";
 }
 
 TEST_F(Quotas, BytesOfOneClientsRequests) {
@@ -104,14 +104,14 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
   Loop::Options options = short_slices();
   options.max_client_bytes = 250'000;
   start(scattered_scene(20), options);
-  const Reply cold = ask(a_, warm);
+  const Reply cold = evaluate(a_, warm);
   EXPECT_EQ(warm_bytes(), 0u);
   EXPECT_EQ(loop_->counter("queries.cold"), 1u);
 
   options.max_client_bytes = 400'000;
   start(scattered_scene(20), options);
   for (int i = 0; i < 2; ++i) {
-    const Reply answer = ask(a_, warm);
+    const Reply answer = evaluate(a_, warm);
     EXPECT_EQ(warm_bytes(), kWarm);
     ASSERT_EQ(answer.rows(), cold.rows());
     for (std::size_t row = 0; i == 0 && row < cold.rows(); ++row)
@@ -130,9 +130,9 @@ TEST_F(Quotas, WarmStateHasWhatIsLeft) {
   turn_until_idle();
   EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
   // Kept warm state is evicted for a reply, but not for another client's.
-  ask(b_, large_query(20));
+  evaluate(b_, large_query(20));
   EXPECT_EQ(warm_bytes(), kWarm);
-  ask(a_, large_query(20));
+  evaluate(a_, large_query(20));
   EXPECT_EQ(warm_bytes(), 0u);
 }
 

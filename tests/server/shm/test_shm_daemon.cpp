@@ -68,7 +68,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   view.configuration_count = 40;
   view.fields = query.fields;
 
-  const test::Answer own = test::ask(engine, view);
+  const test::Answer own = test::evaluate(engine, view);
   ASSERT_GT(own.memory.size(), std::size_t{1} << 20) << "the reply should not fit a client's first segment";
   for (int round = 0; round < 2; ++round) {
     const Reply reply = client.distances(query);
@@ -90,7 +90,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   for (const Reduce reduce : {Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
     query.reduce = view.reduce = reduce;
     query.max_distance = view.max_distance = 3;
-    const test::Answer reduced = test::ask(engine, view);
+    const test::Answer reduced = test::evaluate(engine, view);
     const Reply reply = client.distances(query);
     ASSERT_GT(reply.rows(), 0u);
     ASSERT_LE(reply.rows(), reduced.size.rows);

@@ -75,12 +75,12 @@ struct PlanDevice {
     --current()->shared;
     std::free(block.stream);
   }
-  static bool ask(const cuda::SharedBlock&) {
+  static bool evaluate(const cuda::SharedBlock&) {
     current()->note_thread();
     if (current()->is_lost) throw cuda::DeviceError(cuda::DeviceError::kLost, "CUDA: a planted loss");
     return current()->is_done;
   }
-  static constexpr cuda::SharedMemoryCalls kCalls{share, wait, release, ask};
+  static constexpr cuda::SharedMemoryCalls kCalls{share, wait, release, evaluate};
 };
 
 /// Address at which a client maps the memory of a handle.

@@ -44,7 +44,7 @@ class CertificateRequests : public LoopTest {
     return {reinterpret_cast<const char*>(body.data()), body.size()};
   }
   void expect_rejected(const std::vector<std::byte>& frame, ErrorCode code, const std::string& text) {
-    const auto error = error_of(ask(a_, frame));
+    const auto error = error_of(evaluate(a_, frame));
     EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code);
     EXPECT_EQ(error.text, text);
   }
@@ -53,15 +53,15 @@ class CertificateRequests : public LoopTest {
 TEST_F(CertificateRequests, AreAnsweredWithTheEnginesOwnDocument) {
   start(small_scene());
   QueryView query;
-  EXPECT_EQ(document(ask(a_, TestQuery().frame(1, FrameType::kCertify))), engine_->certificate(query));
+  EXPECT_EQ(document(evaluate(a_, TestQuery().frame(1, FrameType::kCertify))), engine_->certificate(query));
 
   TestQuery some;
   some.records = rows_record({1, 0});
   const std::vector<std::uint64_t> numbers{1, 0};
-  EXPECT_EQ(document(ask(a_, some.frame(2, FrameType::kCertify))), engine_->certificate(query, numbers));
+  EXPECT_EQ(document(evaluate(a_, some.frame(2, FrameType::kCertify))), engine_->certificate(query, numbers));
 
   some.records = rows_record({});
-  EXPECT_EQ(document(ask(a_, some.frame(3, FrameType::kCertify))),
+  EXPECT_EQ(document(evaluate(a_, some.frame(3, FrameType::kCertify))),
             engine_->certificate(query, std::vector<std::uint64_t>()))
       << "no rows are not all rows";
 }
@@ -72,7 +72,7 @@ TEST_F(CertificateRequests, OfConfigurations) {
   query.pairs = {{0, 1}, {1, 2}};
   query.bodies = {1};
   for (int k = 0; k < 3; ++k) query.configurations.push_back({0.5 * k, 0.1, 2, 1, 0, 0, 0});
-  const std::string text = document(ask(a_, query.frame(1, FrameType::kCertify)));
+  const std::string text = document(evaluate(a_, query.frame(1, FrameType::kCertify)));
   QueryView view;
   const std::vector<BodyPair> pairs{{0, 1}, {1, 2}};
   std::vector<Pose> poses;
@@ -134,7 +134,7 @@ TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {
   expect_rejected(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
                   "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +
                       " bytes: request fewer rows at a time");
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "the daemon goes on";
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u) << "the daemon goes on";
 }
 
 TEST_F(CertificateRequests, CountAsWhatTheyMayTake) {

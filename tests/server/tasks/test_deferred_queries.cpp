@@ -39,8 +39,8 @@ TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   turn_until_idle();
   EXPECT_TRUE(a_.replies.empty());
   EXPECT_EQ(loop_->counter("queries.held_back"), 1u);
-  EXPECT_EQ(ask(b_, small_query()).snapshot_stamp_ns(), 90) << "another is answered meanwhile";
-  const Reply own = ask(a_, small_query());
+  EXPECT_EQ(evaluate(b_, small_query()).snapshot_stamp_ns(), 90) << "another is answered meanwhile";
+  const Reply own = evaluate(a_, small_query());
   EXPECT_EQ(own.snapshot_stamp_ns(), 90) << "and so is another query of the same client";
   move(1, 99, 8);
   turn_until_idle();
@@ -54,7 +54,7 @@ TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
   EXPECT_GE(reply.pose_age_ns(), 0);
   EXPECT_LT(reply.pose_age_ns(), static_cast<std::int64_t>(reply.server_ns()))
       << "the query arrived before these poses";
-  EXPECT_EQ(ask(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
+  EXPECT_EQ(evaluate(a_, waiting_query(100, 0s)).snapshot_stamp_ns(), 100) << "who finds them there does not wait";
 }
 
 TEST_F(DeferredQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCame) {
@@ -111,7 +111,7 @@ TEST_F(DeferredQueries, WaitForABodyAGroupOrAll) {
   start(small_scene());
   constexpr std::uint32_t kCup = 1, kLink1 = 2, kLink2 = 3, kArm = kGroupBit | 0u;
   const auto is_there = [this](std::uint32_t who, std::int64_t stamp_ns) {
-    return ask(a_, waiting_query(stamp_ns, 0s, who).frame(1))->type() == FrameType::kReply;
+    return evaluate(a_, waiting_query(stamp_ns, 0s, who).frame(1))->type() == FrameType::kReply;
   };
   EXPECT_FALSE(is_there(kEveryBody, 1)) << "no pose has come";
   move(kCup, 50);
@@ -131,14 +131,15 @@ TEST_F(DeferredQueries, WhatIsWrongIsSaidAtOnce) {
   start(small_scene());
   TestQuery query = waiting_query(100, 10s);
   query.pairs = {{1, 1}};
-  EXPECT_EQ(error_of(ask(a_, query.frame(1))).header.code, static_cast<std::uint16_t>(ErrorCode::kBadQuery));
+  EXPECT_EQ(error_of(evaluate(a_, query.frame(1))).header.code, static_cast<std::uint16_t>(ErrorCode::kBadQuery));
   for (const auto& [who, text] :
        {std::pair(9u, "wait_for: unknown body 9"), std::pair(kGroupBit | 5u, "wait_for: unknown group 5")})
-    EXPECT_EQ(error_of(ask(a_, waiting_query(100, 10s, who).frame(1))).text, text);
-  EXPECT_EQ(error_of(ask(a_, waiting_query(-1, 10s).frame(1))).text, "query: min_pose_stamp_ns must be >= 0, got -1");
-  EXPECT_EQ(error_of(ask(a_, waiting_query(1, 11s).frame(1))).text,
+    EXPECT_EQ(error_of(evaluate(a_, waiting_query(100, 10s, who).frame(1))).text, text);
+  EXPECT_EQ(error_of(evaluate(a_, waiting_query(-1, 10s).frame(1))).text,
+            "query: min_pose_stamp_ns must be >= 0, got -1");
+  EXPECT_EQ(error_of(evaluate(a_, waiting_query(1, 11s).frame(1))).text,
             "query: pose_wait_ns must be 0 to 10000000000, got 11000000000");
-  EXPECT_EQ(error_of(ask(a_, waiting_query(0, 1s).frame(1))).text,
+  EXPECT_EQ(error_of(evaluate(a_, waiting_query(0, 1s).frame(1))).text,
             "query: pose_wait_ns is for a query with min_pose_stamp_ns");
 }
 
@@ -157,7 +158,7 @@ TEST_F(DeferredQueries, CountAsUnderWayUntilTheirClientIsGone) {
   EXPECT_EQ(a_.sinks, 0);
   EXPECT_EQ(loop_->counter("queries.dropped"), 2u);
   a_.alive = true;
-  EXPECT_EQ(ask(a_, small_query()).rows(), 1u) << "it may ask again";
+  EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u) << "it may ask again";
 }
 
 TEST_F(DeferredQueries, CountAmongTheBytesOfTheirClientAndOfAll) {

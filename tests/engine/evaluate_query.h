@@ -36,8 +36,8 @@ inline Answer room_for(const Engine& engine, const QueryView& query) {
   return a;
 }
 
-inline Answer ask(const Engine& engine, const QueryView& query,
-                  std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
+inline Answer evaluate(const Engine& engine, const QueryView& query,
+                       std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
   Answer a = room_for(engine, query);
   Job job = engine.start(query, a.view);
   while (!job.advance(slice)) {
