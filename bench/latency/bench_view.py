@@ -26,12 +26,12 @@ RATE_HZ, PICTURES = 10, 2000
 def pictures(url):
     """Sends a page's requests once per iteration."""
     import clearance
-    from clearance.view.model import Question
+    from clearance.view.model import ViewQuery
     from clearance.view.session import Session
 
     session = Session(clearance.connect(url), clearance.Scene.load(SCENE), url)
     while True:
-        session.picture(Question())
+        session.picture(ViewQuery())
         session.positions()
         yield
 

@@ -15,7 +15,7 @@ import pytest
 import clearance
 from clearance.view import command
 from clearance.view.edge import Verdict, certified_edge
-from clearance.view.model import Question, WhatIf, all_joints, look, positions_now, shapes_of
+from clearance.view.model import ViewQuery, WhatIf, all_joints, look, positions_now, shapes_of
 from clearance.view.plots import Series, nice_step, plot
 from clearance.view.session import Session
 from clearance.view.shadow import Shadow
@@ -90,7 +90,7 @@ def robot():
 
 def test_a_picture_is_the_answer(robot):
     robot.set_joints({"arm/turn": 0.55})  # into the shelf
-    picture = look(robot, Question(max_distance=0.3, most_rows=1000))
+    picture = look(robot, ViewQuery(max_distance=0.3, most_rows=1000))
     r = robot.distances(reduce="within", max_distance=0.3, fields=("default", "pair", "points"))
     expected = {tuple(p): row for p, *row in zip(r.pairs.tolist(), r.lower, r.upper, r.status)}
     have = {tuple(p): row for p, *row in zip(picture.pairs.tolist(), picture.lower, picture.upper, picture.status)}
@@ -105,12 +105,12 @@ def test_a_picture_is_the_answer(robot):
     np.testing.assert_array_equal(picture.poses, [state.pose for state in states])
     assert picture.placed.all()
 
-    few = look(robot, Question(max_distance=0.3, most_rows=5))
+    few = look(robot, ViewQuery(max_distance=0.3, most_rows=5))
     assert few.total == picture.total and few.upper.tolist() == picture.upper[:5].tolist()
 
 
 def test_each_bodys_nearest_comes_once_a_pair(robot):
-    picture = look(robot, Question("nearest"))
+    picture = look(robot, ViewQuery("nearest"))
     r = robot.distances(reduce="nearest", fields=("default", "pair"))
     expected = {tuple(sorted(p)) for p in r.pairs[0].tolist() if clearance.NONE not in p}
     assert {tuple(sorted(p)) for p in picture.pairs.tolist()} == expected
@@ -121,7 +121,7 @@ def test_bodies_without_a_pose_are_not_placed():
     scene = clearance.Scene()
     scene.add_sphere("here", 0.1, pose=at(0))
     scene.add_sphere("nowhere", 0.1)
-    picture = look(clearance.Engine(scene, threads=1), Question())
+    picture = look(clearance.Engine(scene, threads=1), ViewQuery())
     assert picture.placed.tolist() == [True, False]
     assert not picture.drawn.any() and math.isnan(picture.ages_s[1])
     assert "no_pose" in pairs_table(picture) or "No pair" in pairs_table(picture)
@@ -132,21 +132,21 @@ def test_a_daemon_is_asked_and_not_told(arm_daemon, arm_engine, kind, urdf):
     joints = all_joints(client)
     now = positions_now(client)
     np.testing.assert_array_equal(now, positions_now(arm_engine))
-    before = look(client, Question(max_distance=1.0))
-    local = look(arm_engine, Question(max_distance=1.0))
+    before = look(client, ViewQuery(max_distance=1.0))
+    local = look(arm_engine, ViewQuery(max_distance=1.0))
     for column in ("pairs", "status", "lower", "upper", "segments", "poses"):
         np.testing.assert_array_equal(getattr(before, column), getattr(local, column))
 
     session = Session(client, arm_scene(urdf), "")
     elsewhere = rows_of(joints, 1)[0]
-    would_be = session.picture(Question(max_distance=1.0), elsewhere)
+    would_be = session.picture(ViewQuery(max_distance=1.0), elsewhere)
     arm_engine.set_joints(elsewhere, joints=arm_engine.joints("arm"))
-    there = look(arm_engine, Question(max_distance=1.0))
+    there = look(arm_engine, ViewQuery(max_distance=1.0))
     for column in ("pairs", "status", "lower", "upper", "segments"):
         np.testing.assert_array_equal(getattr(would_be, column), getattr(there, column))
     np.testing.assert_allclose(would_be.poses, there.poses, atol=1e-12)
     assert np.abs(would_be.poses - before.poses).max() > 0.1
-    after = look(client, Question(max_distance=1.0))
+    after = look(client, ViewQuery(max_distance=1.0))
     assert after.pose_revision == before.pose_revision and after.poses.tolist() == before.poses.tolist()
     client.close()
 
@@ -180,11 +180,11 @@ def test_a_session_follows_a_scene_that_changes(start_daemon, urdf, tmp_path):
     session = Session(clearance.connect(daemon.urls["ipc"]), clearance.Scene.load(tmp_path / "scene.yaml"), "")
     assert all(session.known) and not session.warning
     first = session.generation
-    session.picture(Question())
+    session.picture(ViewQuery())
     assert session.generation == first
     with clearance.connect(daemon.urls["ipc"]) as other:
         other.add_body("mug", sphere=0.2, pose=at(0.4, 0.35, 0.5))
-    picture = session.picture(Question())
+    picture = session.picture(ViewQuery())
     assert session.generation > first and picture.names[-1] == "mug"
     assert session.known[-1] is False and all(session.known[:-1]) and "other bodies" in session.warning
     assert len(session.shapes) == len(picture.names) and picture.overlapping[-1]
@@ -254,7 +254,7 @@ def test_numbers_on_the_page_are_rounded_outward():
 
 
 def test_the_table_has_the_pictures_rows(robot):
-    picture = look(robot, Question(max_distance=0.3, most_rows=7))
+    picture = look(robot, ViewQuery(max_distance=0.3, most_rows=7))
     text = pairs_table(picture)
     rows = re.findall(r'data-pair="(\d+),(\d+)"><td>(.*?)</td><td class="lower" title="(.*?)">.*?title="(.*?)"', text)
     assert len(rows) == 7
@@ -270,7 +270,7 @@ def test_names_cannot_be_markup():
     scene = clearance.Scene()
     scene.add_sphere("<img src=x onerror=y>", 0.1, pose=at(0))
     scene.add_sphere("b", 0.1, pose=at(0.25))
-    text = pairs_table(look(clearance.Engine(scene, threads=1), Question()))
+    text = pairs_table(look(clearance.Engine(scene, threads=1), ViewQuery()))
     assert "<img" not in text and "&lt;img src=x onerror=y&gt;" in text
 
 
@@ -296,7 +296,7 @@ def test_what_is_shown_is_what_was_named(start_daemon, cell, urdf, monkeypatch):
     session = command.open_session(options(cell))
     assert not session.asks_only and len(session.shapes) == 23
     session = command.open_session(options(urdf))
-    assert session.joints.names[0].startswith("arm/") and session.picture(Question()).placed.all()
+    assert session.joints.names[0].startswith("arm/") and session.picture(ViewQuery()).placed.all()
     url = start_daemon(cell, ["ipc"]).urls["ipc"]
     session = command.open_session(options("--connect", url))
     assert session.asks_only and not any(session.known)

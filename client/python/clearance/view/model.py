@@ -23,7 +23,7 @@ _MOST_RESULTS = 10_000  # maximum pairs of a query, of which the nearest are sho
 
 
 @dataclass(frozen=True)
-class Question:
+class ViewQuery:
     """The query of every picture."""
 
     kind: Literal["within", "nearest"] = "within"  #: pairs that may be nearer than max_distance, or each body's nearest
@@ -73,7 +73,7 @@ class WhatIf:
     positions: np.ndarray  #: (J,) radians and metres
 
 
-def look(front: Front, question: Question, what_if: Optional[WhatIf] = None) -> Picture:
+def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) -> Picture:
     """Runs one query and returns the picture of its answer.
 
     Reads the poses just before the query, so that those of moving bodies can be slightly older than the answer.

@@ -11,7 +11,7 @@ import numpy as np
 import viser
 
 from .edge import Edge
-from .model import Picture, Question, slider_range
+from .model import Picture, ViewQuery, slider_range
 from .plots import Series, plot
 from .session import Session
 from .shapes import LOOKS
@@ -72,7 +72,7 @@ class Panel:
     def _make_question(self) -> None:
         gui = self._server.gui
         self._kind = gui.add_dropdown("query", ("pairs within", "each body's nearest"), hint="options of the query")
-        self._distance = gui.add_number("within [m]", Question.max_distance, min=0.0, max=100.0, step=0.01)
+        self._distance = gui.add_number("within [m]", ViewQuery.max_distance, min=0.0, max=100.0, step=0.01)
         self._pairs = gui.add_html("")
 
     def _make_edge(self) -> None:
@@ -144,9 +144,9 @@ class Panel:
     # ---- requests -------------------------------------------------------------------------------------------------
 
     @property
-    def question(self) -> Question:
+    def question(self) -> ViewQuery:
         kind = "within" if self._kind.value == "pairs within" else "nearest"
-        return Question(kind, float(self._distance.value))  # type: ignore[arg-type]
+        return ViewQuery(kind, float(self._distance.value))  # type: ignore[arg-type]
 
     @property
     def look(self) -> str:

@@ -12,7 +12,7 @@ from .._front import Front
 from .._joints import Joints
 from ..wire import ErrorCode
 from .edge import Edge, certified_edge
-from .model import Picture, Question, WhatIf, all_joints, look, positions_now, shapes_of
+from .model import Picture, ViewQuery, WhatIf, all_joints, look, positions_now, shapes_of
 from .shapes import Shape
 
 if TYPE_CHECKING:
@@ -67,7 +67,7 @@ class Session:
         """Returns (J,) current joint positions."""
         return positions_now(self.front)
 
-    def picture(self, question: Question, elsewhere: Optional[np.ndarray] = None) -> Picture:
+    def picture(self, question: ViewQuery, elsewhere: Optional[np.ndarray] = None) -> Picture:
         """Returns one picture. elsewhere: (J,) hypothetical positions, which an engine in this process is set to.
 
         Adopts a new scene after a change or a restart of the daemon. Raises as Front.distances().
@@ -83,7 +83,7 @@ class Session:
         self.refresh()
         return self._picture(question, None)
 
-    def _picture(self, question: Question, elsewhere: Optional[np.ndarray]) -> Picture:
+    def _picture(self, question: ViewQuery, elsewhere: Optional[np.ndarray]) -> Picture:
         if self.front.scene_revision != self._revision:
             self.refresh()
             elsewhere = None
