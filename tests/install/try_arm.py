@@ -84,7 +84,8 @@ def main():
                 same_bits(client.distances(fields=FIELDS), want, "this machine's client")
                 same_bits(
                     client.distances(fields=FIELDS, signed_distance=True),
-                    engine.distances(fields=FIELDS, signed_distance=True), "depths"
+                    engine.distances(fields=FIELDS, signed_distance=True),
+                    "depths",
                 )
                 for url in urls.values():
                     check_rows(rows_of(qemu, programs, url), want, names, url)

@@ -5,6 +5,7 @@ mutants.py OUT      writes the mutated files to OUT/engine; files that would not
 mutants.py --files  prints the mutated files, and the sources that include a mutated header, relative to engine/
 mutants.py --tests  prints a line "NAME PROGRAM" for each mutant
 """
+
 from __future__ import annotations
 
 import re
@@ -13,7 +14,7 @@ from collections import defaultdict
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from table import MUTANTS, SOURCES_OF_HEADERS, Mutant  # noqa: E402
+from table import MUTANTS, SOURCES_OF_HEADERS, Mutant
 
 ENGINE = Path(__file__).resolve().parents[2] / "engine"
 

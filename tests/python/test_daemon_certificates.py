@@ -55,8 +55,13 @@ def test_motions_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
     with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         arm = client.joints("arm")
         start = rows_of(arm, 1)
-        requested = {"joints": arm.names, "start": start, "end": start + 0.05, "reduce": "none",
-            "pairs": ("arm", "cup")}
+        requested = {
+            "joints": arm.names,
+            "start": start,
+            "end": start + 0.05,
+            "reduce": "none",
+            "pairs": ("arm", "cup"),
+        }
         requested["margin"] = 0.4  # which a pair reaches during its motion
         result = client.motions(**requested)
         document = proved(root, tmp_path, client.certificate(**requested), result.lower.size)

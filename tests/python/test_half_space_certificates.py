@@ -97,14 +97,17 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed_distance):
     (tmp_path / "rings.urdf").write_text(TWO_RINGS)
     scene.add_robot("r", tmp_path / "rings.urdf", mesh_as="solid")
     engine = clearance.Engine(scene, backend="cpu")
-    planes, clouds = {"floor",
-        "wall"}, test_surface_certificates.CLOUDS if signed_distance else set()  # clouds have no depth
+    planes, clouds = (
+        {"floor", "wall"},
+        test_surface_certificates.CLOUDS if signed_distance else set(),
+    )  # clouds have no depth
     movable = [body.name for body in engine.bodies if body.name not in planes | {"follower", "r", "r/two"}]
     pairs = both_sides(engine, [name for name in [*movable, "r/two"] if name not in clouds])
     rng = np.random.default_rng(4)
     places = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
-    document = checked(checker, engine, signed_distance=signed_distance, pairs=pairs, bodies=movable,
-        configurations=places)
+    document = checked(
+        checker, engine, signed_distance=signed_distance, pairs=pairs, bodies=movable, configurations=places
+    )
     assert {row["status"] for row in document["rows"]} >= {"ok", "overlap"}
     if signed_distance:  # depths of several surfaces are also proved by one direction
         assert {len(claims(document, k)) for k in range(len(document["rows"]))} == {1}
@@ -160,8 +163,12 @@ def moves(count, seed, spread=0.6):
         other = np.concatenate([places[:, 1:], places[:, 1:]], axis=1) + rng.normal(size=(count, 2, 7)) * 0.1
         return joints, np.concatenate([places[:, :1], other], axis=1)
 
-    return {**requested, "bodies": ["cart", "ring", "cloud"], "start": poses(requested["start"]),
-        "end": poses(requested["end"])}
+    return {
+        **requested,
+        "bodies": ["cart", "ring", "cloud"],
+        "start": poses(requested["start"]),
+        "end": poses(requested["end"]),
+    }
 
 
 PAIRS = [("arm", "floor"), ("wall", "arm"), ("ring", "floor"), ("wall", "cloud"), ("floor", "cart")]

@@ -99,8 +99,10 @@ def test_reductions_and_decisions(front):
     assert within.lower.size == 2 and within.configuration.tolist() == [1, 2]
     nearest = front.distances(reduce="nearest", **requested)
     assert nearest.lower.size == len(PLACES) * 4
-    exact_value = {"pairs": [("bracket", "ball")],
-        "bodies": ["ball"]}  # results cached for one are not used for the other
+    exact_value = {
+        "pairs": [("bracket", "ball")],
+        "bodies": ["ball"],
+    }  # results cached for one are not used for the other
     assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
     check = front.check(PLACES, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
     assert check.free.tolist() == [True, False, False, True]
@@ -172,11 +174,13 @@ def test_links_of_robots(scene):
     assert apart.sum() > 20 and (exact_value.status == Status.OVERLAP).sum() > 3
     assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK
     assert (exact_value.upper - exact_value.lower).max() < 1e-5
-    free, wider = (engine.check(turns, joints="arm", pairs=requested["pairs"], model=m).free for m in ("truth",
-        "pieces"))
+    free, wider = (
+        engine.check(turns, joints="arm", pairs=requested["pairs"], model=m).free for m in ("truth", "pieces")
+    )
     assert (wider <= free).all() and wider.sum() > 20
-    at_truth, at_pieces = (engine.free_scale(turns, "arm", pairs=requested["pairs"], model=m) for m in ("truth",
-        "pieces"))
+    at_truth, at_pieces = (
+        engine.free_scale(turns, "arm", pairs=requested["pairs"], model=m) for m in ("truth", "pieces")
+    )
     assert (at_pieces[~wider] == 0).all() and (at_pieces[apart[:, 0]] > 0).all() and (at_truth[free] > 0).all()
     for start, end in ((0, 8), (20, 30)):
         ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": requested["pairs"]}

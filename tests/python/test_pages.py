@@ -91,7 +91,9 @@ def test_tables_of_supported_queries_are_those_of_the_code():
 def test_conditions_that_cannot_be_read_are_reported(tmp_path, monkeypatch):
     monkeypatch.setattr(support_page, "DEVICE", tmp_path)
     file = tmp_path / "some.cpp"
-    file.write_text('std::string beyond(const Plan& plan) {\n  if (plan.query.max_evaluations > 0) return "motions";\n}\n')
+    file.write_text(
+        'std::string beyond(const Plan& plan) {\n  if (plan.query.max_evaluations > 0) return "motions";\n}\n'
+    )
     assert support_page.rejections("beyond", "some.cpp") == [("q.max_evaluations > 0", "motions")]
     file.write_text("std::string beyond(const Plan& plan) {\n  return motions(plan);\n}\n")
     with pytest.raises(SystemExit, match="cannot be read: return motions"):

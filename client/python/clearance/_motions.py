@@ -107,8 +107,13 @@ class MotionQueries:
 
         Raises as distances() does.
         """
-        more |= {"margin": margin, "abs_tol": abs_tol, "rel_tol": rel_tol, "reduce": reduce,
-            "max_evaluations": max_evaluations}
+        more |= {
+            "margin": margin,
+            "abs_tol": abs_tol,
+            "rel_tol": rel_tol,
+            "reduce": reduce,
+            "max_evaluations": max_evaluations,
+        }
         return self.distances(
             pairs, max_distance=max_distance, **motion_arguments(self, joints, start, end, bodies, fields, **more)
         )

@@ -113,8 +113,9 @@ class Scene(RobotScene):
         """
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         cloud, edge = to_cloud(points, "points"), to_number(voxel, "voxel")
-        return self._add(self._scene.add_points, name, rest, cloud, edge, to_bool(requires_pose, "requires_pose"),
-            radius=radius)
+        return self._add(
+            self._scene.add_points, name, rest, cloud, edge, to_bool(requires_pose, "requires_pose"), radius=radius
+        )
 
     def add_mesh(
         self,

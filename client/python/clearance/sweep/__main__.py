@@ -52,8 +52,12 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 
 def _run(options: argparse.Namespace) -> Summary:
     progress = None if options.quiet else sys.stderr
-    requested = {"workers": options.workers, "threads": options.threads, "backend": options.backend,
-        "progress": progress}
+    requested = {
+        "workers": options.workers,
+        "threads": options.threads,
+        "backend": options.backend,
+        "progress": progress,
+    }
     job = Job.load(options.job)
     if options.ray is None:
         return run(job, options.output, **requested)
