@@ -54,7 +54,8 @@ PLAN_ROWS = [
     ("2 arms of 35 parts, 10 obstacles of 71, 4096 configurations", f"{ARMS}, compact"),
     ("the same, min", f"{ARMS}, min"),
     (f"{ARM}, 4,096 configurations, any", f"{ARM}, 4096 configurations of joints, any"),
-    (f"{ARM}, 4,096 configurations, min, gradients by joints", f"{ARM}, 4096 configurations of joints, min, gradients by joints"),
+    (f"{ARM}, 4,096 configurations, min, gradients by joints",
+     f"{ARM}, 4096 configurations of joints, min, gradients by joints"),
     (f"{ARM}, 1,048,576 configurations, any", f"{ARM}, 1048576 configurations of joints, any"),
 ]
 

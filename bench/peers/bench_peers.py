@@ -177,7 +177,7 @@ def time_workload(problem, what, rounds, seconds):
     for c in contenders:
         if not c.settings:
             rows.append({"workload": problem.name, "what": what, "pairs": problem.count, "contender": c.name,
-                         "setting": f"refused: {c.refusal}"[:80]})
+                         "setting": f"refused: {c.rejection}"[:80]})
         c.close()
     # Ratios within each round, so that another program's load affects both sides.
     ours = {s: times[c, s] for c, s in requested if c.name == "Clearance"}

@@ -1,9 +1,9 @@
 """The mutants: deliberate errors in the engine, each of which a test must find.
 
-Each has a name, the program that must find it (CMakeLists.txt), a file below engine/, and edits. An edit is a text that stands
-in the file exactly once, and an expression that replaces it, or the part of it between two @. All mutants of a file are
-compiled together, each as `clearance_mutant == NUMBER ? (replacement) : (original)`; the environment variable CLEARANCE_MUTANT
-selects one. A replacement that begins with = stands in all of them.
+Each has a name, the program that must find it (CMakeLists.txt), a file below engine/, and edits. An edit is a text that
+stands in the file exactly once, and an expression that replaces it, or the part of it between two @. All mutants of a
+file are compiled together, each as `clearance_mutant == NUMBER ? (replacement) : (original)`; the environment variable
+CLEARANCE_MUTANT selects one. A replacement that begins with = stands in all of them.
 """
 
 from __future__ import annotations
