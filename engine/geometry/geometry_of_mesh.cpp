@@ -83,8 +83,8 @@ enum class MeshKind : std::uint8_t { kHulls, kConvex, kExact };
 
 struct MeshClass {
   MeshKind kind;
-  ConvexPartPtr convex_part = {};  // that the classifier built to decide; may be null
-  double excess = 0;               // of kConvex, in metres
+  ConvexPartPtr part = {};  // that the classifier built to decide; may be null
+  double excess = 0;        // of kConvex, in metres
 };
 
 // Only kAuto depends on the mesh: it is kConvex if its vertices alone keep it from being convex, by their rounding, and

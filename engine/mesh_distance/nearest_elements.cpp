@@ -384,7 +384,7 @@ void NearestElements::pair_triangles(const Entry& e, const Surface::Node* leaf_a
   ElementColumns columns_a, columns_b;
   columns_a.take(of_a, range_a.begin, range_a.end);
   columns_b.take(of_b, range_b.begin, range_b.end);
-  PartColumn gaps[kParts];
+  PartColumn gaps[kPartLanes];
   triangle_gaps(columns_a, columns_b, R_, D_, directions, gaps);
   for (std::uint32_t j = range_b.begin; j < range_b.end; ++j)
     for (std::uint32_t i = range_a.begin; i < range_a.end; ++i) {

@@ -81,13 +81,13 @@ class NearestElements {
   };
   // The children of a node: the nodes two levels below it, or leaves before; the elements of a leaf.
   struct NodesBelow {
-    std::uint32_t at[kParts], count = 0;
+    std::uint32_t at[kPartLanes], count = 0;
     NodeColumns columns;
 
     NodesBelow(const Surface& surface, std::uint32_t node);
   };
   struct ElementsBelow {
-    std::uint32_t at[kParts], count;
+    std::uint32_t at[kPartLanes], count;
     ElementColumns columns;
 
     ElementsBelow(const Surface& surface, std::uint32_t leaf);

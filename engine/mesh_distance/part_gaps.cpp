@@ -31,11 +31,11 @@ CLEARANCE_INLINE Vec3<Column> columns(const Vec3d& v) {
 }
 CLEARANCE_INLINE bool are_all_above(const Column& x, double y) {
   bool all = true;
-  for (std::size_t k = 0; k < kParts; ++k) all &= x[k] > y;
+  for (std::size_t k = 0; k < kPartLanes; ++k) all &= x[k] > y;
   return all;
 }
 CLEARANCE_INLINE void root(Column& x) {
-  for (std::size_t k = 0; k < kParts; ++k) x[k] = __builtin_sqrt(x[k]);
+  for (std::size_t k = 0; k < kPartLanes; ++k) x[k] = __builtin_sqrt(x[k]);
 }
 
 // A part, or several by columns, as seen along each column's direction.
@@ -74,7 +74,7 @@ CLEARANCE_INLINE Vec3<Column> scaled(const Vec3<Column>& v, const Column& by) {
 
 void NodeColumns::take(const Surface& surface, const std::uint32_t* nodes, std::size_t count) {
   centre = surface.centre();
-  for (std::size_t k = 0; k < kParts; ++k) {
+  for (std::size_t k = 0; k < kPartLanes; ++k) {
     const std::uint32_t at = nodes[k < count ? k : count - 1];
     const Surface::Node& node = surface.nodes()[at];
     for (int i = 0; i < 3; ++i) {
@@ -86,7 +86,7 @@ void NodeColumns::take(const Surface& surface, const std::uint32_t* nodes, std::
   behind = ahead = Floats{};
   have_planes = !surface.is_cloud();
   if (!have_planes) return;
-  for (std::size_t k = 0; k < kParts; ++k) {
+  for (std::size_t k = 0; k < kPartLanes; ++k) {
     const Surface::Slab& slab = surface.slabs()[nodes[k < count ? k : count - 1]];
     for (int i = 0; i < 3; ++i) normal[i][k] = float(slab.units[static_cast<std::size_t>(i)]);
     behind[k] = slab.low;
@@ -97,7 +97,7 @@ void NodeColumns::take(const Surface& surface, const std::uint32_t* nodes, std::
 void ElementColumns::take(const Surface& surface, std::uint32_t begin, std::uint32_t end) {
   are_points = surface.is_cloud();
   half = are_points ? 0.5 * double{surface.edge()} + surface.rounding() : 0;
-  for (std::uint32_t k = 0; k < kParts; ++k) {
+  for (std::uint32_t k = 0; k < kPartLanes; ++k) {
     const std::uint32_t at = begin + k < end ? begin + k : end - 1;
     if (are_points) {
       const Vec3d p = surface.point(at);
@@ -280,21 +280,21 @@ CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& e
 
 CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumns& a, const ElementColumns& b,
                                                              const Mat3d& R, const Vec3d& D, const Vec3d (&n)[2],
-                                                             PartColumn (&gaps)[kParts]) {
+                                                             PartColumn (&gaps)[kPartLanes]) {
   for (Column& gap : gaps) gap = Column{};
   const auto look = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b reversed
     const Column far_a = reach(columns(along), a), far_b = reach(columns(back), b);
     const double between = dot(along, D);
-    for (std::size_t j = 0; j < kParts; ++j) take_greater(gaps[j], ((between - far_b[j]) - far_a) * kShort);
+    for (std::size_t j = 0; j < kPartLanes; ++j) take_greater(gaps[j], ((between - far_b[j]) - far_a) * kShort);
   };
   for (const Vec3d& along : n) look(along, -R.transpose_times(along));
   const Vec3d towards = n[1];
   const Vec3<Column> of_a = unit_normals(a), of_b = unit_normals(b);
-  for (std::size_t k = 0; k < kParts; ++k) {
+  for (std::size_t k = 0; k < kPartLanes; ++k) {
     const Vec3d m{of_a.x[k], of_a.y[k], of_a.z[k]}, along = dot(m, towards) < 0 ? -m : m;
     look(along, -R.transpose_times(along));
   }
-  for (std::size_t k = 0; k < kParts; ++k) {
+  for (std::size_t k = 0; k < kPartLanes; ++k) {
     const Vec3d m{of_b.x[k], of_b.y[k], of_b.z[k]}, turned = R * m;
     dot(turned, towards) < 0 ? look(-turned, m) : look(turned, -m);
   }

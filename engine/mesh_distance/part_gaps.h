@@ -20,12 +20,12 @@ struct PartBounds {
 };
 
 /// Values for several parts of one body.
-inline constexpr std::size_t kParts = 4;
-using PartColumn = double __attribute__((vector_size(kParts * sizeof(double))));
+inline constexpr std::size_t kPartLanes = 4;
+using PartColumn = double __attribute__((vector_size(kPartLanes * sizeof(double))));
 
 /// Nodes of a mesh, in its own precision.
 struct NodeColumns {
-  using Floats = float __attribute__((vector_size(kParts * sizeof(float))));
+  using Floats = float __attribute__((vector_size(kPartLanes * sizeof(float))));
   Vec3<Floats> low, high, normal;
   Floats behind, ahead;  ///< of their slabs
   Vec3d centre;          ///< of the mesh
@@ -41,7 +41,7 @@ struct ElementColumns {
   bool are_points;  ///< points have one corner
   double half;      ///< half edge of the boxes about points
 
-  /// \param end at most begin + kParts; the last element fills the remaining columns
+  /// \param end at most begin + kPartLanes; the last element fills the remaining columns
   void take(const Surface& surface, std::uint32_t begin, std::uint32_t end);
 };
 
@@ -64,6 +64,6 @@ void part_gaps(const ElementColumns& elements, const PartBounds& other, const Ma
 /// \param R,D convert b's coordinates to a's
 /// \param n directions from a towards b, in the axes of a, of length 1 up to rounding, or 0
 void triangle_gaps(const ElementColumns& a, const ElementColumns& b, const Mat3d& R, const Vec3d& D,
-                   const Vec3d (&n)[2], PartColumn (&gaps)[kParts]);
+                   const Vec3d (&n)[2], PartColumn (&gaps)[kPartLanes]);
 
 }  // namespace clearance

@@ -58,7 +58,7 @@ struct PosedBody {
     add(std::move(all), rough);
   }
   ConvexPartView hull() const { return {view.vertices, view.radius}; }
-  ConvexPartView convex_part(std::uint32_t part) const { return {parts[part].vertices, view.radius}; }
+  ConvexPartView part(std::uint32_t number) const { return {parts[number].vertices, view.radius}; }
 
   BodyView view;
   Pose X;
