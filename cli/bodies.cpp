@@ -25,7 +25,7 @@ void print_bodies(const BodiesOptions& o) {
                "empty_share", "truth", "triangles"});
   for (std::size_t i = 0; i < scene.bodies.size(); ++i) {
     const BodyInfo& b = scene.bodies[i];
-    table.add({i, b.name, b.is_static ? "static" : "movable", parent_cell(scene, b.parent), b.convex_part_count,
+    table.add({i, b.name, b.is_static ? "static" : "movable", parent_cell(scene, b.parent), b.piece_count,
                b.vertex_count, Cell::finite(b.extent, 6), Cell(b.model_error, 3), Cell(b.hull_excess, 3),
                std::isnan(b.empty_share) ? Cell() : Cell(b.empty_share, 3),
                b.triangle_count == 0 ? "pieces"

@@ -114,7 +114,7 @@ struct BodyInfo {
   std::string name;
   std::uint32_t parent = kNone;
   bool is_static = false;
-  std::uint32_t convex_part_count = 0;
+  std::uint32_t piece_count = 0;
   std::uint64_t vertex_count = 0;
   double model_error = 0;            ///< metres: bound on how far the convex parts reach outside the specified shape
   double extent = 0;                 ///< metres: distance of the farthest point from the body's origin

@@ -14,7 +14,7 @@ SceneInfo Client::Impl::fetch_scene() {
   info.bodies.reserve(parts.bodies.size());
   for (std::uint64_t i = 0; i < parts.bodies.size(); ++i) {
     const wire::BodyRecord r = parts.bodies[i];
-    info.bodies.push_back({wire::name_of(r.name), r.parent, r.is_static != 0, r.convex_part_count, r.vertex_count,
+    info.bodies.push_back({wire::name_of(r.name), r.parent, r.is_static != 0, r.piece_count, r.vertex_count,
                            r.model_error, r.extent, r.hull_excess, r.empty_share, r.triangle_count, r.is_solid != 0,
                            r.is_cloud != 0});
   }

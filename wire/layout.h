@@ -62,7 +62,7 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(PosesResult, revision, scene_revision, applied, bad, unknown, fixed)
   CLEARANCE_STRUCT(SceneHeader, scene_revision, body_count, group_count, member_count, padding, pair_count, backend,
                    reserved)
-  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, is_solid, is_cloud, padding, convex_part_count, padding2,
+  CLEARANCE_STRUCT(BodyRecord, name, parent, is_static, is_solid, is_cloud, padding, piece_count, padding2,
                    vertex_count, model_error, extent, hull_excess, empty_share, triangle_count)
   CLEARANCE_STRUCT(GroupRecord, name, first_member, member_count, reserved)
   CLEARANCE_STRUCT(PairsHeader, scene_revision, count)

@@ -250,7 +250,7 @@ struct BodyRecord {
   std::uint8_t is_solid = 0;  ///< whether the triangles enclose the body, rather than being the body
   std::uint8_t is_cloud = 0;  ///< whether the body is a point cloud, which kSetPoints replaces
   std::uint8_t padding[1] = {};
-  std::uint32_t convex_part_count = 0;
+  std::uint32_t piece_count = 0;
   std::uint32_t padding2 = 0;
   std::uint64_t vertex_count = 0;
   double model_error = 0;            ///< metres

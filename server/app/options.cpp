@@ -169,7 +169,7 @@ constexpr Limit kLimits[] = {
      "points of an added body; later updates may have more"},
     {"max-stamp-lead-s", &DaemonOptions::max_stamp_lead_s, 0, 1'000'000'000,
      "seconds that a pose's stamp may be ahead of this machine's clock"},
-    {"outside-mib", &DaemonOptions::gateway_mib, 64, 1'000'000,
+    {"gateway-mib", &DaemonOptions::gateway_mib, 64, 1'000'000,
      "MiB of each gateway process for TCP and LCM beyond this machine; one that needs more is\n"
      "restarted. A request or reply may use an eighth of it"},
     {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: all of it"},

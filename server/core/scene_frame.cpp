@@ -18,7 +18,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
   wire::set_name(record.name, body.name);
   record.parent = state.parent;
   record.is_static = body.is_static;
-  record.convex_part_count = static_cast<std::uint32_t>(body.parts.size());
+  record.piece_count = static_cast<std::uint32_t>(body.parts.size());
   record.model_error = body.model_error;
   record.hull_excess = body.hull_excess;
   record.empty_share = body.empty_share;

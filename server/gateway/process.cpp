@@ -117,7 +117,7 @@ bool Process::turn(RequestHandler& handler) {
   pause_ = now - started_ > kLongLife ? Clock::duration()
                                       : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
-  ++handler.counter("outside.restarts");
+  ++handler.counter("gateway.restarts");
   log::warn("event=gateway_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
             std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
   ::kill(pid_, SIGKILL);
@@ -209,8 +209,8 @@ void Process::reap(bool wait) {
 
 /// Counts all gateways together.
 void Process::count_memory(RequestHandler& handler, std::uint64_t bytes) {
-  handler.counter("outside.restarts") += 0;  // makes the counter visible before the first restart
-  std::uint64_t& all = handler.counter("outside.memory_bytes");
+  handler.counter("gateway.restarts") += 0;  // makes the counter visible before the first restart
+  std::uint64_t& all = handler.counter("gateway.memory_bytes");
   all += bytes - memory_counted_;
   memory_counted_ = bytes;
 }

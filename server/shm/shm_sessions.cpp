@@ -61,9 +61,9 @@ ShmSessions::~ShmSessions() {
 void ShmSessions::meet(RequestHandler& handler) {
   if (counters_.connections) return;
   const auto counter = [&](const char* name) { return &handler.counter(name); };
-  counters_ = {counter("shm.connections"),  counter("shm.clients"),     counter("shm.refused"),
+  counters_ = {counter("shm.connections"),  counter("shm.clients"),     counter("shm.rejected"),
                counter("shm.violations"),   counter("shm.over_quota"),  counter("shm.segment_bytes"),
-               counter("shm.pinned_bytes"), counter("shm.pin_refusals")};
+               counter("shm.pinned_bytes"), counter("shm.pin_failures")};
   budget_->drop = [&handler](std::shared_ptr<void> memory) { handler.drop(std::move(memory)); };
 }
 

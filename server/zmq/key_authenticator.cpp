@@ -28,7 +28,7 @@ bool KeyAuthenticator::admits(RequestHandler& handler, const std::string& addres
 }
 
 void KeyAuthenticator::rejected(RequestHandler& handler, const std::string& what) {
-  ++handler.counter("zmq.refused");
+  ++handler.counter("zmq.rejected");
   const auto now = std::chrono::steady_clock::now();
   if (now < next_line_) {
     ++unsaid_;  // a peer that keeps trying must not fill the log

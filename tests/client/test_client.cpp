@@ -32,7 +32,7 @@ Bytes scene_frame(const wire::FrameHeader& request, std::uint64_t revision, std:
     wire::BodyRecord body;
     wire::set_name(body.name, name);
     body.parent = std::string(name) == "cup" ? cup_parent : kNone;
-    body.convex_part_count = 1;
+    body.piece_count = 1;
     frame.add(body);
   }
   wire::GroupRecord group;

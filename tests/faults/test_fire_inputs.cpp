@@ -123,7 +123,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
   const std::string path = arena_.shm().substr(6);
   const std::uint32_t odd[] = {0, 1, 2, 15, 16, 17, 64, 255, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF};
   const auto any = [&] { return odd[random_() % std::size(odd)]; };
-  const std::uint64_t violations = counter("shm.violations"), rejected = counter("shm.refused");
+  const std::uint64_t violations = counter("shm.violations"), rejected = counter("shm.rejected");
   for (int i = 0; i < 80 * rounds(1); ++i) {
     RawClient client(path);
     // Avoids the one value that keeps the rules: slot below 16, generation 1, head 1.
@@ -150,7 +150,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
     expect_good(arena_.shm(), "messages on the socket");
     if (HasFatalFailure()) return;
   }
-  EXPECT_GE(counter("shm.refused") + counter("shm.violations"), rejected + violations + 120);
+  EXPECT_GE(counter("shm.rejected") + counter("shm.violations"), rejected + violations + 120);
 }
 
 TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {

@@ -40,7 +40,7 @@ std::pair<const void*, std::size_t> got(std::span<const T> column, int field_pos
 std::vector<std::byte> bytes_of(const Reply& r) {
   return bytes_of(r.rows(), r.total(), r.pairs(), r.configurations(), got(r.distance(), 0), got(r.lower(), 1),
                   got(r.upper(), 2), got(r.status(), 3), got(r.flags(), 4), got(r.point_a(), 5), got(r.point_b(), 6),
-                  got(r.normal(), 7), got(r.parts(), 8), got(r.gradient(), 9), got(r.pair(), 10),
+                  got(r.normal(), 7), got(r.pieces(), 8), got(r.gradient(), 9), got(r.pair(), 10),
                   got(r.configuration(), 11), got(r.compact(), 12));
 }
 

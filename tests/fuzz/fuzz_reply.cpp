@@ -43,7 +43,7 @@ void use(Reply reply) {
   touch(reply.point_a());
   touch(reply.point_b());
   touch(reply.normal());
-  touch(reply.parts());
+  touch(reply.pieces());
   touch(reply.gradient());
   touch(reply.gradient_joints());
   touch(reply.pair());

@@ -169,7 +169,7 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
     }
   serve(loop);
   const bool accepted = client->has_segment() && loop.counter("shm.violations") == 0 &&
-                        loop.counter("shm.refused") == 0 && loop.counter("errors") == 0;
+                        loop.counter("shm.rejected") == 0 && loop.counter("errors") == 0;
   client.reset();
   serve(loop);
   // Its last message may still be in its socket, which is read in portions; and the worker unmaps segments after the

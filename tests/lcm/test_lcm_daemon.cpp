@@ -158,15 +158,15 @@ TEST_F(LcmDaemonTest, BeyondThisMachineAProcessOutsideReadsThePackets) {
       }
   };
   EXPECT_EQ(requested(), 6u);
-  while (counter("outside.memory_bytes") == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
-  EXPECT_EQ(counter("outside.restarts"), 0u);
+  while (counter("gateway.memory_bytes") == 0) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  EXPECT_EQ(counter("gateway.restarts"), 0u);
   for (const auto& task : std::filesystem::directory_iterator("/proc")) {
     std::ifstream in(task.path() / "stat");
     std::string pid, command, state;
     int parent = 0;
     if (in >> pid >> command >> state >> parent && parent == daemon.pid()) kill(std::stoi(pid), SIGKILL);
   }
-  while (counter("outside.restarts") < 1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  while (counter("gateway.restarts") < 1) std::this_thread::sleep_for(std::chrono::milliseconds(1));
   EXPECT_EQ(requested(), 6u);
 }
 

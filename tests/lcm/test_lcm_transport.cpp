@@ -51,7 +51,7 @@ void expect_same(const reply_t& reply, const Engine& engine, QueryView query, st
   vectors(reply.point_a, view.point_a, 3, "point_a");
   vectors(reply.point_b, view.point_b, 3, "point_b");
   vectors(reply.normal, view.normal, 3, "normal");
-  vectors(reply.pieces, view.pieces, 2, "pieces");
+  vectors(reply.pieces, view.parts, 2, "pieces");
   vectors(reply.gradient, view.gradient, 12, "gradient");
   vectors(reply.pair, reinterpret_cast<const std::uint32_t*>(view.pair), 2, "pair");
   scalars(reply.configuration, view.configuration, "configuration");

@@ -373,7 +373,7 @@ class PyClient {
     });
     nb::list bodies, groups;
     for (const BodyInfo& b : info.bodies) {
-      bodies.append(nb::make_tuple(b.name, b.parent, b.is_static, b.convex_part_count, b.vertex_count, b.model_error,
+      bodies.append(nb::make_tuple(b.name, b.parent, b.is_static, b.piece_count, b.vertex_count, b.model_error,
                                    b.extent, b.hull_excess, b.empty_share, b.triangle_count, b.is_solid, b.is_cloud));
     }
     for (const GroupInfo& g : info.groups) groups.append(nb::make_tuple(g.name, g.bodies));

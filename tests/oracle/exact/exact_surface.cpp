@@ -58,7 +58,7 @@ struct PosedBody {
     add(std::move(all), rough);
   }
   ConvexPartView hull() const { return {view.vertices, view.radius}; }
-  ConvexPartView part(std::uint32_t number) const { return {parts[number].vertices, view.radius}; }
+  ConvexPartView convex_part(std::uint32_t number) const { return {parts[number].vertices, view.radius}; }
 
   BodyView view;
   Pose X;
@@ -124,11 +124,11 @@ class NearestParts {
   }
   /// By the direction of the best so far, which suffices for all that share its nearest points.
   bool is_proved_no_nearer(const Candidate& c) const {
-    return best_ &&
-           exact_gap_along(a_.part(c.a), a_.X, b_.part(c.b), b_.X, best_->direction).compare(best_->distance) >= 0;
+    return best_ && exact_gap_along(a_.convex_part(c.a), a_.X, b_.convex_part(c.b), b_.X, best_->direction)
+                            .compare(best_->distance) >= 0;
   }
   void solve_exactly(const Candidate& c) {
-    Result r = exact_distance(a_.part(c.a), a_.X, b_.part(c.b), b_.X, false);
+    Result r = exact_distance(a_.convex_part(c.a), a_.X, b_.convex_part(c.b), b_.X, false);
     if (best_ && r.distance.compare(best_->distance) >= 0) return;
     for (VertexPair& v : r.simplex) v = {a_.parts[c.a].places[v.a], b_.parts[c.b].places[v.b]};
     Value core = r.distance;

@@ -133,7 +133,7 @@ TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { patient(daemon_->url()); }), "the daemon there needs keys"));
   EXPECT_TRUE(contains(thrown_by<ConnectionError>([&] { connect(daemon_->url(), with("all", "probe.key.pub")); }),
                        "the daemon there has another key than server_key"));
-  EXPECT_GE(counter("zmq.refused"), 3u);
+  EXPECT_GE(counter("zmq.rejected"), 3u);
   evaluate(witness);  // as if nothing had happened
 }
 

@@ -125,7 +125,7 @@ class Gateway : public testing::Test {
 };
 
 TEST_F(Gateway, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
-  start({"--limit", "outside-mib=128"});
+  start({"--limit", "gateway-mib=128"});
   const Busy busy(shm());
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
@@ -151,7 +151,7 @@ TEST_F(Gateway, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
   std::string parts;
   for (int i = 0; i < 4'000'000; ++i) parts += std::string_view("\1\0", 2);
   stranger.say(parts + std::string(2, '\0'));  // the last one: flags 0, no bytes
-  wait_for("outside.restarts", 1);
+  wait_for("gateway.restarts", 1);
   report("after a message of 4 M parts, until served over TCP", served_again());
   busy.expect_answers();
   expect_core_unharmed(before);
@@ -167,14 +167,14 @@ TEST_F(Gateway, KilledItIsThereAgainAndTheEpochIsTheSame) {
     const int pid = child_of(daemon_->pid(), kName);
     ASSERT_GT(pid, 0);
     kill(pid, SIGKILL);
-    wait_for("outside.restarts", static_cast<std::uint64_t>(round));
+    wait_for("gateway.restarts", static_cast<std::uint64_t>(round));
     EXPECT_THROW(client.distances(), ConnectionError) << "its connection went with that process";
     report("after it was killed, until served over TCP", served_again());
     EXPECT_EQ(client.distances().rows(), 6u) << "the same client, which need not acknowledge anything";
     EXPECT_EQ(client.epoch(), epoch);
   }
-  wait_for("outside.memory_bytes", 1 << 20);
-  EXPECT_LT(counter("outside.memory_bytes"), 200u << 20);
+  wait_for("gateway.memory_bytes", 1 << 20);
+  EXPECT_LT(counter("gateway.memory_bytes"), 200u << 20);
 }
 
 TEST_F(Gateway, FrozenItIsEndedAndReplaced) {
@@ -182,7 +182,7 @@ TEST_F(Gateway, FrozenItIsEndedAndReplaced) {
   const int pid = child_of(daemon_->pid(), kName);
   ASSERT_GT(pid, 0);
   kill(pid, SIGSTOP);
-  wait_for("outside.restarts", 1);
+  wait_for("gateway.restarts", 1);
   served_again();
   EXPECT_NE(daemon_->log().find("it hangs"), std::string::npos) << daemon_->log();
 }
@@ -196,7 +196,7 @@ TEST_F(Gateway, ItEndsWithTheCore) {
 }
 
 TEST_F(Gateway, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
-  start({"--limit", "outside-mib=64"});  // an eighth: 8 MiB
+  start({"--limit", "gateway-mib=64"});  // an eighth: 8 MiB
   Client client = patient(tcp());
   Query query;
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
@@ -212,7 +212,7 @@ TEST_F(Gateway, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
   }
   EXPECT_EQ(patient(shm()).distances(query).rows(), 40'000u * 3);
   EXPECT_EQ(client.distances().rows(), 6u);
-  EXPECT_EQ(counter("outside.restarts"), 0u);
+  EXPECT_EQ(counter("gateway.restarts"), 0u);
 }
 
 TEST_F(Gateway, LargeRequestsAndRepliesComeThroughWhole) {
@@ -244,12 +244,12 @@ class GatewayWithKeys : public Gateway {
       write_key_pair(folder_ / name, {open, secret});
     }
     std::ofstream(folder_ / "keys/authorized") << read_public_key(folder_ / "own.key") << " query own\n";
-    start({"--keys", folder_ / "keys", "--limit", "outside-mib=256"});
+    start({"--keys", folder_ / "keys", "--limit", "gateway-mib=256"});
   }
   /// Starts a daemon with a gateway process that misbehaves in this way once it runs.
   void start_hostile(const std::string& what) {
     daemon_.reset();
-    start({"--keys", folder_ / "keys", "--limit", "outside-mib=64"},
+    start({"--keys", folder_ / "keys", "--limit", "gateway-mib=64"},
           {"CLEARANCE_OUTSIDE=" + program("clearance-hostile-gateway"), "CLEARANCE_HOSTILE=" + what,
            "CLEARANCE_KEY_TO_CLAIM=" + read_public_key(folder_ / "own.key")});
   }
@@ -279,7 +279,7 @@ TEST_F(GatewayWithKeys, StrangersSayLittleBeforeAHandshake) {
   EXPECT_EQ(good.distances().rows(), 6u);
   busy.expect_answers();
   expect_core_unharmed(before);
-  EXPECT_EQ(counter("outside.restarts"), 0u);
+  EXPECT_EQ(counter("gateway.restarts"), 0u);
 }
 
 TEST_F(GatewayWithKeys, StrangersWhoSayNothingAreHungUpOn) {
@@ -308,7 +308,7 @@ TEST_F(GatewayWithKeys, AKeyMayEndItAndClientsWithKeysAreServedAgain) {
     evil.connect(tcp());
     for (int i = 0; i < 70'000; ++i) evil.send(zmq::const_buffer{}, zmq::send_flags::sndmore);
     evil.send(zmq::const_buffer{}, zmq::send_flags::none);
-    wait_for("outside.restarts", round);
+    wait_for("gateway.restarts", round);
     evil.close();
     report("after a key's message of 70,000 parts, until a key is served", served_again(own()));
   }
@@ -332,7 +332,7 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
                         {"bodies", "it sends too many bodies at once"},
                         {"stranger's key", "forbidden as it should be"}}) {
     start_hostile(c.what);
-    wait_for("outside.restarts", 1);
+    wait_for("gateway.restarts", 1);
     EXPECT_EQ(patient(shm()).distances().rows(), 6u) << c.what;
     EXPECT_NE(daemon_->log().find(c.why), std::string::npos) << c.what << "\n" << daemon_->log();
   }
@@ -343,7 +343,7 @@ TEST_F(GatewayWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) 
   const Busy busy(shm());
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
-  wait_for("outside.restarts", 1);
+  wait_for("gateway.restarts", 1);
   EXPECT_NE(daemon_->log().find("it does not read its messages"), std::string::npos) << daemon_->log();
   busy.expect_answers();
   EXPECT_LT(high_water_kib(), before + 3 * 64 * 1024) << "KiB";

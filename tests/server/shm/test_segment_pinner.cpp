@@ -177,7 +177,7 @@ TEST(PinnedService, HasTheDeviceWriteIntoTheClientsMemory) {
     EXPECT_LT(after - before, copied.size() * sizeof(CompactAnswer) / 10) << "columns were still copied";
   }
   EXPECT_TRUE(comes([&] { return counter(watcher, "shm.pinned_bytes") == 0; })) << "the client is gone";
-  EXPECT_EQ(counter(watcher, "shm.pin_refusals"), 0u);
+  EXPECT_EQ(counter(watcher, "shm.pin_failures"), 0u);
 }
 
 TEST(PinnedService, CopiesWhereNothingMayBePinned) {
@@ -189,7 +189,7 @@ TEST(PinnedService, CopiesWhereNothingMayBePinned) {
   Query query;
   query.format = Format::kCompact;
   const std::vector<CompactAnswer> first = rows_of(client.distances(query));
-  ASSERT_TRUE(comes([&] { return counter(client, "shm.pin_refusals") == 1; }));
+  ASSERT_TRUE(comes([&] { return counter(client, "shm.pin_failures") == 1; }));
   EXPECT_TRUE(same_bits(first, rows_of(client.distances(query))));
   EXPECT_EQ(counter(client, "shm.pinned_bytes"), 0u);
 }

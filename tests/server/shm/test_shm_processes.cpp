@@ -226,7 +226,7 @@ TEST_F(ShmProcesses, AnotherUserIsRefused) {
     if (shm::receive_message(socket.get(), message) <= 0) return 4;
     return std::string(message.text) == "user 65534 may not connect: this daemon runs as user 0" ? 0 : 5;
   });
-  server.run_until([&] { return server.handler.counters["shm.refused"] >= 2; });
+  server.run_until([&] { return server.handler.counters["shm.rejected"] >= 2; });
   EXPECT_EQ(exit_code(raw), 0);
   EXPECT_EQ(server.handler.counters["shm.connections"], 0u);
 }
