@@ -29,7 +29,7 @@ KINDS = {f"`{word}`": (word, False) for word in REDUCTIONS} | {
 OPTIONS: "dict[str, dict[str, Any]]" = {
     "`max_distance`": {"max_distance": 1.0},
     "`margin`": {"margin": 0.01},
-    "depths (`signed`)": {"signed_distance": True},
+    "depths (`signed_distance`)": {"signed_distance": True},
     "`gradient`": {"fields": "gradient"},
     "`gradient_joints`": {"fields": "gradient_joints"},
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
@@ -48,7 +48,7 @@ GPU_QUERIES = {
     "`nearest`": {"reduce": "nearest"},
     "`within`": {"reduce": "within"},
     "`any`": {"reduce": "any"},
-    "depths (`signed`)": {"signed_distance": True},
+    "depths (`signed_distance`)": {"signed_distance": True},
     "`free_scale`": {"reduce": "any", "fields": "free_scale"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "motions of joints, `none`": {"max_evaluations": 256},
