@@ -16,7 +16,7 @@ using ResolvePath = std::function<std::string(const YamlValue&)>;
 
 /// Whether `points` is a cloud: a file name or an empty list. Any other list means the hull of its points.
 bool is_cloud_value(const YamlValue& points);
-/// \param body the map around the value, with the keys `voxel` and `live`
+/// \param body the map around the value, with the keys `voxel` and `requires_pose`
 MakeGeometry read_cloud(const YamlValue& body, const YamlValue& points, double radius, const ResolvePath& resolve);
 /// \param body with the key `unknown`: how space without a voxel counts
 MakeGeometry read_octomap(const YamlValue& body, const YamlValue& file, double radius, const ResolvePath& resolve);

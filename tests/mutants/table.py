@@ -29,7 +29,12 @@ def mutants_of(program: str, *rows: tuple[str, ...]) -> list[Mutant]:
 SOURCES_OF_HEADERS = {
     "uncertainty/uncertainty_step.h": ["uncertainty/pose_uncertainty.cpp", "selection/body_poses.cpp"],
     "bvh/crossing.h": ["bvh/winding.cpp"],
-    "mesh_distance/element_search.h": ["evaluate/evaluate.cpp"],
+    "mesh_distance/element_search.h": [
+        "evaluate/evaluate.cpp",
+        "evaluate/evaluate_elements.cpp",
+        "evaluate/evaluate_search.cpp",
+        "evaluate/evaluate_containment.cpp",
+    ],
     "robot/motion_path_step.h": ["robot/motion_path.cpp"],
     "motion/motion_step.h": ["motion/half_spans.cpp", "motion/motion_search.cpp", "motion/motion_bounds.cpp"],
 }
