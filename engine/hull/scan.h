@@ -20,4 +20,15 @@ inline constexpr std::size_t kScanBlock = 8;
 /// instruction sets give the same bits.
 using Scan = SupportPoint<double> (*)(const VertexColumns& vertices, const Vec3d& n);
 
+// One Scan for each instruction set (lanes/); the first two on x86 only.
+namespace lanes_scan_avx512 {
+SupportPoint<double> scan(const VertexColumns& vertices, const Vec3d& n);
+}
+namespace lanes_scan_avx2 {
+SupportPoint<double> scan(const VertexColumns& vertices, const Vec3d& n);
+}
+namespace lanes_scan_baseline {
+SupportPoint<double> scan(const VertexColumns& vertices, const Vec3d& n);
+}
+
 }  // namespace clearance

@@ -12,12 +12,6 @@
 
 namespace clearance {
 
-#ifdef CLEARANCE_LANES_X86
-SupportPoint<double> scan_avx512(const VertexColumns& vertices, const Vec3d& n);
-SupportPoint<double> scan_avx2(const VertexColumns& vertices, const Vec3d& n);
-#endif
-SupportPoint<double> scan_baseline(const VertexColumns& vertices, const Vec3d& n);
-
 namespace {
 
 constexpr double kUnitRoundoff = 0x1p-53;
@@ -25,10 +19,10 @@ constexpr double kUnitRoundoff = 0x1p-53;
 // The widest instruction set that this machine has.
 Scan best_scan() {
 #ifdef CLEARANCE_LANES_X86
-  if (has_avx512_lanes()) return scan_avx512;
-  if (has_avx2_lanes()) return scan_avx2;
+  if (has_avx512_lanes()) return lanes_scan_avx512::scan;
+  if (has_avx2_lanes()) return lanes_scan_avx2::scan;
 #endif
-  return scan_baseline;
+  return lanes_scan_baseline::scan;
 }
 
 SupportPoint<double> scan(const ConvexPart& part, const Vec3d& n) {

@@ -247,7 +247,7 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   has("{name: p, urdf: arm.urdf, packages: {own: .}, base: [0, 0, 0, 0, 0, 0, 0]}", "robots[0].base");
   has("{name: p, urdf: arm.urdf, srdf: far.srdf, home: up, packages: {own: .}}",
       "home: \"j\": expected a number from -1e6 to 1e6, got 10000000");
-  has("{name: p, urdf: arm.urdf, srdf: m/t.obj, packages: {own: .}}", "m/t.obj:9: no XML");
+  has("{name: p, urdf: arm.urdf, srdf: m/t.obj, packages: {own: .}}", "m/t.obj:9: invalid XML");
   has("{name: table, urdf: arm.urdf, packages: {own: .}}", "already that of a body");
   has("{name: p, urdf: arm.urdf, baze: 1}", "baze");
 }

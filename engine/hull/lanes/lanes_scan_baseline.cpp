@@ -3,8 +3,8 @@
 
 namespace clearance {
 
-SupportPoint<double> scan_baseline(const VertexColumns& vertices, const Vec3d& n) {
-  return lanes_scan_baseline::scan_in_packs(vertices, n);
+SupportPoint<double> lanes_scan_baseline::scan(const VertexColumns& vertices, const Vec3d& n) {
+  return scan_in_packs(vertices, n);
 }
 
 }  // namespace clearance
