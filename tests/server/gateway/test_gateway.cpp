@@ -77,7 +77,7 @@ class Busy {
 
 class Gateway : public testing::Test {
  protected:
-  static constexpr const char* kName = "clearance-outsi";  // as truncated by the kernel
+  static constexpr const char* kName = "clearance-gatew";  // as truncated by the kernel
 
   void start(const std::vector<std::string>& more, const std::vector<std::string>& environment = {}) {
     std::vector<std::string> options{"--scene",   folder_.write("scene.yaml", kSmallSceneYaml),
