@@ -137,7 +137,8 @@ TEST(Allow, RefusesWhatItCannotKeep) {
   rejected([&] { engine.allow(0, 77); }, QueryErrorCode::kBadQuery, "unknown body 77");
   rejected([&] { engine.allow(kGroupBit | 9, 0, false); }, QueryErrorCode::kBadQuery, "unknown group 9");
   rejected([&] { engine.attach(4, 3, nullptr, unknown); }, QueryErrorCode::kBadQuery, "unknown body 88");
-  rejected([&] { engine.attach(4, kNone, nullptr, one); }, QueryErrorCode::kBadQuery, "allow is only for a body with a parent");
+  rejected([&] { engine.attach(4, kNone, nullptr, one); }, QueryErrorCode::kBadQuery,
+           "allow is only for a body with a parent");
   EXPECT_EQ(engine.pairs({}), all) << "nothing was changed";
   EXPECT_EQ(engine.body_state(4).parent, kNone);
 
