@@ -253,15 +253,14 @@ def check_row(row, motions, query):
     require(row["proved"] is True and (0 <= free <= 1 or free == math.inf), "the engine found no proof")
     if status in ("bad_pose", "no_pose", "stale_pose", "unknown_body"):
         return require((-lower, upper, hit, free, pairs) == (*[math.inf] * 3, 0, []), "it claims", "claims nothing")
-    signed = query["signed_distance"] is not False
-    decides, motion = query["reduce"] == "any", motions[row["configuration"]]
+    signed, decides = query["signed_distance"] is not False, query["reduce"] == "any"
     own = [real(pair["margin"]) for pair in pairs if pair["bodies"] == row["bodies"]]
     require(pairs and (len(own) == len(pairs) == 1 or (query["motions"] and query["reduce"] != "none")), "not its pair")
     cut = min(real(pair["margin"]) for pair in pairs) if decides else real(query["max_distance"])
     fits = {"ok": 0 < lower and (upper < math.inf if decides else lower <= cut), "overlap": upper <= 0,
             "contact": lower <= 0 <= upper < math.inf, "beyond": lower > cut, "unconverged": True}
     require(lower <= upper and (signed or upper >= 0) and fits.get(status), f"[{lower!r}, {upper!r}] is not {status!r}")
-    bounded = lower > (-math.inf if signed else 0)
+    bounded, motion = lower > (-math.inf if signed else 0), motions[row["configuration"]]
     for pair in pairs:
         whole, margin = real(pair["lower"]) if bounded else -math.inf, real(pair["margin"])
         kept = not bounded or lower <= whole > (margin if decides and status == "beyond" else -math.inf)

@@ -218,7 +218,7 @@ def test_an_option_that_travels_in_a_record(client, engine):
     assert same_bits(client.distances(fields=["lower", "upper"], deadline_ns=60 * 10**9), whole)
     with pytest.raises(TypeError, match=r"deadline_ns: expected an integer, got 1\.5"):
         client.distances(deadline_ns=1.5)
-    for wrong in ("deadline", "min_pose_stamp", "signed_distance"):
+    for wrong in ("deadline", "min_pose_stamp", "signed"):
         with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
             client.distances(**{wrong: 1})
     with pytest.raises(TypeError, match="unexpected keyword argument 'deadline_ns', or one for a daemon alone"):
