@@ -10,44 +10,44 @@ help:  ## this list
 	@echo "make TARGET, one of"
 	@sed -nE 's/^([a-z-]+):.*##  ?(.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 12
 
-setup:  ## install what is missing: Debian packages (apt), Python packages (.venv)
+setup:  ## install missing packages: Debian (apt), Python (.venv)
 	@tools/setup.sh
 
-build: setup  ## daemon and command line in build/bin, Python package in .venv
+build: setup  ## build daemon and command line in build/bin, Python package in .venv
 	@tools/build.sh release product
 
-test: setup  ## every test: ctest, then pytest
+test: setup  ## run every test: ctest, then pytest
 	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 	@$(PYTHON_VENV) -m pytest -q tests/python
 
-test-extras: setup  ## what takes more packages or minutes than test: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
+test-extras: setup  ## tests that take more packages or minutes: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
 	@tools/extras.sh $(EXTRAS)
 
-lint: setup  ## layout of C++ (clang-format), lint, layout and types of Python (ruff, mypy); installs them into .venv
+lint: setup  ## check the format of C++ (clang-format), format, lint and types of Python (ruff, mypy), and vocabulary; installs the tools into .venv
 	@tools/lint.sh
 
 SECONDS ?= 600
-fuzz:  ## libFuzzer on all that reads others' bytes, SECONDS=600 for each target; installs clang; rewrites docs/results/fuzz.csv
+fuzz:  ## run libFuzzer on every parser of untrusted bytes, SECONDS=600 for each target; installs clang; rewrites docs/results/fuzz.csv
 	@tools/setup.sh tools/fuzz_packages.txt
 	@tools/build.sh fuzz fuzzers
 	@$(PYTHON_VENV) tools/fuzz.py --seconds $(SECONDS) --csv docs/results/fuzz.csv
 
 MINUTES ?= 60
 SEED ?= 1
-soak: setup  ## faults (docs/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
+soak: setup  ## inject faults (docs/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
 	@tools/build.sh release test_fire_clients test_fire_daemon test_fire_limits test_fire_inputs clearance-soak
 	@for test in clients daemon limits inputs; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
 	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv
 
-demo: setup  ## an arm that moves by joint messages, asked about through all three transports; out/demo.png
+demo: setup  ## move an arm by joint messages, query it over all three transports, and draw out/demo.png
 	@tools/build.sh release demo_programs
 	@$(PYTHON_VENV) tools/demo.py
 
-bench:  ## latency and throughput; another benchmark by SUITE="robots rrt" OPTIONS="--rounds 5", a small run by QUICK=1; SUITE=list lists them
+bench:  ## measure latency and throughput; another benchmark by SUITE="robots rrt" OPTIONS="--rounds 5", a small run by QUICK=1; SUITE=list lists them
 	@python3 bench/run.py $(if $(QUICK),--quick) $(or $(SUITE),latency) $(OPTIONS)
 
-certify: setup  ## a million pairs of every hard class of hulls and of meshes against exact arithmetic, 100,000 motions, and 30,000 certificates of each class before a judge of their own; rewrites docs/results/*accuracy.csv
+certify: setup  ## check a million pairs of every hard class of hulls and meshes, 100,000 motions and 30,000 certificates of each class against exact arithmetic; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
 	@rm -rf out/certificates && mkdir -p out
 	@build/bin/clearance-certificates --cases 30000 --meshes 3000 --python 1000 --motions 400 --python-motions 40 --out out/certificates
@@ -56,11 +56,11 @@ certify: setup  ## a million pairs of every hard class of hulls and of meshes ag
 	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv
 	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 
-gpu-test: setup  ## the cuda backend against the CPU and exact arithmetic, on this machine's GPU; TASK=certify: a million pairs, TASK=sanitize: under compute-sanitizer
+gpu-test: setup  ## compare the cuda backend with the CPU and exact arithmetic, on this machine's GPU; TASK=certify: a million pairs, TASK=sanitize: under compute-sanitizer
 	@targets=$$(tools/gpu.sh programs $(or $(TASK),test)) && tools/build.sh release $$targets
 	@tools/gpu.sh $(or $(TASK),test)
 
-gpu-bench: setup  ## throughput of the cuda backend beside the CPU's; TASK=several: all GPUs beside one, TASK=report: the 2023 report's systems; writes docs/results/*_DEVICE.csv
+gpu-bench: setup  ## compare the throughput of the cuda backend and the CPU; TASK=several: all GPUs and one, TASK=report: the 2023 report's systems; writes docs/results/*_DEVICE.csv
 	@targets=$$(tools/gpu.sh programs $(or $(TASK),bench)) && tools/build.sh release $$targets
 	@tools/gpu.sh $(or $(TASK),bench)
 
