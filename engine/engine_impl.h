@@ -60,8 +60,8 @@ struct Engine::Impl {
             &trees, near_by,         device.get(), &kept, &teams};
   }
 
-  // Whether the job of a query may be reused. With a device, the router decides about every query except decisions:
-  // those that are small enough to be kept take the CPU less time than a request to the device.
+  // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
+  // where the CPU may answer at all: it takes less time for a small decision than a launch on the device.
   bool keeps_job_of(const QueryView& query) const {
     return (!device || (router && query.reduce == Reduce::kAny)) && kept.keeps(query);
   }

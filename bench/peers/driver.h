@@ -4,8 +4,8 @@
 //       prints "settings\tNAME\tNAME...", then reads lines from standard input:
 //       time SECONDS SETTING    passes over all pairs until the time is used up; prints "time\tWALL\tPROCESSOR", the
 //                               wall and processor seconds of one pass
-//       write FILE SETTING      makes another pass and writes its float64 answers (as many as Problem::truth has) to a
-//                               file; prints "written"
+//       write FILE SETTING      makes another pass and writes its float64 answers (as many as Problem::exact_value has)
+//                               to a file; prints "written"
 //   PROGRAM PROBLEM FILE SETTING FIRST
 //       answers the pairs from FIRST on, one by one, and appends each answer to the file before the next begins, so
 //       that the file identifies a pair that crashes. A rejected pair is a NaN.

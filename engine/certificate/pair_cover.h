@@ -34,7 +34,7 @@ class PairCover {
   void halve();
 
  private:
-  static constexpr std::uint32_t kAll = kNone;         // of `piece`: the whole body
+  static constexpr std::uint32_t kAll = kNone;         // of `convex_part`: the whole body
   static constexpr std::uint32_t kElement = 1u << 31;  // of `at`: an element instead of a node
 
   // A body, one of its convex parts, or a node or element of the part's surface.

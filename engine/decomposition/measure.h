@@ -22,7 +22,7 @@ class Measure {
   explicit Measure(double fine) : fine_(fine) {}
 
   /// Distance of a point from a convex set, both in the same frame.
-  /// \param piece its radius counts, too
+  /// \param part its radius counts, too
   Bounds to(const ConvexPart& part, const Vec3d& p);
   /// Distance of a point from the hull of a few points.
   Bounds to(std::span<const Vec3d> corners, const Vec3d& p);

@@ -27,7 +27,8 @@ struct ProvedLength {
 };
 
 /// Bound on the distance of the triangles from the union of the parts' cores.
-/// \param pieces at least one
+/// \param exact_value the mesh
+/// \param parts at least one
 ProvedLength prove_inner(const Surface& exact_value, std::span<const ConvexPartPtr> parts,
                          const ProofEffort& effort = {});
 

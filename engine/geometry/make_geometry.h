@@ -54,7 +54,7 @@ struct MeshRecipe {
 };
 /// Geometry of a mesh; that of a surface or solid is exact. Throws std::invalid_argument.
 /// \param source the file's name
-/// \param pieces proposed for kDecompose, one submesh for each, in the file's frame; null for a solid without proxies
+/// \param parts proposed for kDecompose, one submesh for each, in the file's frame; null for a solid without proxies
 Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
                           const Mesh* parts = nullptr);
 /// Geometry of a mesh given in the body's frame.

@@ -27,9 +27,10 @@ int turn(const FlatPoint& a, const FlatPoint& b, const FlatPoint& c);
 bool fan_is_right(std::span<const FlatPoint> polygon);
 
 /// Cuts a polygon that may touch itself, as where a bridge leads to a hole, into triangles of its corners' indices.
-/// \param face the same corners in space \param tolerance metres: a triangle that turns clockwise may be that high
-/// Returns the height of the highest such triangle, 0 if there is none; none where the polygon crosses itself by more
-/// or is too intricate. The work is at most about 500 steps a corner.
+/// Returns the height of the highest triangle that turns clockwise, or 0 if none does; nothing if the polygon crosses
+/// itself by more than the tolerance or is too intricate. The work is at most about 500 steps a corner.
+/// \param face the same corners in space
+/// \param tolerance greatest height of a triangle that turns clockwise, in metres
 std::optional<double> cut_ears(std::span<const FlatPoint> polygon, std::span<const Vec3d> face, double tolerance,
                                std::vector<Triangle>* triangles);
 

@@ -89,7 +89,7 @@ class DenseJob final : public ParallelJob {
     bool is_requested = false;      // whether that block has begun
     std::vector<BodyPair> pairs;
     std::vector<PlacedBodies> requested;
-    std::vector<PairPlace> places;  // of `asked`
+    std::vector<PairPlace> places;  // of `requested`
     std::vector<PairAnswer> answers;
     std::vector<std::uint32_t> near;  // in a configuration of a block
     std::vector<std::uint16_t> flags;

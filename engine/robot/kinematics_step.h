@@ -64,7 +64,7 @@ CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const TwoPart<
 }  // namespace detail
 
 /// Returns the frame of a step's link.
-/// \param positions positions of the configuration, by column, `stride` apart
+/// \param position returns the position of a column in the configuration
 /// \param good cleared for an invalid position
 template <class T, class Mask, class Load>
 CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const KinematicStep& step,

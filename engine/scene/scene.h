@@ -102,7 +102,7 @@ class Scene {
   std::uint32_t add_mesh(const std::string& name, std::span<const Vec3d> vertices, std::span<const Triangle> triangles,
                          MeshAs mesh_as, const BodyOptions& options);
   /// Adds a cloud of points (metres, in the body's frame), grown by the radius, or of boxes around them with the edge
-  /// `voxel`, rounded up to float32. Without points it is empty, or awaits points if it is live.
+  /// `voxel`, rounded up to float32. Without points it is empty, or awaits points if it requires a pose.
   std::uint32_t add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,
                            const BodyOptions& options);
   /// Returns the same scene with other points in a cloud.

@@ -49,7 +49,7 @@ struct Plan {
 class Planner {
  public:
   /// Checks the query. Throws QueryError.
-  /// \param query its data must stay valid, its configurations longer than this
+  /// \param query its data must outlive this; configurations must stay until Plan::keep_configurations()
   /// \param scene must outlive this
   /// \param with_configurations false for sizes and pairs only
   /// \param with_question whether the job may be reused (job_cache.h)

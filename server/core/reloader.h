@@ -63,7 +63,7 @@ class Reloader {
   /// Requests a load. It follows one under way, which may have read the old files. From any thread, and from a signal
   /// handler.
   void request() noexcept { requested_ = true; }
-  /// Number of the load that a request of now would get. This and the following are for one thread.
+  /// Number of the load that a request made now would get. This function and those below are for one thread.
   std::uint64_t next_load() const { return loads_ + 1; }
 
   bool can_edit() const { return build_ != nullptr; }

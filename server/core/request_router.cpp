@@ -31,8 +31,8 @@ void certify(RequestRouter& on, Request& request) {
   work_in_background<CertificateRequest>(on, request, CertificateRequest::kMostBytes);
 }
 
-/// Row of the table of requests, which has for each the client's right, the thread that answers, how a small payload is
-/// read, the type of the reply, and the handler.
+/// Returns a request's row of the table, or null for an unknown type. A row has the client's right, the thread that
+/// answers, how a small payload is read, the type of the reply, and the handler.
 const RequestType* find_type(std::uint16_t type) {
   using enum RunsOn;
   using enum Payload;

@@ -57,7 +57,7 @@ struct Update {
   void apply_joints(std::span<const std::byte> content);
   void apply_points(std::span<const std::byte> content);
   std::vector<std::byte> apply_on_worker(const ReplyWriter& answers, std::uint64_t& ignored);
-  /// Returns whether another engine serves by now, which needs the update, too.
+  /// Returns true if the daemon has replaced the engine, whose successor then needs the same update.
   bool begins_again(const std::shared_ptr<Engine>& now) {
     if (engine == now) return false;
     engine = now;

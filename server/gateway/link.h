@@ -25,7 +25,7 @@
 namespace clearance::gateway {
 
 enum class Kind : std::uint32_t {
-  // To the core.
+  // To the daemon.
   kReady = 1,        ///< body: why there is no filter of system calls, or nothing
   kFailed,           ///< body: reason for not starting
   kAlive,            ///< answers kPing
@@ -36,7 +36,7 @@ enum class Kind : std::uint32_t {
   kNotDelivered,     ///< name: an identity whose queue is full
   kKnock,            ///< name: address, extra: key. Answered by kVerdict
   kHandshakeFailed,  ///< name: endpoint
-  // To the process outside.
+  // To the gateway.
   kStart,  ///< name: url, number: most bytes of a message, extra: secret key or none, body: channels
   kPing,
   kReply,  ///< name: identity, extra: a frame's header, body: its payload, number: for kHandedOver, or 0 if not wanted

@@ -1,4 +1,4 @@
-// The payload of a request that has the form of a query but is no query, read on a worker.
+// Reads a payload in the layout of a query, of a request for pairs, a certificate or a plan. Used on a worker.
 #pragma once
 
 #include <cstdint>

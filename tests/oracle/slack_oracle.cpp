@@ -49,7 +49,7 @@ Row request_one(const Engine& engine, double max_distance = kInf, bool depth = f
   return rows.empty() ? Row{kInf, kInf, Status::kBeyond, 0} : rows.at(0);
 }
 
-// \param truth the exact distance, or the least of samples, in which case `exact` is false and `upper` is not tested
+// \param exact_value the exact distance, or the least of samples, for which `exact` is false and `upper` is not tested
 void hold(const Row& row, const Value& exact_value, bool exact, Findings& findings, double max_distance = kInf) {
   ++findings.requested;
   const bool clipped = exact_value.compare(0.0) < 0;  // bounds are those of an unsigned distance

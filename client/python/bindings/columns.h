@@ -121,7 +121,7 @@ inline void bind_query(nb::module_& m) {
   });
 }
 
-/// Returns the rows of query_options.h that are members of Asked: {name: (tag, kind, default, words, unit, text,
+/// Returns the rows of query_options.h that are members of Requested: {name: (tag, kind, default, words, unit, text,
 /// bytes in a record)}.
 template <class Requested>
 nb::dict query_options() {

@@ -2,9 +2,9 @@
 // needs.
 //
 // The first level evaluates both ends, since the least distance is mostly there and halving would approach it slowly.
-// After each level its results set the required distance of pairs in the next one (MotionSpan::enough), and spans that
-// need nothing more are dropped. Within a level no thread reads other threads' results, so rows do not depend on their
-// order.
+// After each level its results set the required distance of pairs in the next one (MotionSpan::stop_below), and spans
+// that need nothing more are dropped. Within a level no thread reads other threads' results, so rows do not depend on
+// their order.
 #pragma once
 
 #include "engine/cuda/motion/motion_marks.cuh"
@@ -82,8 +82,8 @@ __device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pa
           0};
 }
 
-// Applies an answer to the least distance, to first contact, and to both halves of a span. `asked` is the target of the
-// pair's evaluation.
+// Applies an answer to the least distance, to first contact, and to both halves of a span.
+// \param requested distance up to which the pair was evaluated, in metres
 __device__ inline void look_for_least(const MotionsView& m, const MovingPair& pair, double requested,
                                       const PairAnswer& answer, bool (&goes_on)[2]) {
   const MotionSpan& span = pair.span;

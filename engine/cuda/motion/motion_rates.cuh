@@ -168,7 +168,7 @@ struct MovingPair {
   }
 
   // Applies an answer to both halves, as MotionSearch::divide(), and reduces the halves' proved shares. If the answer's
-  // status is kBeyond, the pair is beyond `asked` over the whole span.
+  // status is kBeyond, the pair is beyond `requested` over the whole span.
   // \param targets of both halves
   // \param goes_on set for halves whose proof is not sufficient
   __device__ void divide(const PairAnswer& answer, double requested, const double (&targets)[2],

@@ -97,7 +97,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
 
   bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }
   static std::size_t rounded(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
-  // Counts, times, steps and `verdicts` are contiguous, and are copied to the host together.
+  // Counts, times, steps and `outcomes` are contiguous, and are copied to the host together.
   static std::size_t counts_bytes() { return rounded(kMotionCounts * sizeof(std::uint32_t)); }
   std::size_t motions_bytes(std::size_t motions) const {
     const std::size_t time = seeks_contact() ? sizeof(double) : 0;

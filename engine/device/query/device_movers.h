@@ -1,4 +1,4 @@
-// What moves a query's bodies by its joints, as kernels know it.
+// The joints that move a query's bodies, in the layout of kernels.
 #pragma once
 
 #include <cstdint>

@@ -46,7 +46,7 @@ class DeviceQuery : public ParallelJob {
     std::uint64_t configuration, pair;
   };
 
-  /// Copies the poses of bodies and fills in the request. The setup points to data owned by this object.
+  /// Copies the poses of bodies, and returns the settings of the query, which point to data owned by this object.
   QuerySetup setup(QueryWorkspace& workspace);
   /// The client's warm-start state for this many rows, if it keeps one. Release the workspace before this object.
   ResidentWarm* take_warm(std::uint64_t rows);
@@ -63,7 +63,7 @@ class DeviceQuery : public ParallelJob {
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
-  /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, asked, answer)` receives the
+  /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, requested, answer)` receives the
   /// answer.
   template <class Open, class Take>
   void answer_on_cpu(std::size_t count, Open open, Take take) {

@@ -291,7 +291,7 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 namespace {
 
 // Runs cases of every kind in turn, or of one kind.
-// \param judge returns whether to continue
+// \param check returns whether to continue
 template <class CheckCase>
 void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
   const Folder folder;

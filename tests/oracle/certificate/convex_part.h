@@ -33,10 +33,10 @@ class ConvexPart {
   std::size_t count() const { return x_.size(); }
   Vector vertex(std::size_t k) const { return {x_[k], y_[k], z_[k]}; }
 
-  /// Upper bound on n·p over its points p, radius included; n need not have length 1. Throws `Refusal` if there is no
+  /// Upper bound on n·p over its points p, radius included; n need not have length 1. Throws `Rejection` if there is no
   /// such number: a half-space has one along its normal only.
   Dyadic support(const Vector& n) const;
-  /// Bound on the distance of its points from the centre. Throws `Refusal` for a half-space.
+  /// Bound on the distance of its points from the centre. Throws `Rejection` for a half-space.
   Dyadic reach(const Vector& centre) const;
   /// Upper bound on the distance of p from a core that is no hull; not positive in it.
   Dyadic off(const Vector& p) const;

@@ -22,7 +22,7 @@ inline void require(bool condition, const char* why) {
   if (!condition) throw Rejection(why);
 }
 
-/// A value of JSON, in the memory of its Document. Access as another type throws `Refusal`.
+/// A value of JSON, in the memory of its Document. Access as another type throws `Rejection`.
 class Value {
  public:
   Value() : real_(0) {}  // JSON null
@@ -81,7 +81,7 @@ class Value {
 /// A parsed text.
 class Document {
  public:
-  /// Throws `Refusal` for a text that is no JSON, has a name twice in one object, or is nested deeper than any
+  /// Throws `Rejection` for a text that is no JSON, has a name twice in one object, or is nested deeper than any
   /// certificate.
   explicit Document(std::string_view text);
   const Value& root() const { return root_; }

@@ -27,9 +27,9 @@ struct Quaternion {
   Vector v;
 };
 
-/// From a quaternion of any length but 0, exactly. Throws `Refusal`.
+/// From a quaternion of any length but 0, exactly. Throws `Rejection`.
 Pose pose_of(const Vector& origin, const Quaternion& q);
-/// The rotation about an axis of length 1. Throws `Refusal` for an angle of 2^21 or more.
+/// The rotation about an axis of length 1. Throws `Rejection` for an angle of 2^21 or more.
 Pose turn_about(const Vector& axis, const Dyadic& angle);
 
 /// The shorter rotation from one quaternion to another, in the frame of the first.

@@ -54,7 +54,7 @@ class Lanes : public testing::TestWithParam<std::string_view> {};
 struct Requested {
   std::vector<ConvexPartPtr> parts;  // two for each hull pair
   std::vector<Placed> placed;
-  std::vector<std::size_t> hulls;  // of each pair: index into `pieces` of the first one
+  std::vector<std::size_t> hulls;  // of each pair: index into `parts` of the first one
   std::vector<std::string> names;
   std::vector<double> max_distances;
 

@@ -163,7 +163,7 @@ ConvexPartPtr round_part(Random& random, bool extreme) {
 struct CheckedBalls {
   int requested = 0, converged = 0, near = 0, deep = 0;
   int of_kind[5] = {};                // round parts by their Primitive::Kind
-  int depths = 0, narrow_depths = 0;  // of overlaps queried with depth; not included in `asked`
+  int depths = 0, narrow_depths = 0;  // of overlaps queried with depth; not included in `requested`
   double widest_depth = 0;            // relative to its length
   void print(const char* what) const {
     std::printf("%s: %d answers, %d settled, %d near, %d deep; %d depths, %d settled, widest %.2g\n", what, requested,
