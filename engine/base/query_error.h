@@ -1,4 +1,4 @@
-// Errors that reject a whole request.
+// Errors that reject a whole query or pose update.
 #pragma once
 
 #include <cstdint>

@@ -216,7 +216,7 @@ struct MoversView {
   const std::uint32_t* of_body;  ///< (bodies,) nearest mover that carries the body, or kNone
 };
 
-/// Request parameters that apply to every pair.
+/// Limits and options of a query that apply to every pair.
 struct PairLimits {
   double max_distance, abs_tol, rel_tol;
   std::int32_t max_iterations;

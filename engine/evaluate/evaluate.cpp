@@ -91,7 +91,7 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
     answer.flags |= kFlagNonsmooth;
 }
 
-// Bound on the number of bodies in pairs; a body in two placements counts twice.
+// Bound on the number of bodies in pairs; a body in two configurations counts twice.
 std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
   const bool one_placement =
       std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });

@@ -33,7 +33,7 @@ struct BodiesAnswer {
   Element a{0, kNone}, b{0, kNone};
 };
 
-/// A pair in the configuration of a placement.
+/// A pair in the configuration that `placement` has the poses of.
 struct PlacedBodies {
   BodyPair pair;
   const BodyPoses* placement;
@@ -120,7 +120,8 @@ class Evaluator {
   // Whether a body of the pair consists of proxies, so that an overlap of parts proves no overlap of bodies. Not for a
   // half-space, whose distance depends on the body's hull alone.
   bool is_by_parts(BodyPair pair) const;
-  // An overlap of proxies is their last evidence of how near the mesh is.
+  // Upper bound on the distance of the parts at which a search may stop, in metres; -inf if it may not. For proxies it
+  // is not negative, since the depth of their overlap does not show how near the meshes are.
   double stop_below(const PlacedBodies& bodies, const Slack& slack) const {
     if (std::isinf(bodies.stop_below)) return bodies.stop_below;
     const double near = slack.near_enough(bodies.stop_below);

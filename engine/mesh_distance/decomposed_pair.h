@@ -19,8 +19,8 @@ class DecomposedPair {
  public:
   static constexpr std::size_t kMostOfRound = 32;
 
-  /// A pair of parts, and the distance between them beyond which the elements that they represent are beyond the
-  /// cut-off.
+  /// A pair of parts to evaluate. If they are farther apart than `cut_off`, the elements that they enclose are beyond
+  /// the cut-off of the search.
   struct Requested {
     const ConvexPart *a, *b;
     double gap;      // of their boxes

@@ -70,7 +70,7 @@ class MotionBlock {
   std::vector<MotionSearch> searches_;
   std::size_t count_ = 0, turn_ = 0;  // the latter is the next search to serve
   std::vector<BodyPoses> placements_;
-  std::uint64_t placed_ = 0;  // number of instants so far, which identifies each placement
+  std::uint64_t placed_ = 0;  // number of instants so far, which identifies the poses of each
   std::vector<Place> places_;
   std::size_t used_ = 0;  // of places_
   std::vector<Instant> instants_;

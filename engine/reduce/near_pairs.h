@@ -115,7 +115,7 @@ class TreeSearch {
   const Plan& plan_;
   const NearPairs& near_pairs_;
   const BodyPoses* placement_ = nullptr;
-  std::uint64_t stood_at_ = 0;  // valid if there is a placement
+  std::uint64_t stood_at_ = 0;  // BodyPoses::number() of placement_; valid if that is set
   std::vector<std::uint32_t> unplaced_, slots_;
   std::size_t staying_unplaced_ = 0;  // first entries of unplaced_
   std::vector<Aabb> boxes_;           // of plan_.moved

@@ -45,7 +45,7 @@ class Reduction {
   /// \param light an answer takes less than 1 us instead of 10
   bool worth_threads(bool light) const;
   /// Runs one unit of the current stage. Returns true at its end, or false if the slice is over; the same worker then
-  /// resumes it. The placement must be configured.
+  /// resumes it. The poses must be configured (BodyPoses::configure()).
   bool run(std::uint64_t unit, int worker, const BodyPoses& placement, WorkMeter& meter);
   /// Ends the stage after all its units.
   void end_stage();

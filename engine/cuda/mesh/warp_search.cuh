@@ -33,7 +33,7 @@ class WarpSearch {
     std::uint32_t one, other;
   };
 
-  // \param q request parameters of the bodies
+  // \param q limits of the bodies
   // \param cut_off of the convex parts: distance beyond which no better bounds are needed
   // \param stop_below an upper bound this low ends the search
   __device__ WarpSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,

@@ -32,7 +32,7 @@ __device__ __noinline__ inline Simplex<double> weighed(const Simplex<double>& s)
 // Bounds of a pair of hulls by one more run in float64. The nearest point of its last simplex belongs to the Minkowski
 // difference (CSO), however the run ended, so it gives an upper bound. The lower bound comes from the run's planes, or
 // is 0.
-// \param q request parameters of the pair
+// \param q limits of the pair
 // \param whole whether the hulls are the whole bodies; if not, other convex parts may be nearer
 // \param slack of the pair
 __device__ __noinline__ inline void answer_open_pair(const ChunkView& c, const PairLimits& q, const PairHeads& heads,

@@ -29,6 +29,8 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
   if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
 }
 
+// Evaluates the listed pairs of hulls up to their margins. Pairs of PairKind::kLeft become unresolved, and those of the
+// other kinds have kernels of their own (element_kernel.cuh).
 template <class S>
 __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;

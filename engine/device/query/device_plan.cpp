@@ -19,14 +19,14 @@ constexpr std::uint64_t kMostPlanRows = 1u << 22;
   throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
 
-// Reason why device queries do not support this request, or empty.
+// Reason why no device query can be made of this query, or empty.
 std::string beyond_plans(const Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
   if (q.max_evaluations > 0) return "max_evaluations: motions are not for plans yet";
   if (q.fields & kFieldFreeScale) return "the column free_scale";
   if (q.signed_distance) return "signed_distance: depths are the CPU's";
-  // Its poses arrive after the request, which has no clock.
+  // Poses arrive after the query is made, and kernels have no clock.
   if (q.max_pose_age_ns > 0) return "max_pose_age_ns: a plan does not know how old poses are when it runs";
   if (const std::uint32_t body = ageing_body(scene, plan); body != kNone)
     return "'" + scene.bodies()[body].name + "' has slack that grows as time goes by (max_speed)";
