@@ -92,8 +92,9 @@ std::uint32_t written_fields(const QueryView& q) {
   return fields;
 }
 
-// Any change affects a query of all pairs, and a new or removed body also the rows of `nearest`.
-/// \param bodies that the query moves
+// Whether the ids of a query for an older scene mean the same now. Any change affects a query of all pairs, and a new
+// or removed body also the rows of `nearest`.
+// \param bodies that the query moves
 bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
                      const Scene& scene) {
   return !query.all_pairs && snapshot.history->ids_valid_since({query.scene_revision, bodies, query.pairs,

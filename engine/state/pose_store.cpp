@@ -398,9 +398,9 @@ PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) 
   allow ? ignored.allow(a, b, scene_) : ignored.forbid(a, b, scene_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
-  changes_.clear();                                                          // the enabled pairs change
-  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));  // the attachments that allow a pair may
-                                                                             // differ
+  changes_.clear();  // the enabled pairs change
+  // Even if no pair changes, the attachments that allow one may differ.
+  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
   if (!changed.empty()) {
     history_->ignored(next->scene_revision, changed);
     enable_pairs(*next);
