@@ -66,7 +66,9 @@ const char* status_name(Status status) {
 }
 
 std::string flag_names(std::uint16_t flags) {
-  constexpr const char* kNames[] = {"renormalised", "rounding_limited", "nonsmooth", "pieces", "incomplete"};
+  constexpr const char* kNames[] = {"renormalised", "rounding_limited",    "nonsmooth",     "pieces",
+                                    "incomplete",   "uncertainty_limited", "beyond_limits", "half_turn"};
+  static_assert(kFlagHalfTurn == 1 << std::size(kNames), "a flag has no name");
   std::string text;
   for (std::size_t i = 0; i < std::size(kNames); ++i)
     if (flags >> (i + 1) & 1) text += (text.empty() ? "" : "|") + std::string(kNames[i]);
