@@ -64,12 +64,14 @@ std::string hull_warning(const Body& body) {
            "makes some";
   if (!stands_out(body)) return "";
   char text[200];
-  const char* what = body.parts.size() == 1 ? "its hull stands" : "its convex parts stand";
+  const bool is_hull = body.parts.size() == 1;
+  const char* what = is_hull ? "its hull stands" : "its convex parts stand";
   int n = std::snprintf(text, sizeof text, "%s up to %.3g m out of its mesh", what, body.hull_excess);
   if (body.empty_share > 0)
     n += std::snprintf(text + n, sizeof text - static_cast<std::size_t>(n), ", %.3g %% of it is empty",
                        100 * body.empty_share);
-  std::string warning = std::string(text, static_cast<std::size_t>(n)) + ": distances are to the hull";
+  std::string warning =
+      std::string(text, static_cast<std::size_t>(n)) + ": distances are to the " + (is_hull ? "hull" : "convex parts");
   if (!body.display) return warning;
   const auto& [vertices, triangles] = *body.display;
   std::string why;
