@@ -26,7 +26,7 @@ struct MotionSpan {
   std::uint32_t late;  ///< nonzero if a pair within its margin here cannot be the first
   double begin, end;   ///< within the motion, 0 to 1
   double
-      stop_below;  ///< metres: required distance of pairs over the whole span, by stop_below_for(); -inf if irrelevant
+      required_distance;  ///< metres: required distance of pairs over the whole span, by required_distance_for(); -inf if irrelevant
 
   CLEARANCE_HD double middle() const { return 0.5 * begin + 0.5 * end; }
   CLEARANCE_HD double half() const { return 0.5 * (end - begin); }

@@ -218,7 +218,7 @@ CLEARANCE_INLINE Vec3<Column> to_triangle(const Vec3<Column>& p, const Vec3d (&c
 
 template <class Own>
 CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds& other, const Mat3d& R, const Vec3d& D,
-                              double stop_below, PartColumn& gaps) {
+                              double stop_above, PartColumn& gaps) {
   const Seen others{columns(other.centre), columns(other.half), columns(other.normal), other.low - Column{},
                     other.high - Column{}};
   const Vec3<Column> from{columns(D)};
@@ -245,13 +245,13 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds
   }
   gaps = dot(apart, apart);
   root(gaps);
-  if (are_all_above(gaps, stop_below)) return;
+  if (are_all_above(gaps, stop_above)) return;
   // Along the line of the centres, or to the nearest point.
   if (other.corners.size() == 3)
     d = to_triangle(own.centre, {R * other.corners[0] + D, R * other.corners[1] + D, R * other.corners[2] + D});
   const Vec3<Column> n = scaled(d, by_length(d));
   take_greater(gaps, ((dot(n, from) - far_back(n)) - reach(n, own)) * kShort);
-  if (are_all_above(gaps, stop_below)) return;
+  if (are_all_above(gaps, stop_above)) return;
   // Along the normals of the other one and of these. Clouds and convex parts have no planes.
   const bool is_flat = squared_norm(other.normal) > 0;
   if (!is_flat && !have_planes) return;
@@ -265,17 +265,17 @@ CLEARANCE_INLINE void gaps_of(const Own& own, bool have_planes, const PartBounds
 }  // namespace
 
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const NodeColumns& nodes, const PartBounds& other,
-                                                         const Mat3d& R, const Vec3d& D, double stop_below,
+                                                         const Mat3d& R, const Vec3d& D, double stop_above,
                                                          PartColumn& gaps) {
-  gaps_of(seen(nodes), nodes.have_planes, other, R, D, stop_below, gaps);
+  gaps_of(seen(nodes), nodes.have_planes, other, R, D, stop_above, gaps);
 }
 CLEARANCE_CLONES __attribute__((flatten)) void part_gaps(const ElementColumns& elements, const PartBounds& other,
-                                                         const Mat3d& R, const Vec3d& D, double stop_below,
+                                                         const Mat3d& R, const Vec3d& D, double stop_above,
                                                          PartColumn& gaps) {
   if (elements.are_points)
-    gaps_of(seen_points(elements), false, other, R, D, stop_below, gaps);
+    gaps_of(seen_points(elements), false, other, R, D, stop_above, gaps);
   else
-    gaps_of(seen_triangles(elements), true, other, R, D, stop_below, gaps);
+    gaps_of(seen_triangles(elements), true, other, R, D, stop_above, gaps);
 }
 
 CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumns& a, const ElementColumns& b,

@@ -53,11 +53,11 @@ void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& re
 /// their centres (towards a triangle: to its nearest point) and along the normals of the planes of both;
 /// docs/bounds.md, "Surfaces". Not below 0.
 /// \param R,D convert the other body's coordinates to those of the parts' body
-/// \param stop_below the search for tighter bounds stops once all gaps exceed this
-void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double stop_below,
+/// \param stop_above the search for tighter bounds stops once all gaps exceed this
+void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double stop_above,
                PartColumn& gaps);
 void part_gaps(const ElementColumns& elements, const PartBounds& other, const Mat3d& R, const Vec3d& D,
-               double stop_below, PartColumn& gaps);
+               double stop_above, PartColumn& gaps);
 
 /// Lower bound on the distance of each triangle of a (lanes) from each of b: along `n` and the normals of all. Not
 /// below 0.

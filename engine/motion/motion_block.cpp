@@ -71,7 +71,7 @@ void MotionBlock::count_begun(WorkMeter& meter) const {
 bool MotionBlock::advance(WorkMeter& meter) {
   while (true) {
     if (!is_requested_) {
-      if (!evaluate(meter)) return true;
+      if (!collect_pairs(meter)) return true;
       answers_.resize(std::max(answers_.size(), requested_.size()));
       is_rough_ = rough_.has_value();
       (is_rough_ ? *rough_ : evaluator_).begin(requested_, answers_);
@@ -104,7 +104,7 @@ bool MotionBlock::request_again() {
 
 // Collects the next spans of as many searches as fit, in turn. The number for each search is fixed, so that a motion's
 // rows do not depend on the other motions. Returns false once all searches are done.
-bool MotionBlock::evaluate(WorkMeter& meter) {
+bool MotionBlock::collect_pairs(WorkMeter& meter) {
   used_ = 0;
   instants_.clear();
   const std::size_t together = std::min(kTogether, places_.size());
@@ -121,7 +121,7 @@ bool MotionBlock::evaluate(WorkMeter& meter) {
   requested_.clear();
   requests_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->evaluate(places_[k].node, {placements_[k], places_[k].twists}, requested_, requests_);
+    places_[k].search->collect_pairs(places_[k].node, {placements_[k], places_[k].twists}, requested_, requests_);
     places_[k].end = requested_.size();
   }
   meter.count(requested_.size() / kPairsPerUnit);

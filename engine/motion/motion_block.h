@@ -58,7 +58,7 @@ class MotionBlock {
   void begin_searches(std::uint64_t count);
   void begin_search(std::uint64_t i, std::uint64_t motion);
   void count_begun(WorkMeter& meter) const;
-  bool evaluate(WorkMeter& meter);
+  bool collect_pairs(WorkMeter& meter);
   void place(WorkMeter& meter);
   bool request_again();
   void take();

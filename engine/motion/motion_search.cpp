@@ -71,8 +71,9 @@ double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double 
   if (decides()) return motion_query_.plan.margins.of(position);
   const QueryView& query = motion_query_.plan.query;
   if (goal.pair == kNowhere) return query.max_distance;
-  const double stop_below = stop_below_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
-  return std::min(query.max_distance, std::max(stop_below, 0.0));
+  const double required_distance =
+      required_distance_for(goal.best.upper, query.abs_tol, query.rel_tol, goal.slack, slack);
+  return std::min(query.max_distance, std::max(required_distance, 0.0));
 }
 
 void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double begin) {
@@ -129,8 +130,8 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::evaluate(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
-                            std::vector<PairRequest>& requests) {
+void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
+                                 std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;

@@ -87,8 +87,8 @@ class MotionSearch {
   /// Fetches the most promising span. Returns false if there is none at present.
   bool next(Node& node);
   /// Appends the pairs to evaluate in the middle of a span, and their requests in the same order.
-  void evaluate(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
-                std::vector<PairRequest>& requests);
+  void collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
+                     std::vector<PairRequest>& requests);
   /// Processes the answers to those requests. The node must not be used afterwards.
   void take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
             std::span<const PairAnswer> answers);

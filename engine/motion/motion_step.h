@@ -162,8 +162,8 @@ CLEARANCE_HD inline ProvedShare proved_until(double middle, double end, double t
 
 /// Lower bound that all pairs must keep throughout, so that an interval of the least distance with the upper end
 /// `upper` is within tolerance, apart from slack. At or below 0 the interval is within tolerance in any case.
-CLEARANCE_HD inline double stop_below_for(double upper, double abs_tol, double rel_tol, double slack_of_upper,
-                                          double slack) {
+CLEARANCE_HD inline double required_distance_for(double upper, double abs_tol, double rel_tol, double slack_of_upper,
+                                                 double slack) {
   const double relative = rel_tol * upper, tolerance = abs_tol < relative ? relative : abs_tol;
   return upper - (tolerance + slack_of_upper + slack);
 }

@@ -107,21 +107,21 @@ CLEARANCE_HD inline void decide_apart(double max_distance, double lower, double 
 /// \param rounding returns the width that rounding alone gives the bounds of these parts; called only if needed
 /// \param slack of the pair
 template <class Rounding>
-CLEARANCE_HD inline void decide(const NarrowLimits& requested, double lower, double upper, const Rounding& rounding,
+CLEARANCE_HD inline void decide(const NarrowLimits& limits, double lower, double upper, const Rounding& rounding,
                                 PairAnswer& answer, const Slack& slack = {}) {
   double true_lower = slack.true_lower(lower), true_upper = slack.true_upper(upper);
   const bool parts_overlap = upper <= 0, overlap = true_upper <= 0;
-  if (!requested.signed_distance) {
+  if (!limits.signed_distance) {
     lower = lower < 0 ? 0 : lower;
     upper = parts_overlap ? 0 : upper;
     true_lower = true_lower < 0 ? 0 : true_lower;
     true_upper = overlap ? 0 : true_upper;
   }
   const double width = upper - lower;
-  const auto narrow = [&](double distance) { return is_narrow(width, distance, requested.abs_tol, requested.rel_tol); };
-  const bool converged = parts_overlap ? !requested.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
+  const auto narrow = [&](double distance) { return is_narrow(width, distance, limits.abs_tol, limits.rel_tol); };
+  const bool converged = parts_overlap ? !limits.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
   if (true_lower > 0) {
-    decide_apart(requested.max_distance, true_lower, true_upper, converged, answer);
+    decide_apart(limits.max_distance, true_lower, true_upper, converged, answer);
     if (answer.status == Status::kBeyond) {
       answer.point_a = answer.point_b = no_point();
       return;
@@ -134,13 +134,13 @@ CLEARANCE_HD inline void decide(const NarrowLimits& requested, double lower, dou
       answer.distance = true_lower;
     } else {
       answer.status = converged || is_at_rounding(width, rounding()) ? Status::kContact : Status::kUnconverged;
-      answer.distance = requested.signed_distance ? 0.5 * true_lower + 0.5 * true_upper : true_upper;
+      answer.distance = limits.signed_distance ? 0.5 * true_lower + 0.5 * true_upper : true_upper;
     }
   }
   if (!converged && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
   const double size = true_lower > 0 ? true_upper : overlap ? true_lower : 0;
-  if (slack.any() && !(overlap && !requested.signed_distance) &&
-      !is_narrow(slack.inner + slack.outer, size, requested.abs_tol, requested.rel_tol))
+  if (slack.any() && !(overlap && !limits.signed_distance) &&
+      !is_narrow(slack.inner + slack.outer, size, limits.abs_tol, limits.rel_tol))
     answer.flags |= kFlagUncertaintyLimited;
 }
 

@@ -49,7 +49,7 @@ void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::uint64_t 
 bool ConfigurationBlock::advance(WorkMeter& meter) {
   while (true) {
     if (!is_requested_) {
-      if (!evaluate(meter)) return true;
+      if (!collect_pairs(meter)) return true;
       answers_.resize(std::max(answers_.size(), requested_.size()));
       evaluator_.begin(requested_, answers_);
       is_requested_ = true;
@@ -62,7 +62,7 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
 }
 
 // Collects the next pairs of all configurations in requested_. Returns false if there are none.
-bool ConfigurationBlock::evaluate(WorkMeter& meter) {
+bool ConfigurationBlock::collect_pairs(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
@@ -70,16 +70,17 @@ bool ConfigurationBlock::evaluate(WorkMeter& meter) {
   requested_.clear();
   requested_end_.clear();
   for (std::size_t i = 0; i < placed_.size(); ++i) {
-    while (reductions_[i].stage() != Reduction::kDone && !evaluate(i, meter)) reductions_[i].end_stage();
+    while (reductions_[i].stage() != Reduction::kDone && !collect_pairs(i, meter)) reductions_[i].end_stage();
     requested_end_.push_back(requested_.size());
   }
   return !requested_.empty();
 }
 
 // Collects the next pairs of a configuration's stage. Returns false if the stage is over.
-bool ConfigurationBlock::evaluate(std::size_t i, WorkMeter& meter) {
+bool ConfigurationBlock::collect_pairs(std::size_t i, WorkMeter& meter) {
   Reduction& r = reductions_[i];
-  if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates) return r.evaluate(placed_[i], requested_);
+  if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates)
+    return r.collect_pairs(placed_[i], requested_);
   const std::uint64_t pairs = plan_.pairs.size();
   if (compares_boxes_)
     r.scan(gaps_.subspan(i * pairs, pairs), placed_[i]);

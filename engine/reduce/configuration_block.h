@@ -33,8 +33,8 @@ class ConfigurationBlock {
   std::uint64_t end(std::span<std::vector<Row>> rows);
 
  private:
-  bool evaluate(WorkMeter& meter);
-  bool evaluate(std::size_t i, WorkMeter& meter);
+  bool collect_pairs(WorkMeter& meter);
+  bool collect_pairs(std::size_t i, WorkMeter& meter);
   void take();
 
   const Plan& plan_;

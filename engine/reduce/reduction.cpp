@@ -120,7 +120,7 @@ bool Reduction::run(std::uint64_t unit, int worker, const BodyPoses& placement, 
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& placement, WorkMeter& meter) {
   const auto begin_next = [&] {
     w.requested.clear();
-    evaluate(w, placement, w.requested);
+    collect_pairs(w, placement, w.requested);
     w.evaluator.begin(w.requested, std::span(answers()).subspan(w.first, w.requested.size()));
   };
   const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
@@ -151,7 +151,7 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 }
 
 // Appends the pairs of the next step.
-void Reduction::evaluate(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
+void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
   const double far = loser_beyond(w.cut_off, options_.limits);
@@ -204,7 +204,7 @@ bool Reduction::take(WorkerState& w) {
   return decided;
 }
 
-bool Reduction::evaluate(const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
+bool Reduction::collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
   assert(stage_ == kSeeds || stage_ == kCandidates);
   WorkerState& w = workers_[0];
   if (w.step == 0) {
@@ -212,7 +212,7 @@ bool Reduction::evaluate(const BodyPoses& placement, std::vector<PlacedBodies>& 
     begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
   }
   const std::size_t before = requested.size();
-  evaluate(w, placement, requested);
+  collect_pairs(w, placement, requested);
   if (requested.size() > before) return true;
   w.step = 0;
   return false;

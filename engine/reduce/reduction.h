@@ -56,7 +56,7 @@ class Reduction {
   void scan(std::span<const double> gaps, const BodyPoses& placement);
   /// Appends the seeds or candidates to evaluate next; take() receives their answers in that order. Returns false if
   /// none are left.
-  bool evaluate(const BodyPoses& placement, std::vector<PlacedBodies>& requested);
+  bool collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& requested);
   void take(std::span<const PairAnswer> answers);
   /// The rows, once the stage is kDone.
   std::vector<Row> rows(std::uint32_t configuration, const BodyPoses& placement);
@@ -112,7 +112,7 @@ class Reduction {
   }
   bool answer(std::uint64_t unit, WorkerState& worker, const BodyPoses& placement, WorkMeter& meter);
   void begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& worker) const;
-  void evaluate(WorkerState& worker, const BodyPoses& placement, std::vector<PlacedBodies>& requested);
+  void collect_pairs(WorkerState& worker, const BodyPoses& placement, std::vector<PlacedBodies>& requested);
   bool take(WorkerState& worker);
   std::vector<PairAnswer>& answers() { return stage_ == kSeeds ? seed_answers_ : candidate_answers_; }
   void collect_seeds();

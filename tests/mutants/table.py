@@ -439,7 +439,7 @@ MUTANTS = [
         (
             "motion_kernel_least_enough",
             "cuda/motion/motion_least.cuh",
-            "stop_below_for(upper, @m.abs_tol@",
+            "required_distance_for(upper, @m.abs_tol@",
             "8 * m.abs_tol",
         ),
         (

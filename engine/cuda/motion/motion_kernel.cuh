@@ -263,7 +263,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         const double margin = margin_of(m, item.pair),
                      target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
         // Whether only the side of the margin is needed.
-        const bool decides = !kLeast || span.stop_below == -__builtin_inf();
+        const bool decides = !kLeast || span.required_distance == -__builtin_inf();
         PairLimits q = c.pair_limits;
         q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
@@ -332,7 +332,7 @@ __device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
 __device__ inline MotionSpan rest_of_span(const MotionSpan& span, bool is_after, float share) {
   const double middle = span.middle(), proved = static_cast<double>(share) * span.half();
   const double rest = rest_of_half(middle, proved, 0.5 * span.half(), is_after);
-  return {span.motion, span.late, is_after ? rest : span.begin, is_after ? span.end : rest, span.stop_below};
+  return {span.motion, span.late, is_after ? rest : span.begin, is_after ? span.end : rest, span.required_distance};
 }
 
 // One thread per half of each span: its unproved rest becomes a span of the next level.

@@ -2,7 +2,7 @@
 // needs.
 //
 // The first level evaluates both ends, since the least distance is mostly there and halving would approach it slowly.
-// After each level its results set the required distance of pairs in the next one (MotionSpan::stop_below), and spans
+// After each level its results set the required distance of pairs in the next one (MotionSpan::required_distance), and spans
 // that need nothing more are dropped. Within a level no thread reads other threads' results, so rows do not depend on
 // their order.
 #pragma once
@@ -20,10 +20,10 @@ __device__ inline bool has_least(const MotionsView& m, std::uint32_t motion) {
 
 // Required distance of all pairs, given one with this upper bound. -inf if the bounds suffice already, inf if no bound
 // is known.
-__device__ inline double stop_below_of(const MotionsView& m, double upper, double slack) {
+__device__ inline double required_distance_of(const MotionsView& m, double upper, double slack) {
   if (!(upper < __builtin_inf())) return upper;
-  const double stop_below = stop_below_for(upper, m.abs_tol, m.rel_tol, slack, 0);
-  return upper > 0 && stop_below > 0 ? stop_below : -__builtin_inf();
+  const double required_distance = required_distance_for(upper, m.abs_tol, m.rel_tol, slack, 0);
+  return upper > 0 && required_distance > 0 ? required_distance : -__builtin_inf();
 }
 
 // Resets a motion; its ends are evaluated first.
@@ -41,10 +41,10 @@ __device__ inline void begin_at_ends(const MotionsView& m, std::uint32_t motion)
 // Called between levels: sets the requirements of a span. Returns false if it needs nothing more and is dropped.
 __device__ inline bool is_still_requested(const MotionsView& m, MotionSpan& span) {
   const MotionHitRow& best = m.best[span.motion];
-  span.stop_below = stop_below_of(m, best.answer.upper, best.slack);
+  span.required_distance = required_distance_of(m, best.answer.upper, best.slack);
   span.late = !m.seeks_contact || begins_late(span.begin, time_of_hit(m, span.motion));
   if (m.seeks_contact && span.late) free_no_longer(m, span.motion, span.begin);
-  if (!span.late || span.stop_below > 0) return true;
+  if (!span.late || span.required_distance > 0) return true;
   leave_out(m, span, 0);
   return false;
 }
@@ -94,11 +94,12 @@ __device__ inline void look_for_least(const MotionsView& m, const MovingPair& pa
   if (!span.late && is_within) take_least(m.hit + span.motion, row.key);
   if (span.half() == 0) return;
   // This pair's bounds need not be narrower than its own answer requires.
-  const double own = stop_below_of(m, answer.upper, row.slack), least = own < span.stop_below ? own : span.stop_below;
-  const double stop_below = least - pair.inner(), free = margin < stop_below ? stop_below : margin;
+  const double own = required_distance_of(m, answer.upper, row.slack),
+               least = own < span.required_distance ? own : span.required_distance;
+  const double required_distance = least - pair.inner(), free = margin < required_distance ? required_distance : margin;
   // First contact is not sought after a pair within its margin, nor before it if it does not move.
   const bool before = !span.late && !(is_within && pair.way == 0), behind = !span.late && !is_within;
-  pair.divide(answer, requested, {before ? free : stop_below, behind ? free : stop_below}, goes_on);
+  pair.divide(answer, requested, {before ? free : required_distance, behind ? free : required_distance}, goes_on);
 }
 
 // Finds at each end the pair with the nearest boxes; any pair would do. Pairs without usable poses are left to the CPU.
@@ -132,7 +133,7 @@ __global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_const
   const std::uint32_t s = thread_index();
   if (s >= span_count(m)) return;
   const MotionHitRow& best = m.best[m.spans[s].motion];
-  m.spans[s].stop_below = stop_below_of(m, best.answer.upper, best.slack);
+  m.spans[s].required_distance = required_distance_of(m, best.answer.upper, best.slack);
 }
 
 // Runs after both ends: whole motions become the spans of the next level.

@@ -25,10 +25,10 @@ __device__ inline double margin_of(const MotionsView& m, std::uint32_t pair) {
 // Required distance of a pair over a whole span.
 // \param inner of its slack
 __device__ inline double target_of(const MotionsView& m, const MotionSpan& span, std::uint32_t pair, double inner) {
-  const double stop_below = span.stop_below - inner;
-  if (span.late) return stop_below;
+  const double required_distance = span.required_distance - inner;
+  if (span.late) return required_distance;
   const double margin = margin_of(m, pair);
-  return margin < stop_below ? stop_below : margin;
+  return margin < required_distance ? required_distance : margin;
 }
 // Key that orders the hits of a motion: by pair in query order, then by time; with first contact, by time, then by
 // pair. A time is a multiple of 2^-31, since it is the middle of a span that is cut at multiples of 2^-12 and halved at
