@@ -80,7 +80,9 @@ class Actors:
         while not self._events:
             ready, _ = ray.wait(list(self._waiting), num_returns=1, timeout=_LOOK_S)
             if ready:
-                self._receive(ready[0])
+                # A worker performs its tasks in order, but Ray may return the result of a later one first.
+                worker = self._waiting[ready[0]]
+                self._receive(next(answer for answer, whose in self._waiting.items() if whose == worker))
             elif not any(node["Alive"] for node in ray.nodes()):
                 raise SweepError("Ray has no machine left that is alive; the job goes on when it is started again")
         return self._events.popleft()
