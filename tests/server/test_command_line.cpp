@@ -64,11 +64,11 @@ TEST_F(CommandLine, Query) {
 TEST_F(Clearanced, AQueryPrintsThatUncertaintyLimitsARow) {
   const std::string scene = folder_.write("uncertain.yaml",
                                           "bodies: [{name: post, box: 0.1, static: true, pose: [0, 0, 0, 1, 0, 0, 0]}, "
-                                          "{name: ball, sphere: 0.1, pose: [1, 0.3, 0.2, 1, 0, 0, 0], "
-                                          "uncertainty: {position: 0.02}}]\n");
+                                          "{name: cube, box: 0.1, pose: [1, 0.3, 0.2, 1, 0, 0, 0], "
+                                          "uncertainty: {angle: 0.02}}]\n");
   Daemon daemon({"--scene", scene, "--zmq", ipc_});
   const Finished rows = clearance_cli({"query", "--csv", "--fields", "flags", "--connect", daemon.url()});
-  EXPECT_EQ(rows.out, "a,b,flags\npost,ball,uncertainty_limited\n") << rows.err;
+  EXPECT_EQ(rows.out, "a,b,flags\npost,cube,uncertainty_limited\n") << rows.err;
 }
 
 TEST_F(CommandLine, PosesAndAttachments) {
