@@ -39,11 +39,11 @@ class Suite:
 
 SUITES = {
     "latency": Suite(
-        "Latency and throughput of every transport, beside their floors and bars.",
+        "Latency and throughput of every transport, with baselines and targets.",
         "bench/latency/bench.py", "latency latency_python latency_doorbell latency_throughput", "--seconds 0.2",
         options="--out {results}", results="out"),
     "peers": Suite(
-        "Pairs of hulls beside Coal, FCL and Bullet: times, and wrong answers in hard cases.",
+        "Pairs of hulls, compared with Coal, FCL and Bullet: times, and wrong answers in hard cases.",
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",
         "--workload gap_1mm_42 --rounds 1 --seconds 0.01", options="--results {results}",
         targets="clearance-peers-export clearance-peers-ours", packages="tools/peers_packages.txt",
@@ -56,42 +56,42 @@ SUITES = {
         "The longest that the daemon's loop is away from its transports, by kind of request.",
         "bench/latency/bench_sections.py", "sections", "--seconds 0.5 --kinds nothing groups"),
     "classes": Suite(
-        "Waiting times of a client of the class control beside the worst clients of the class planning.",
+        "Waiting times of a client of the class control, next to the worst clients of the class planning.",
         "bench/latency/bench_classes.py", "classes", "--seconds 0.5 --rounds 1 --kinds groups"),
     "view": Suite(
         "Waiting times of a control loop while a viewer reads its daemon.",
         "bench/latency/bench_view.py", "view", "--seconds 0.5 --turns 1"),
     "robots": Suite(
-        "MotionBenchMaker's states: validity and least distance, beside Pinocchio and Coal.",
+        "MotionBenchMaker's states: validity and least distance, compared with Pinocchio and Coal.",
         "bench/robots/bench_robots.py", "robots", "--robots panda --problems 1 --states 5 --rounds 1",
         python=ROBOTS, pages="docs/robots.md docs/robots.png", draw="robots"),
     "rrt": Suite(
-        "The same problems planned by RRT-Connect, end to end, beside Pinocchio and Coal.",
+        "The same problems planned by RRT-Connect, end to end, compared with Pinocchio and Coal.",
         "bench/robots/bench_rrt.py", "rrt", "--robots panda --problems 1 --rounds 1", python=ROBOTS,
         pages="docs/robots.md docs/robots.png", draw="robots"),
     "motions": Suite(
-        "Edges of these problems, proved free all along, beside sampling them.",
+        "Edges of these problems, proved free over their whole length, compared with sampling.",
         "bench/robots/bench_motions.py", "motions", "--robots panda --problems 1 --edges 5", python=ROBOTS),
     "free_bodies": Suite(
-        "Motions of free bodies, beside FCL's continuous collision.",
+        "Motions of free bodies, compared with FCL's continuous collision.",
         "bench/robots/bench_free_bodies.py", "free_bodies", "--motions 20", python=ROBOTS),
     "ompl": Suite(
         "These problems planned by OMPL, with sampled and with proved edges.",
         "bench/robots/bench_ompl.py", "ompl", "--robots panda --problems 1 --seconds 5", python=ROBOTS),
     "surfaces": Suite(
-        "Meshes that are not convex, beside Coal.",
+        "Meshes that are not convex, compared with Coal.",
         "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS),
     "pieces": Suite(
         "Meshes that are not convex, by their triangles and by convex parts.",
         "bench/surfaces/bench_pieces.py", "pieces", "--poses 20"),
     "link_meshes": Suite(
-        "A robot's links before a concave mesh, beside Pinocchio and Coal.",
+        "A robot's links and a concave mesh, compared with Pinocchio and Coal.",
         "bench/robots/bench_link_meshes.py", "link_meshes", "--robots panda --states 10 --rounds 1", python=ROBOTS),
     "clouds": Suite(
-        "Points against a robot, beside Coal's octree.",
+        "Points against a robot, compared with Coal's octree.",
         "bench/surfaces/bench_clouds.py", "clouds", "--points 5000 --states 3", python=ROBOTS),
     "sweep": Suite(
-        "A sweep on Ray, beside the engine alone.",
+        "A sweep on Ray, compared with the engine alone.",
         "bench/sweep/bench_sweep.py", "sweep", "--rounds 1 --parts 2 --part-rows 64", python="bench/sweep"),
     "load": Suite(
         "Loading 1000 meshes without a cache, with an empty one and with a full one.",
@@ -105,7 +105,7 @@ SUITES = {
         "bench/robots/bench_shapes.py", "shapes", "--robots ur5 --problems 1 --states 5", python=ROBOTS,
         pages="docs/tradeoff.md"),
     "edges": Suite(
-        "Proved edges beside sampled ones, by margin and tolerance.",
+        "Proved edges, compared with sampled ones, by margin and tolerance.",
         "bench/tradeoff/bench_edges.py", "edges", "--edges 20 --rounds 1", pages="docs/tradeoff.md"),
     "report": Suite(
         "The experiments of the 2023 report with its systems, ours and Coal.",

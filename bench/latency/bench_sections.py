@@ -73,7 +73,7 @@ def aggressor(kind, url, as_planning=False):
     heaps = [name for name in names if name.startswith("heap")]
     pose = [0.1, 0, 0, 1, 0, 0, 0]
     pairs = np.stack([np.arange(4_000_000) % 4000, 4001 + np.arange(4_000_000) % 900], axis=1).astype(np.uint32)
-    asks = {
+    requests = {
         "nothing": None,
         "groups": lambda: client.distances(
             pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"], **options
@@ -87,10 +87,10 @@ def aggressor(kind, url, as_planning=False):
         "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, **options),
         "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True, **options),
     }
-    evaluate = asks[kind]
+    send = requests[kind]
     print("ready", flush=True)
-    while evaluate:
-        evaluate()
+    while send:
+        send()
     signal.pause()
 
 
@@ -99,9 +99,9 @@ KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "
 
 def start_aggressor(stage, command, kind, url):
     """Starts an aggressor on the stage, and returns just before its first request."""
-    asking = stage.start("aggressor", [*command, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True)
-    if asking.stdout.readline() != "ready\n":
-        raise DemoError(f"the client that asks for {kind} did not start: {stage.log('aggressor').strip()}")
+    client = stage.start("aggressor", [*command, "--aggressor", kind, url], stdout=subprocess.PIPE, text=True)
+    if client.stdout.readline() != "ready\n":
+        raise DemoError(f"the client that requests {kind} did not start: {stage.log('aggressor').strip()}")
 
 
 def cpu_ms(pid):
@@ -130,13 +130,13 @@ def quietest(rounds, measure_one):
     return min(got, key=lambda one: one[1])
 
 
-def bench_one_pair(binaries, url, seconds, beside, prefix=()):
+def bench_one_pair(binaries, url, seconds, load, prefix=()):
     """A row of `clearance bench`: one pair over shared memory, a thousand times a second."""
     command = [*prefix, binaries / "clearance", "bench", "--connect", url, "--pairs", "1", "--rate", "1000"]
     command += ["--warmup", "0", "--timeout", "120", "--seconds", str(seconds), "--json"]
     bench = subprocess.run(command, capture_output=True, text=True)
     if bench.returncode:
-        raise DemoError(f"clearance bench beside {beside}: {bench.stderr.strip()}")
+        raise DemoError(f"clearance bench next to {load}: {bench.stderr.strip()}")
     return json.loads(bench.stdout)[0]
 
 

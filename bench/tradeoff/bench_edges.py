@@ -34,8 +34,8 @@ AT_ONCE = 500
 FIELDS = ("status", "steps", "lower", "upper")
 
 
-class Asked:
-    """The edges, and the queries about them."""
+class EdgeQueries:
+    """The edges, and their queries."""
 
     def __init__(self, count, seed):
         self.engine = clearance.Engine(clearance.Scene.load(SCENE), backend="cpu", threads=1)
@@ -142,7 +142,7 @@ def main():
     made.add_argument("--edges", type=int, default=2000)
     made.add_argument("--rounds", type=int, default=5)
     options = made.parse_args()
-    requested = Asked(options.edges, options.seed)
+    requested = EdgeQueries(options.edges, options.seed)
     taken, answers = measure(requested, options.rounds)
     rows = shown(row_of(setting, taken, answers) for setting in settings())
     write(rows, options.csv, f"{options.edges} edges, seed {options.seed}, {options.rounds} rounds, one thread")
