@@ -15,11 +15,11 @@
 #include "client/channel.h"
 #include "client/client.h"
 #include "client/fork_guard.h"
+#include "client/reply_spin.h"
 #include "client/shm_client_segment.h"
 #include "client/shm_options.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
-#include "wire/spin_gate.h"
 
 namespace clearance {
 
@@ -38,6 +38,8 @@ constexpr std::chrono::nanoseconds kNap = 10ms;
 /// Timeout of begin() for a larger segment, or for a slot with an abandoned reply.
 constexpr std::chrono::seconds kBeginTimeout{5};
 constexpr int kSpinsPerClockLook = 16;
+/// Part of a long spin after which it checks whether another thread needs the core.
+constexpr std::chrono::nanoseconds kSpinSlice = 50us;
 
 class ShmFrame final : public Frame {
  public:
@@ -70,8 +72,11 @@ std::uint64_t room_needed(const Frame& frame) {
 
 class ShmChannel final : public Channel {
  public:
-  ShmChannel(const std::string& target, Deadline deadline) : target_(target), options_(parse_shm_options(target)) {
-    if (std::thread::hardware_concurrency() == 1) options_.spin = 0ns;  // spinning would block the daemon
+  ShmChannel(const std::string& target, Deadline deadline)
+      : target_(target),
+        options_(parse_shm_options(target)),
+        // On one CPU, spinning would block the daemon.
+        spins_(std::thread::hardware_concurrency() == 1 ? 0ns : options_.spin) {
     open(deadline);
   }
 
@@ -126,10 +131,12 @@ class ShmChannel final : public Channel {
     check_fork();
     auto [segment, index] = find(request_id);
     if (!segment) throw ConnectionError(url() + ": no request " + std::to_string(request_id) + " is under way");
+    Deadline began{};
     for (;;) {
       collect();
       const State state = segment->slots()[index].state;
       if (state == State::kArrived) {
+        if (began != Deadline{}) spins_.replied(segment->slots()[index].request_bytes, last_look_ - began);
         std::unique_ptr<Frame> frame = take_reply(segment, index);
         if (!send_again(segment, index, *frame)) return frame;
         std::tie(segment, index) = find(request_id);
@@ -141,9 +148,10 @@ class ShmChannel final : public Channel {
         throw ConnectionError(url() + ": the daemon dropped request " + std::to_string(request_id));
       }
       if (!dead_.empty()) throw ConnectionError(dead_);
-      const auto now = Clock::now();
-      if (now >= deadline) return nullptr;
-      wait(*segment, now, deadline);
+      last_look_ = Clock::now();
+      if (last_look_ >= deadline) return nullptr;
+      if (began == Deadline{}) began = last_look_;
+      wait(*segment, segment->slots()[index].request_bytes, deadline);
       shm::prefetch_to_read(segment->reply_area(index));
     }
   }
@@ -363,7 +371,8 @@ class ShmChannel final : public Channel {
       if (deadline == Deadline{}) deadline = now + kBeginTimeout;
       if (now >= deadline)
         throw TimeoutError(url() + ": the daemon has not given back the slot of an abandoned request");
-      wait(*current_, now, std::min(deadline, watch()));
+      last_look_ = now;
+      wait(*current_, 0, std::min(deadline, watch()));
     }
   }
 
@@ -385,23 +394,44 @@ class ShmChannel final : public Channel {
     if (!sane && dead_.empty()) dead_ = url() + ": the shared segment is corrupted";
   }
 
-  /// Waits for a new entry in `segment`, for a limited time.
-  void wait(ClientSegment& segment, Clock::time_point now, Deadline deadline) {
-    if (options_.spin > 0ns && spins_.opens()) {
-      const auto end = std::min<Clock::time_point>(now + options_.spin, deadline);
-      do {
-        for (int i = 0; i < kSpinsPerClockLook; ++i) {
-          if (!segment.nothing_new()) {
-            spins_.paid();
-            return;
-          }
-          shm::cpu_relax();
-        }
-      } while (Clock::now() < end);
-      spins_.missed();
+  /// Waits for a new entry in `segment` from last_look_ on, for a limited time.
+  /// \param request_bytes size of the request that waits, which predicts the time
+  void wait(ClientSegment& segment, std::uint64_t request_bytes, Deadline deadline) {
+    const auto spin = spins_.next(request_bytes);
+    if (spin > 0ns) {
+      const bool arrived = spins_.is_long(spin) ? spin_long(segment, std::min<Deadline>(last_look_ + spin, deadline))
+                                                : spin_until(segment, std::min<Deadline>(last_look_ + spin, deadline));
+      spins_.spun(spin, arrived);
+      if (arrived) return;
     }
-    segment.sleep(std::min<std::chrono::nanoseconds>(kNap, deadline - Clock::now()));
+    segment.sleep(std::min<std::chrono::nanoseconds>(kNap, deadline - last_look_));
+    last_look_ = Clock::now();
     if (segment.nothing_new()) look_at_socket();
+  }
+
+  /// Returns whether a new entry arrived before `end`. Sets last_look_.
+  bool spin_until(ClientSegment& segment, Deadline end) {
+    do {
+      for (int i = 0; i < kSpinsPerClockLook; ++i) {
+        if (!segment.nothing_new()) return true;
+        shm::cpu_relax();
+      }
+      last_look_ = Clock::now();
+    } while (last_look_ < end);
+    return false;
+  }
+
+  /// As spin_until(), but ends early if another thread needed this core.
+  bool spin_long(ClientSegment& segment, Deadline end) {
+    const long before = shm::preemptions();
+    bool arrived = false;
+    while (!arrived && last_look_ < end) {
+      arrived = spin_until(segment, std::min(end, last_look_ + kSpinSlice));
+      if (shm::preemptions() == before) continue;
+      spins_.preempted();
+      break;
+    }
+    return arrived;
   }
 
   std::unique_ptr<Frame> take_reply(const SegmentPtr& segment, std::uint32_t index) {
@@ -449,7 +479,8 @@ class ShmChannel final : public Channel {
   TakenSlot room_;                                    ///< memory given by begin(), until send()
   std::string dead_;                                  ///< reason that the connection is unusable, or empty
   std::uint64_t rejected_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has rejected
-  SpinGate spins_;
+  ReplySpin spins_;
+  Deadline last_look_{};  ///< last read of the clock during a wait
 };
 
 }  // namespace

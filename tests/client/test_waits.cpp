@@ -1,7 +1,8 @@
-// Detection of a hang, with simulated clocks and heartbeats.
+// Waits of a client: detection of a hang, with simulated clocks and heartbeats, and the choice of the spin time.
 #include <gtest/gtest.h>
 
 #include "client/hang_watch.h"
+#include "client/reply_spin.h"
 
 namespace clearance {
 namespace {
@@ -84,6 +85,50 @@ TEST_F(Watched, WhatQueuesUpBehindLargeFramesIsWaitedFor) {
 
 TEST(HangWatch, IsOffWithoutPatience) {
   EXPECT_EQ(HangWatch(0ns).due(), Deadline::max());
+}
+
+TEST(ReplySpin, LastsAsLongAsRequestsOfThatSizeTook) {
+  ReplySpin spins(20us);
+  EXPECT_EQ(spins.next(1000), 20us) << "nothing is known";
+  for (int i = 0; i < 40; ++i) spins.replied(1000, 140us);
+  const auto spin = spins.next(1000);
+  EXPECT_TRUE(spins.is_long(spin));
+  EXPECT_GT(spin, 140us);
+  EXPECT_LT(spin, 300us);
+  EXPECT_EQ(spins.next(2000), 20us) << "another request";
+  for (int i = 0; i < 40; ++i) spins.replied(1000, 5us);
+  EXPECT_EQ(spins.next(1000), 20us) << "short ones keep the base time";
+}
+
+TEST(ReplySpin, DoesNotBurnACoreForLongRequests) {
+  ReplySpin spins(20us);
+  for (int i = 0; i < 40; ++i) spins.replied(1000, ReplySpin::kLongest + 100us);
+  EXPECT_EQ(spins.next(1000), 20us);
+}
+
+TEST(ReplySpin, YieldsTheCoreToOtherThreads) {
+  ReplySpin spins(20us);
+  for (int i = 0; i < 40; ++i) spins.replied(1000, 140us);
+  ASSERT_TRUE(spins.is_long(spins.next(1000)));
+  spins.preempted();
+  unsigned shorter = 0;
+  while (!spins.is_long(spins.next(1000))) ASSERT_LT(++shorter, 10 * ReplySpin::kPause);
+  EXPECT_EQ(shorter, ReplySpin::kPause - 1) << "then it tries again";
+}
+
+TEST(ReplySpin, StopsWhereItDoesNotPay) {
+  ReplySpin spins(20us);
+  for (int i = 0; i < 40; ++i) spins.replied(1000, 140us);
+  for (int i = 0; i < SpinGate::kMisses; ++i) spins.spun(spins.next(1000), false);
+  EXPECT_EQ(spins.next(1000), 20us) << "long spins stop, short ones have not failed yet";
+  for (int i = 0; i < SpinGate::kMisses; ++i) spins.spun(20us, false);
+  EXPECT_EQ(spins.next(1000), 0us);
+}
+
+TEST(ReplySpin, NeverSpinsWithABaseOfZero) {
+  ReplySpin spins(0us);
+  for (int i = 0; i < 40; ++i) spins.replied(1000, 140us);
+  EXPECT_EQ(spins.next(1000), 0us);
 }
 
 }  // namespace
