@@ -92,7 +92,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
 }
 #: Pages whose indented blocks are formulas or drawings.
-FORMULAS = {"docs/bounds.md", "docs/architecture.md"}
+FORMULAS = {"docs/bounds.md", "docs/bounds_bodies.md", "docs/bounds_robots.md", "docs/architecture.md"}
 
 
 class Differs(Exception):

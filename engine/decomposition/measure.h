@@ -49,7 +49,7 @@ bool triangles_that_meet(const Surface& surface, const Vec3d& low, const Vec3d& 
                          std::vector<std::uint32_t>& found);
 
 /// Bound on the rounding of a point that divides an edge between points no farther than `reach` from the origin
-/// (docs/bounds.md, "Decompositions").
+/// (docs/bounds_bodies.md, "Decompositions").
 inline double rounding_of_division(double reach) {
   return 0x1p-49 * reach + std::numeric_limits<double>::min();
 }

@@ -7,7 +7,7 @@
 
 namespace clearance {
 
-/// Convex parts P for exact geometry T, a surface or a solid, before both are grown by a radius (docs/bounds.md,
+/// Convex parts P for exact geometry T, a surface or a solid, before both are grown by a radius (docs/bounds_bodies.md,
 /// "Decompositions"). Metres, in the body's frame.
 struct Decomposition {
   std::vector<ConvexPartPtr> parts;  ///< at least one; radius 0

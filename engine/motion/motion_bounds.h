@@ -1,4 +1,4 @@
-// Bounds on the speed at which bodies of a pair approach during a motion: docs/bounds.md, "Motion".
+// Bounds on the speed at which bodies of a pair approach during a motion: docs/bounds_robots.md, "Motion".
 #pragma once
 
 #include <cstdint>

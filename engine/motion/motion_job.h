@@ -1,4 +1,4 @@
-// Jobs for motions, on the CPU: docs/bounds.md, "Motion".
+// Jobs for motions, on the CPU: docs/bounds_robots.md, "Motion".
 #pragma once
 
 #include <memory>
