@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Writes docs/errors.md: every status, flag, error code, exception and exit code, with its line in the code.
+"""Writes the last part of docs/reference.md: every status, flag, error code, exception and exit code, from the code.
 
-    tools/error_page.py            # writes the page
+    tools/error_page.py            # writes it
     tools/error_page.py --check    # exit code 1 if the page differs from the result
 
 Lines are the comments of the enumerators, the docstrings of the exceptions and the texts of --help.
@@ -18,7 +18,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 PACKAGE = ROOT / "client/python/clearance"
-PAGE = ROOT / "docs/errors.md"
+PAGE = ROOT / "docs/reference.md"
+BEGIN = "<!-- From here on made by tools/error_page.py from the code; a test compares. -->\n"
 PROGRAMS = [
     "clearance",
     "clearanced",
@@ -30,8 +31,8 @@ PROGRAMS = [
 ]
 
 HEAD = """\
-# Statuses, flags, errors
-<!-- Made by tools/error_page.py from the code; a test compares. -->
+
+## Statuses, flags, errors
 There are three kinds of failure, [each with its own report](concepts.md#status):
 
 - at set-up an exception or an exit code, with a text that names cause and place;
@@ -40,30 +41,30 @@ There are three kinds of failure, [each with its own report](concepts.md#status)
 """
 SECTIONS = {
     "status": """
-## Statuses of a row
+### Statuses of a row
 `clearance.Status`, in C++ `clearance::Status`.
 Treat an unknown status as no answer: newer daemons may have more.
 
 """,
     "flag": """
-## Flags of a row
+### Flags of a row
 `clearance.Flag`, in C++ `clearance::Flag`: bits of the column `flags`.
 
 """,
     "code": """
-## Error codes of a request
+### Error codes of a request
 `QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`.
 The text of an error may change; its code does not.
 
 """,
     "exception": """
-## Exceptions in Python
+### Exceptions in Python
 A wrong argument is a `TypeError` or `ValueError` that names it.
 All other exceptions are a `clearance.ClearanceError`.
 
 """,
     "exit": """
-## Exit codes of programs
+### Exit codes of programs
 """,
 }
 
@@ -115,7 +116,10 @@ def coded(rows):
 
 
 def page() -> str:
-    out = [HEAD]
+    before, found, _ = PAGE.read_text().partition(BEGIN)
+    if not found:
+        raise SystemExit(f"{PAGE.relative_to(ROOT)} has no line {BEGIN}")
+    out = [before, BEGIN, HEAD]
     out += [SECTIONS["status"], table(["status", "value", "means"], coded(enumerators("_words.py", "Status")))]
     out += [SECTIONS["flag"], table(["flag", "bit", "means"], coded(enumerators("_words.py", "Flag")))]
     out += [SECTIONS["code"], table(["code", "value", "means"], coded(enumerators("wire.py", "ErrorCode")))]
