@@ -137,7 +137,7 @@ std::vector<ProposedPart> propose_parts(std::span<const Vec3d> vertices, std::sp
                                    threshold.c_str(),      most.c_str(), nullptr};
   const pid_t parent = getpid(), child = fork();
   if (child < 0) throw std::runtime_error(std::string("no process can be started: ") + std::strerror(errno));
-  if (child == 0) {  // only what is safe after a fork
+  if (child == 0) {  // only calls that are safe after a fork
     setpgid(0, 0);
     prctl(PR_SET_PDEATHSIG, SIGKILL);
     if (getppid() != parent) _exit(1);

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 alone.
-check_certificate.py [--all] FILE... prints why rows fail, and the proofs of the others. Exit code 0: all are proved."""
+check_certificate.py [--all] FILE... prints why rows fail, and the proofs of the others. Exit code 0 if all are proved."""
 import json
 import math
 import sys
@@ -136,7 +136,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             require(max(*map(abs, X[0]), self.bodies[id].reach) < LARGEST or not X[2], "a body is too large or far")
             self.seen[id, time] = X, movers
         return self.seen[id, time]
-    def path(self, seer, id, time):  # movers of a body relative to another one (None: world)
+    def path(self, seer, id, time):  # movers of a body relative to another one (of the world if None)
         mine, his = self.at(id, time)[1], self.at(seer, time)[1] if seer is not None else []
         shared = sum(x is y for x, y in zip(mine, his))
         return [(times(-1, rate), point, turns) for rate, point, turns in reversed(his[shared:])] + mine[shared:]

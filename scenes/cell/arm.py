@@ -9,7 +9,7 @@ import sys
 
 import numpy as np
 
-# From each link's frame to the next joint's, at angle 0: the joint's axis, and its position in metres.
+# From each link's frame to that of the next joint at angle 0 (its axis, and its position in metres).
 JOINTS = [
     ("shoulder", "z", (0.0, 0.0, 0.152)),
     ("upper_arm", "y", (0.0, 0.135, 0.0)),

@@ -34,13 +34,13 @@ enum class Kind : std::uint32_t {
   kHandedOver,       ///< number: of a reply that the gateway holds no longer
   kGone,             ///< name: an identity without a connection
   kNotDelivered,     ///< name: an identity whose queue is full
-  kKnock,            ///< name: address, extra: key. Answered by kVerdict
+  kAuthenticate,     ///< name: address, extra: key. Answered by kAdmission
   kHandshakeFailed,  ///< name: endpoint
   // To the gateway.
   kStart,  ///< name: url, number: most bytes of a message, extra: secret key or none, body: channels
   kPing,
   kReply,  ///< name: identity, extra: a frame's header, body: its payload, number: for kHandedOver, or 0 if not wanted
-  kVerdict,  ///< number: 1 if the connection is accepted
+  kAdmission,  ///< number: 1 if the connection is accepted
   // Both ways.
   kPacket,  ///< name: LCM channel, body: a message
 };

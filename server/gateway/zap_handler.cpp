@@ -50,25 +50,25 @@ void ZapHandler::guard(zmq::socket_t& socket, const std::string& secret_key) {
 }
 
 void ZapHandler::serve() {
-  if (!waits_ && has_input(socket_)) read_knock();
+  if (!waits_ && has_input(socket_)) read_request();
   for (int i = 0; i < kEventsPerTurn && has_input(monitor_); ++i) read_event();
 }
 
-void ZapHandler::read_knock() {
+void ZapHandler::read_request() {
   const auto parts = receive_all(socket_);
   if (parts.empty()) return;
   request_ = parts.size() > 1 ? parts[1].to_string() : "";
   key_.clear();
   waits_ = true;
   if (parts.size() != kRequestParts || parts[5].to_string_view() != "CURVE" || parts[6].size() != 32)
-    return verdict(false);
+    return decide(false);
   char text[41];
   zmq_z85_encode(text, parts[6].data<std::uint8_t>(), 32);
   key_ = text;
-  core_.knock(parts[3].to_string(), key_);
+  core_.authenticate(parts[3].to_string(), key_);
 }
 
-void ZapHandler::verdict(bool come_in) {
+void ZapHandler::decide(bool admitted) {
   if (!std::exchange(waits_, false)) return;
   const auto reply = [this](const std::string& text, bool more) {
     zmq::message_t part(text.data(), text.size());
@@ -76,9 +76,9 @@ void ZapHandler::verdict(bool come_in) {
   };
   reply("1.0", true);
   reply(request_, true);
-  reply(come_in ? "200" : "400", true);
-  reply(come_in ? "" : "this key is not authorized", true);
-  reply(come_in ? key_ : "", true);  // user id, which the messages of this connection carry
+  reply(admitted ? "200" : "400", true);
+  reply(admitted ? "" : "this key is not authorized", true);
+  reply(admitted ? key_ : "", true);  // user id, which the messages of this connection carry
   reply("", false);
 }
 

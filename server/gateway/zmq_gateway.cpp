@@ -74,7 +74,7 @@ class ZmqGateway {
     if (!start.extra.empty()) {
       guard_connections();
       zap_.emplace(context_, ZapHandler::Core{[this](const std::string& address, const std::string& key) {
-                                                tell(Kind::kKnock, address, key);
+                                                tell(Kind::kAuthenticate, address, key);
                                               },
                                               [this](const std::string& endpoint) {
                                                 if (has_room()) tell(Kind::kHandshakeFailed, endpoint);
@@ -113,7 +113,7 @@ class ZmqGateway {
                                        {nullptr, handed_over_.descriptor(), ZMQ_POLLIN, 0}};
     if (has_room()) items.push_back({router_.handle(), 0, ZMQ_POLLIN, 0});
     if (zap_) {
-      items.push_back({zap_->knocks().handle(), 0, ZMQ_POLLIN, 0});
+      items.push_back({zap_->requests().handle(), 0, ZMQ_POLLIN, 0});
       items.push_back({zap_->events().handle(), 0, ZMQ_POLLIN, 0});
     }
     const auto timeout = link_.has_more() ? std::chrono::milliseconds(0) : std::chrono::milliseconds(-1);
@@ -148,8 +148,8 @@ class ZmqGateway {
     switch (message.kind) {
       case Kind::kPing:
         return tell(Kind::kAlive, {});
-      case Kind::kVerdict:
-        if (zap_) zap_->verdict(message.number == 1);
+      case Kind::kAdmission:
+        if (zap_) zap_->decide(message.number == 1);
         return;
       case Kind::kReply:
         return reply(std::move(message));

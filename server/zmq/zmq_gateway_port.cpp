@@ -129,8 +129,8 @@ class ZmqGatewayPort final : public ZmqPort {
         return true;
       case Kind::kHandedOver:
         return hand_over(message.number), false;
-      case Kind::kKnock:
-        return knock(arrival.identity, message.extra), false;
+      case Kind::kAuthenticate:
+        return authenticate(arrival.identity, message.extra), false;
       case Kind::kHandshakeFailed:
         if (keys_)
           keys_->rejected(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
@@ -158,9 +158,9 @@ class ZmqGatewayPort final : public ZmqPort {
     numbered_.erase(found);
   }
 
-  void knock(const std::string& address, const std::string& key) {
+  void authenticate(const std::string& address, const std::string& key) {
     if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a valid key");
-    process_->send({Kind::kVerdict, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
+    process_->send({Kind::kAdmission, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 
   std::string url_;

@@ -86,7 +86,7 @@ void Soak::kill_client(Arena& arena, const char* name) {
 }
 
 void Soak::kill_client_at_any_moment() {
-  Victim victim({"ask", any_url(living_), std::to_string(random_())});
+  Victim victim({"query", any_url(living_), std::to_string(random_())});
   std::this_thread::sleep_for(std::chrono::microseconds(below(60000)));
   victim.signal(SIGKILL);
   victim.await_end();

@@ -72,7 +72,7 @@ TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
   std::mt19937_64 random(3);
   for (int round = 0; round < rounds(6); ++round) {
     for (const std::string& url : arena_.urls()) {
-      Victim victim({"ask", url, std::to_string(random())});
+      Victim victim({"query", url, std::to_string(random())});
       // Between its start and a few requests later: the moment is the fault.
       std::this_thread::sleep_for(std::chrono::microseconds(random() % 40000));
       victim.signal(SIGKILL);

@@ -1,6 +1,6 @@
 // fire_victim WHAT URL SEED [POINT SIGNAL]: a client that is harmed, or harms.
 //   talk URL SEED POINT SIGNAL   communicates with the daemon step by step and raises the signal at the point
-//   ask URL SEED                 sends requests through the client library until it is killed
+//   query URL SEED               sends requests through the client library until it is killed
 //   scribble URL SEED            overwrites the memory that it shares with the daemon until it is killed
 // Exit code 0 if the communication was completed.
 #include <sys/prctl.h>
@@ -81,7 +81,7 @@ int main_of(int argc, char** argv) {
   }
   const std::string url = argv[2];
   std::mt19937_64 random(std::strtoull(argv[3], nullptr, 10));
-  if (what == "ask") request_without_end(url, random);
+  if (what == "query") request_without_end(url, random);
   if (what == "scribble") scribble(path_of(url), random);
   const Fate fate(argv[4], std::atoi(argv[5]));
   if (url.rfind("shm://", 0) == 0) talk_shm(path_of(url), fate, random);

@@ -201,7 +201,7 @@ class GltfReader {
   }
 
   // Rejects extensions that change the geometry of an object, required or not.
-  // \param changing lists those that do; if empty, all that are not known to keep the geometry
+  // \param changing lists those that do; if empty, all but those known to keep the geometry
   static void check_extensions(const Json& object, const std::string& where,
                                std::initializer_list<std::string_view> changing = {}) {
     const Json* extensions = find(object, "extensions");

@@ -129,7 +129,7 @@ class EmulatedGrid {
     makecontext(&f.context, [] { one().run(); }, 0);
     setcontext(&f.context);
   }
-  /// What a fiber runs: one kernel after another.
+  /// Main function of a fiber: runs one kernel after another.
   void run() {
     for (;;) {
       kernel_();

@@ -286,7 +286,8 @@ inline std::string gltf_buffer(const Source& m) {
   return out;
 }
 
-/// \param nodes the JSON of the nodes; node 0 is the scene's. \param buffer_uri empty for GLB.
+/// \param buffer_uri empty for GLB
+/// \param nodes the JSON of the nodes; node 0 is the scene's
 inline std::string gltf_json(const Source& m, const std::string& buffer_uri,
                              const std::string& nodes = "[{\"mesh\": 0}]", std::size_t promised_vertices = 0) {
   const std::size_t positions = 12 * m.vertices.size(), indices = 12 * m.triangles.size();

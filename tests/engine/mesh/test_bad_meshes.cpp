@@ -1,4 +1,4 @@
-// What is said of mesh files that are damaged, of those that would grow without bound, and of what is no mesh file.
+// Errors for mesh files that are damaged or would grow without bound, and for files of other kinds.
 #include <gtest/gtest.h>
 #include <sys/stat.h>
 #include <unistd.h>
@@ -278,8 +278,7 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
   EXPECT_EQ(load_mesh(folder.write("good.obj", obj(tetrahedron()))).submeshes.size(), 1u);  // and a good one after them
 }
 
-// Small files whose nodes stand for very many: counted before anything is made of them, so that little memory is
-// enough.
+// Small files whose nodes multiply are rejected by counting alone, so that little memory suffices.
 TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();

@@ -25,7 +25,7 @@ class LoaderSandbox : public testing::Test {
     ::unsetenv("CLEARANCE_MESH_LOADER");
     ::unsetenv("CLEARANCE_TEST_UNCONFINED");
   }
-  /// What load_mesh() says when the loader does that.
+  /// Error text of load_mesh() when the loader does `what`.
   std::string attempt(const std::string& what) {
     const std::string path = folder_.write("mesh.obj", what + "\n");
     return error_text<MeshError>([&] { load_mesh(path); });

@@ -34,7 +34,7 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 /// Checks cases of every kind in turn, four motions each, until at least `motions` are done. A seed determines the
 /// cases. Ends early after a wrong result if `until_wrong`.
 /// \param only the only kind to check, or all if negative
-/// \param backend of EngineOptions; the CPU answers what a device does not
+/// \param backend of EngineOptions; the CPU answers the motions that a device passes on
 MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
 

@@ -154,8 +154,7 @@ TEST_F(MeshGeometryTest, WhateverItDependsOnMakesAnotherEntry) {
   EXPECT_EQ(starts(), expected) << "where it lies is nothing to it";
 }
 
-// What anybody may leave beside a mesh, as a table was kept there once: its name, checksum and a few supports are
-// right, one vertex is missing from its lists.
+// A forged table next to a mesh: its name, checksum and a few supports are right, one vertex is missing from its lists.
 TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
   const Shape sphere = make_uv_sphere(2, 75);
   const std::string mesh = write("ball.off", sphere);
@@ -266,7 +265,7 @@ TEST_F(MeshGeometryTest, WhatIsReadIsWhatWasHashed) {
   EXPECT_EQ(body(mesh).display->vertices.size(), large.vertices.size());
 }
 
-// A glTF file whose vertices lie in another file: the bytes of the first do not say what it holds.
+// A glTF file whose vertices lie in another file: the bytes of the first do not determine its geometry.
 TEST_F(MeshGeometryTest, OfFilesThatNameOthersNothingIsKept) {
   const auto buffer = [](float size) {
     std::string out;

@@ -1,5 +1,5 @@
-// Bodies that are their triangles, or what these enclose: what becomes of a mesh, what is shared, moved, kept and
-// saved, and which meshes are refused.
+// Bodies that are their triangles, or the space these enclose: loading, sharing, moving, caching and saving a mesh, and
+// meshes that are rejected.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -102,7 +102,7 @@ TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
   EXPECT_FALSE(convex.has_surfaces());
 }
 
-// ---- where nothing is said
+// ---- defaults
 
 Source box_at(const Vec3d& at) {
   const Shape box = make_box({1, 1, 1});
@@ -336,7 +336,7 @@ TEST(TrueMesh, ADamagedRecordIsNone) {
   const Source mesh = cup();
   const Geometry whole = geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSolid, 0);
   Geometry bare = whole;
-  bare.display = nullptr;  // so that vertices and triangles are in the piece
+  bare.display = nullptr;  // so that vertices and triangles are in the record
   const std::vector<std::byte> record = geometry_record(bare);
   for (std::size_t size = 0; size < record.size(); ++size)
     EXPECT_FALSE(geometry_of_record(std::span(record).first(size))) << size;
@@ -344,7 +344,7 @@ TEST(TrueMesh, ADamagedRecordIsNone) {
   for (std::size_t at = 0; at < record.size(); at += 3) {
     std::vector<std::byte> damaged = record;
     damaged[at] ^= std::byte{0xFF};
-    const auto geometry = geometry_of_record(damaged);  // whatever it is, it can be computed with
+    const auto geometry = geometry_of_record(damaged);  // if accepted, it must be usable
     rejected += !geometry;
     const Surface* const surface = geometry ? geometry->parts[0]->surface.get() : nullptr;
     if (!surface) continue;

@@ -21,13 +21,13 @@ struct Depth {
   Vec3d normal;
 };
 
-/// \param beside null, or another part of a
-Depth evaluate(const Case& c, const SolidPtr& beside = nullptr) {
+/// \param second null, or another part of a
+Depth evaluate(const Case& c, const SolidPtr& second = nullptr) {
   Scene scene;
   Body a, b;
   a.name = "a", b.name = "b";
   a.parts = {part_of(*c.a)};
-  if (beside) a.parts.push_back(part_of(*beside));
+  if (second) a.parts.push_back(part_of(*second));
   b.parts = {part_of(*c.b)};
   a.pose = c.X_wa, b.pose = c.X_wb;
   scene.add_body(std::move(a));
