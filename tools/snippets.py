@@ -55,7 +55,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
-        "import struct": ELSEWHERE + "tests/python/test_docs.py",
     },
     "docs/install.md": {
         "mkdir -p /run/clearance": NEEDS + "Docker",
@@ -90,6 +89,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
     },
+    "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
 }
 #: Pages whose indented blocks are formulas or drawings.
 FORMULAS = {"docs/bounds.md", "docs/bounds_bodies.md", "docs/bounds_robots.md", "docs/architecture.md"}

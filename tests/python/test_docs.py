@@ -137,7 +137,7 @@ def test_every_cpp_block_is_compiled_or_anothers():
 
 
 def test_the_client_of_ones_own(daemon, engine, tmp_path):
-    (code,) = code_blocks("docs/examples.md", "python")
+    (code,) = code_blocks("docs/wire.md", "python")
     printed = [line.split() for line in run_python(code, daemon("ipc:///tmp/clearance.ipc")).splitlines()]
     expected = engine.distances(reduce="nearest")
     names = np.array([body.name for body in engine.bodies])
