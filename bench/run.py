@@ -110,7 +110,7 @@ SUITES = {
     "report": Suite(
         "The experiments of the 2023 report with its systems, ours and Coal.",
         "bench/report/bench_report.py", "report", "--brief", targets="clearance-report",
-        pages="docs/report.md docs/report.png", draw="report"),
+        pages="docs/notes/report.md docs/report.png", draw="report"),
 }  # fmt: skip
 
 

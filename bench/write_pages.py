@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the tables of docs/*.md from docs/results. Exit code 1 if results contradict a page's claims.
+"""Writes the tables of the pages in docs from docs/results. Exit code 1 if results contradict a page's claims.
 
     bench/write_pages.py [--draw NAME...]    also draws pictures: peers, report, robots, tradeoff
     bench/write_pages.py --check             changes nothing; exit code 1 if pages differ from docs/results
@@ -12,6 +12,7 @@ import sys
 from harness import ROOT
 from pages import accuracy, broad, edges, gpu, latency, peers, report, robots, tradeoff
 
+DOCS = ROOT / "docs"
 MODULES = (accuracy, broad, edges, gpu, latency, peers, report, robots, tradeoff)
 PICTURES = {module.__name__.split(".")[-1]: module for module in MODULES if hasattr(module, "PICTURE")}
 TABLE = re.compile(r"(?<=<!-- table )(.*?)( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
@@ -41,7 +42,7 @@ def main():
     parser.add_argument("--check", action="store_true", help="change nothing")
     parser.add_argument("--draw", nargs="+", choices=PICTURES, default=[], metavar="NAME", help=", ".join(PICTURES))
     options = parser.parse_args()
-    pages = {page: page.read_text() for page in sorted((ROOT / "docs").glob("*.md"))}
+    pages = {page: page.read_text() for page in sorted(DOCS.rglob("*.md"))}
     for page, text in filled(pages).items():
         if text == pages[page]:
             continue
@@ -49,7 +50,7 @@ def main():
             sys.exit(f"{page.relative_to(ROOT)} does not show docs/results: run make bench SUITE=pages")
         page.write_text(text)
     for name in options.draw:
-        PICTURES[name].draw(ROOT / "docs" / PICTURES[name].PICTURE)
+        PICTURES[name].draw(DOCS / PICTURES[name].PICTURE)
     if broken := broken_claims(pages):
         sys.exit(f"figures contradict what pages say (<!-- claim ... -->): {', '.join(broken)}. Rewrite the page, and "
                  "the claim in bench/pages")

@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 alone.
-check_certificate.py [--all] FILE... prints why rows fail, and the proofs of the others. Exit code 0 if all are proved."""
+check_certificate.py [--all] FILE... prints why rows fail, and other rows' proofs. Exit code 0 if all are proved."""
 import json
 import math
 import sys

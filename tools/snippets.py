@@ -76,7 +76,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "sysctl ": "changes the machine's kernel",
     },
     "docs/motions.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
-    "docs/report.md": {"make ": LONG + "make test has a part of it"},
+    "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
     "docs/safety.md": {"make ": LONG + "make test has a part of it"},
     "docs/shapes.md": {"clearance decompose": NEEDS + "CoACD; tests/inspect/test_decomposed_meshes.cpp"},
     "docs/start.md": {

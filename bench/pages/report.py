@@ -1,4 +1,4 @@
-"""Tables, claims and picture of docs/report.md: the 2023 report's experiments on each machine."""
+"""Tables, claims and picture of docs/notes/report.md: the 2023 report's experiments on each machine."""
 
 import functools
 import math
@@ -231,7 +231,7 @@ def terms_table(results):
 
 def machine_list(results):
     return "\n".join(
-        f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](results/{x.path.name})" for x in results
+        f"- {x.machine}{x.load}, by `{x.command}`: [results/{x.path.name}](../results/{x.path.name})" for x in results
     )
 
 

@@ -2,7 +2,7 @@
 // query.
 //
 // The report is Y. Shi, B. Y. Su, "Parallel Minimum Distance Query Among Convex Meshes", CMU 15-418/618, 2023.
-// docs/report.md compares it with this implementation.
+// docs/notes/report.md compares it with this implementation.
 #pragma once
 
 #include <cstdint>

@@ -66,9 +66,9 @@ TreeCounts counts_of(AabbTree::Insert insert, const std::vector<Aabb>& boxes) {
   return tree.counts();
 }
 
-// Basis of docs/report.md: with the printed heuristic the tree is nearly as deep as without it and becomes a list,
-// since a box inside a node does not enlarge it. If branching costs the surface of the new parent, the same insertion
-// is shallow.
+// Basis of docs/notes/report.md: with the printed heuristic the tree is nearly as deep as without it and becomes a
+// list, since a box inside a node does not enlarge it. If branching costs the surface of the new parent, the same
+// insertion is shallow.
 TEST(AabbTree, ThePrintedHeuristicMakesAList) {
   constexpr std::uint64_t kBoxes = 500;
   Random random(5);

@@ -140,7 +140,7 @@ def test_rows_come_back_from_a_file(tmp_path, capsys):
 
 @pytest.fixture
 def pages():
-    return {page: page.read_text() for page in (ROOT / "docs").glob("*.md")}
+    return {page: page.read_text() for page in (ROOT / "docs").rglob("*.md")}
 
 
 def test_a_figure_that_is_not_of_the_results_is_replaced(pages):
