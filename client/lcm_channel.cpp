@@ -16,9 +16,9 @@
 #include "client/channel.h"
 #include "client/client.h"
 #include "wire/aligned_buffer.h"
-#include "wire/lcm_bus.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_bus.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -8,7 +8,7 @@
 #include <stdexcept>
 
 #include "bench/latency/bench_floor.h"
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance::cli {
 namespace {

@@ -14,7 +14,7 @@
 #include "bench/latency/bench_samples.h"
 #include "cli/commands.h"
 #include "cli/machine_name.h"
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 #include "wire/protocol.h"
 
 namespace clearance::cli {

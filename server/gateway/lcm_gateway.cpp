@@ -6,7 +6,7 @@
 #include <sstream>
 
 #include "server/gateway/confine.h"
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance::gateway {
 namespace {

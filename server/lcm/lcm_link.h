@@ -13,7 +13,7 @@
 #include "server/lcm/lcm_outbox.h"
 #include "server/lcm/lcm_port.h"
 #include "server/requests/transport.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 
 namespace clearance {
 

@@ -8,7 +8,7 @@
 #include <list>
 #include <optional>
 
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance {
 

@@ -5,7 +5,7 @@
 #include <optional>
 
 #include "clearance_lcm/points_t.hpp"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 
 namespace clearance {
 

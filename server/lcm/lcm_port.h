@@ -11,7 +11,7 @@
 #include <vector>
 
 #include "server/requests/transport.h"
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance {
 

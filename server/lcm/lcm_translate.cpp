@@ -4,7 +4,7 @@
 #include <cstring>
 #include <string>
 
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance {
 namespace {

@@ -14,7 +14,7 @@
 #include "clearance_lcm/scene_t.hpp"
 #include "clearance_lcm/states_t.hpp"
 #include "clearance_lcm/status_t.hpp"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -17,9 +17,9 @@
 #include "server/lcm/lcm_translate.h"
 #include "server/requests/error_frame.h"
 #include "server/requests/transport.h"
-#include "wire/lcm_bus.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_bus.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -11,9 +11,9 @@
 #include <zmq.hpp>
 
 #include "tests/server/shm/raw_shm_client.h"
-#include "wire/lcm_bus.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_bus.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/protocol.h"
 
 namespace clearance::faults {

@@ -4,9 +4,9 @@
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "tests/faults/victim.h"
-#include "wire/lcm_bus.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_bus.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 
 namespace clearance::faults {
 

@@ -4,8 +4,8 @@
 
 #include "server/lcm/lcm_translate.h"
 #include "tests/fuzz/fuzz_target.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance::fuzz {

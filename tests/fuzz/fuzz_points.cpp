@@ -8,7 +8,7 @@
 #include "engine/mesh/mesh_text.h"
 #include "server/lcm/lcm_points.h"
 #include "tests/fuzz/fuzz_target.h"
-#include "wire/lcm_check.h"
+#include "wire/lcm/lcm_check.h"
 #include "wire/wire.h"
 
 namespace clearance::fuzz {

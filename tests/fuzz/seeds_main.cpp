@@ -15,7 +15,7 @@
 #include "tests/server/conversation.h"
 #include "tests/server/sample_requests.h"
 #include "tests/server/test_scene.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/shm_layout.h"
 
 namespace clearance::fuzz {

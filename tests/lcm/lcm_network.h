@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance {
 

@@ -5,7 +5,7 @@
 #include "engine/state/pose_store.h"
 #include "tests/lcm/faulty_link.h"
 #include "tests/lcm/lcm_transport_fixture.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance {

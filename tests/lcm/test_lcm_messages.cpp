@@ -7,8 +7,8 @@
 #include <random>
 
 #include "tests/lcm/lcm_fixture.h"
-#include "wire/lcm_check.h"
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_check.h"
+#include "wire/lcm/lcm_frames.h"
 #include "wire/wire.h"
 
 namespace clearance {

@@ -12,7 +12,7 @@
 #include "client/channel.h"
 #include "client/client.h"
 #include "tests/lcm/lcm_fixture.h"
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 namespace clearance {
 namespace {

@@ -1,9 +1,9 @@
-#include "wire/lcm_check.h"
+#include "wire/lcm/lcm_check.h"
 
 #include <algorithm>
 #include <cstdint>
 
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 #include "wire/types.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "wire/lcm_frames.h"
+#include "wire/lcm/lcm_frames.h"
 
 #include <algorithm>
 

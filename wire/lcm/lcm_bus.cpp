@@ -1,4 +1,4 @@
-#include "wire/lcm_bus.h"
+#include "wire/lcm/lcm_bus.h"
 
 #include <arpa/inet.h>
 #include <fcntl.h>
