@@ -1,5 +1,5 @@
 #define CLEARANCE_ISA lanes_avx2
-#include "engine/narrow/lanes_kernel.h"
+#include "engine/narrow/lanes/lanes_kernel.h"
 
 namespace clearance {
 

@@ -1,5 +1,5 @@
 #define CLEARANCE_ISA lanes_avx512
-#include "engine/narrow/lanes_kernel.h"
+#include "engine/narrow/lanes/lanes_kernel.h"
 
 namespace clearance {
 
