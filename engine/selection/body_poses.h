@@ -42,10 +42,10 @@ class BodyPoses {
   }
   Slack slack(std::uint32_t body) const {
     const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
-    return errors_.empty() ? known : known + beside_chains(body);
+    return errors_.empty() ? known : known + chain_slack(body);
   }
   /// The part of slack() from ConfigurationPoses::PoseBlock::errors.
-  Slack beside_chains(std::uint32_t body) const {
+  Slack chain_slack(std::uint32_t body) const {
     if (errors_.empty() || !moves(body)) return {};
     return {errors_[moved_slot_[body]], errors_[moved_slot_[body]]};
   }

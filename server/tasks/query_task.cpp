@@ -232,8 +232,8 @@ void QueryTask::start() {
 
 void QueryTask::run(std::chrono::nanoseconds budget) {
   if (!job_) start();
-  const bool is_beside = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
-  const WorkBudget& on_loop = is_beside ? daemon_.limits.on_loop_beside_control : daemon_.limits.on_loop;
+  const bool shares_with_control = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
+  const WorkBudget& on_loop = shares_with_control ? daemon_.limits.on_loop_with_control : daemon_.limits.on_loop;
   const bool done = job_->advance(on_loop_ ? on_loop : WorkBudget{.time = budget});
   units_ = job_->units();
   if (!done) return;

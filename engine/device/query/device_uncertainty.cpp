@@ -43,7 +43,7 @@ std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
 DeviceUncertainty::DeviceUncertainty(const Scene& scene, const Plan& plan) {
   assert(plan.uncertainties.size() == scene.bodies().size());
   for (const PoseUncertainty& uncertainty : plan.uncertainties)
-    fixed_.push_back({uncertainty.slack, uncertainty.beside, uncertainty.link.travel});
+    fixed_.push_back({uncertainty.slack, uncertainty.relative, uncertainty.link.travel});
   take_links(scene);
   if (plan.query.configuration_count > 0) take_moved(scene, plan);
 }

@@ -60,7 +60,7 @@ struct Comparison {
     const PoseUncertainty& cpu = placement.uncertainty(body);
     const BodySlack& device = slack_of(view, slot | kMovedBit, k);
     EXPECT_TRUE(same_slack(device.all, cpu.slack)) << what;
-    EXPECT_TRUE(same_slack(device.beside, cpu.beside)) << what;
+    EXPECT_TRUE(same_slack(device.relative, cpu.relative)) << what;
     EXPECT_TRUE(same_bits(device.travel, cpu.link.travel)) << what;
     if (view.hulls.of_body[body] == kNone || scene.bodies()[body].parts.empty()) return;
     const Aabb expected = placement.box(body), box = at.box();
