@@ -123,7 +123,7 @@ bool PairProver::step_cover(WorkMeter& meter) {
     now = try_parts(*parts.a, *parts.b, parts.claim, parts.are_elements);
   }
   if (parts.are_elements || (now.before && now.after)) {
-    cover_->settle();
+    cover_->pop();
     halves_.before &= now.before;
     halves_.after &= now.after;
   } else {  // smaller parts may be provable in both halves

@@ -61,7 +61,7 @@ void SurfaceProver::cover(WorkMeter& meter) {
   if (are_parts) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
   // A direction for several parts does not bound a penetration depth.
   if (are_parts && covers(std::move(parts)))
-    cover_.settle();
+    cover_.pop();
   else if (are_elements || (are_parts && answer_.lower <= 0))
     end(false);
   else

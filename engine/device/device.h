@@ -176,7 +176,7 @@ struct ChunkResult {
 
 /// Result of a chunk of a reduced query. The views are valid until the slot's next launch.
 struct ReducedResult {
-  /// Rows that the device left unresolved. If any, pass the CPU's answers to `settle()` first: all other members are
+  /// Rows that the device left unresolved. If any, pass the CPU's answers to `finish_with()` first: other members are
   /// invalid.
   std::span<const std::uint32_t> rest;
   ReplyView rows;               ///< host memory; includes the `direct` columns
@@ -242,7 +242,7 @@ class ReducedWorkspace : public QueryWorkspace {
   /// Waits for a slot's chunk.
   virtual ReducedResult finish(int slot) = 0;
   /// Takes the CPU's answers for the rows in ReducedResult::rest, in their order.
-  virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
+  virtual ReducedResult finish_with(int slot, std::span<const PairAnswer> answers) = 0;
 };
 
 /// Result of a chunk of motions. The views are valid until the slot's next launch.

@@ -110,8 +110,8 @@ class ReducedOfAll final : public WorkspaceOfAll<ReducedWorkspace> {
   ReducedResult finish(int slot) override {
     return call(member_of(slot), [&](ReducedWorkspace& w) { return w.finish(slot_of(slot)); });
   }
-  ReducedResult settle(int slot, std::span<const PairAnswer> answers) override {
-    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.settle(slot_of(slot), answers); });
+  ReducedResult finish_with(int slot, std::span<const PairAnswer> answers) override {
+    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.finish_with(slot_of(slot), answers); });
   }
 };
 

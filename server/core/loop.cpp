@@ -101,7 +101,7 @@ bool Loop::spin() {
 bool Loop::turn() {
   section_began_ = turn_began_ = Clock::now();
   units_before_ = units_of_this_thread;
-  bool worked = workers_.settle_done(turn_began_);
+  bool worked = workers_.advance_returned(turn_began_);
   take_new_scene();
   if (stats().are_wanted()) stats().hand_out(router_.counters());
   worked |= poll_in_memory();
@@ -169,7 +169,7 @@ int Loop::poll_transport(std::size_t i) {
 bool Loop::work_for_a_slice() {
   bool worked = router_.queries.work();
   if (!options_.worker_thread && workers_.work()) {
-    workers_.settle_done(turn_began_);
+    workers_.advance_returned(turn_began_);
     worked = true;
   }
   if (worked) warn_of_contradictions();

@@ -67,12 +67,12 @@ void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
                          due(is_here ? request.received : Clock::now(), cost.pairs));
   query->take_options(parts.options, cost);
   if (!is_here) return begin_on_worker(std::move(query), request, cost);
-  query->begin_here(parts, request.bytes, request.sink);
+  query->begin_on_loop(parts, request.bytes, request.sink);
   small_.add(std::move(query));
 }
 
 void QueryRequests::begin_on_worker(std::unique_ptr<QueryTask> query, Request& request, const QueryCost& cost) {
-  query->begin_elsewhere(request.take_payload(), request.bytes, cost.listed, request.sink);
+  query->begin_on_worker(request.take_payload(), request.bytes, cost.listed, request.sink);
   context_.workers.of(query->service_class()).add(std::move(query));
 }
 
@@ -89,7 +89,7 @@ bool QueryRequests::is_small(const QueryCost& cost) const {
 
 bool QueryRequests::work() {
   if (small_.empty()) return false;
-  small_.work(Clock::now(), [this](Worker::QueryPtr query) { context_.workers.settle(std::move(query)); });
+  small_.work(Clock::now(), [this](Worker::QueryPtr query) { context_.workers.advance_on_loop(std::move(query)); });
   return true;
 }
 

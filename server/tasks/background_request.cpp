@@ -60,7 +60,7 @@ void BackgroundRequest::look() {
   gone_.store(type_ != wire::FrameType::kPosesDone && !requested_.sink->alive(), std::memory_order_relaxed);
 }
 
-bool BackgroundRequest::settle() {
+bool BackgroundRequest::advance_on_loop() {
   if (step_ == Step::kOver) return true;
   if (step_ == Step::kRoom) {
     if (done_ && !done_(!failure_)) {

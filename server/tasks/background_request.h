@@ -39,7 +39,7 @@ class BackgroundRequest final : public ScheduledQuery {
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
   void let_go() override;
   void look() override;
-  bool settle() override;
+  bool advance_on_loop() override;
 
  private:
   enum class Step { kMake, kRoom, kCopy, kPublish, kOver };

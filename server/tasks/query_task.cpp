@@ -26,8 +26,8 @@ void QueryTask::check_deadline(Clock::time_point now) const {
   if (now >= deadline_) throw deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), in_engine_);
 }
 
-void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
-                           std::unique_ptr<ReplySink>& sink) {
+void QueryTask::begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes,
+                              std::unique_ptr<ReplySink>& sink) {
   worked_ = Clock::now();
   const auto begun = worked_;
   on_loop_ = true;
@@ -42,7 +42,7 @@ void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_
   requested_.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
-void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+void QueryTask::begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
                                 std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
   const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
@@ -94,7 +94,7 @@ void QueryTask::work_on_loop() {
   }
 }
 
-bool QueryTask::settle() {
+bool QueryTask::advance_on_loop() {
   if (step_ == Step::kOver) return true;
   if (is_ended_) {
     end();

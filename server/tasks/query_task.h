@@ -2,7 +2,7 @@
 //
 // It alternates between two threads. A worker does what may take long: it parses the request, lists the pairs and runs
 // the job (advance()). The loop does what needs the daemon's state: it takes quota and memory, and sends the reply
-// (settle()). Step has the order.
+// (advance_on_loop()). Step has the order.
 #pragma once
 
 #include <atomic>
@@ -48,9 +48,9 @@ class QueryTask final : public ScheduledQuery {
   /// cannot be met.
   void take_options(const QueryOptions& options, const QueryCost& cost);
   /// Begins a small query on the loop, up to Step::kRun. Takes the sink unless it throws.
-  void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
+  void begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   /// Takes a large query, whose payload a worker fetches. Throws RejectedRequest (kBusy).
-  void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
+  void begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
                        std::unique_ptr<ReplySink>& sink);
 
   bool is_wanted() const override {
@@ -61,7 +61,7 @@ class QueryTask final : public ScheduledQuery {
   void look() override { gone_.store(is_ended_ || !requested_.sink->alive(), std::memory_order_relaxed); }
   Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
   void expire() override;
-  bool settle() override;
+  bool advance_on_loop() override;
   /// Units of work so far.
   std::uint64_t units() const { return units_; }
 

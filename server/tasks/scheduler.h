@@ -39,7 +39,7 @@ class ScheduledQuery {
   /// Rejects it after its deadline, if a worker that may have it allows that.
   virtual void expire() {}
   /// Does the loop's part, after advance() has returned true. Returns true if the query is over. Does not throw.
-  virtual bool settle() { return true; }
+  virtual bool advance_on_loop() { return true; }
 
   std::uint64_t client() const { return client_; }
   ServiceClass service_class() const { return service_; }

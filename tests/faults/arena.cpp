@@ -111,7 +111,7 @@ Census Arena::census() const {
   return census_of(daemon_->pid(), {folder_.path(), temporary_.path()});
 }
 
-std::string Arena::settle(const Census& before) const {
+std::string Arena::await_census(const Census& before) const {
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
   for (;;) {
     const std::string left = left_behind(before, census());

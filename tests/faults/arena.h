@@ -61,7 +61,7 @@ class Arena {
   Census census() const;
   /// Waits until the daemon holds no more than before, at most kPatience. Describes the excess, or returns an empty
   /// string.
-  std::string settle(const Census& before) const;
+  std::string await_census(const Census& before) const;
 
   /// A client that ends, or stops, at a point of victim.h.
   Victim talk(const std::string& url, std::string_view point, int signal, std::uint64_t seed) const;

@@ -23,7 +23,7 @@ class FireClients : public testing::Test {
 
   /// Checks the state that must hold after any fault of clients.
   void expect_unharmed() {
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     Client client = patient(arena_.zmq());
     const Stats stats = stats_of(client);
@@ -78,7 +78,7 @@ TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
       victim.signal(SIGKILL);
       ASSERT_EQ(victim.await_end(), -SIGKILL);
     }
-    ASSERT_EQ(arena_.settle(before_), "") << "after round " << round;
+    ASSERT_EQ(arena_.await_census(before_), "") << "after round " << round;
   }
   expect_unharmed();
   expect_all_right();

@@ -47,7 +47,7 @@ class FireInputs : public testing::Test {
   }
   void TearDown() override {
     ASSERT_FALSE(arena_.has_ended()) << arena_.daemon().log();
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     const Stats now = stats_of(good_.at(arena_.zmq()));
     EXPECT_EQ(unbalanced(now), "");
     EXPECT_FALSE(now.contains("errors.internal"));

@@ -41,7 +41,7 @@ class FireLimits : public testing::Test {
 
   /// Checks that everything is as before once the limits are lifted.
   void expect_recovered() {
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     for (const std::string& url : arena_.urls()) {
       Client client = patient(url);
@@ -84,7 +84,7 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         for (Client& client : clients) client.ping();
       }
       clients.clear();
-      ASSERT_EQ(arena_.settle(before_), "");
+      ASSERT_EQ(arena_.await_census(before_), "");
     }
   expect_recovered();
 }
@@ -95,7 +95,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   const std::uint64_t rested = address_space_of(arena_.daemon().pid());
   for (int round = 0; round < rounds(1); ++round) {
     for (const std::string& url : {arena_.shm(), arena_.zmq()}) {
-      ASSERT_EQ(arena_.settle(before_), "");
+      ASSERT_EQ(arena_.await_census(before_), "");
       ASSERT_TRUE(await_room(rested));
       Client client = patient(url);
       // 2 M rows of 121 bytes exceed any remaining memory.

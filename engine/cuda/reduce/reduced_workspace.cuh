@@ -134,7 +134,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     return open;
   }
 
-  ReducedResult settle(int index, std::span<const PairAnswer> answers) override {
+  ReducedResult finish_with(int index, std::span<const PairAnswer> answers) override {
     const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
     const std::size_t bytes = answers.size_bytes();

@@ -55,7 +55,7 @@ class FallbackJob final : public Job::State {
         units = query_->units;
         return done;
       } catch (const DeviceError& error) {
-        begin_elsewhere(error);
+        restart(error);
       }
     }
     assert(!query_);
@@ -70,7 +70,7 @@ class FallbackJob final : public Job::State {
 
  private:
   // Restarts on the remaining devices or on the CPU. Rows already written are written again.
-  void begin_elsewhere(const DeviceError& error) {
+  void restart(const DeviceError& error) {
     DeviceBackend& backend = *context_.device;
     backend.note(error);
     const bool others_are_left = error.kind == DeviceError::kOneLost;

@@ -128,7 +128,7 @@ class HostReduction {
   std::uint32_t compare(const std::string& what, const List& list) {
     const bool within = q_.reduce == Reduce::kWithin;
     const std::uint32_t left = look_at_pairs(list);
-    settle();
+    answer_on_cpu();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
@@ -153,7 +153,7 @@ class HostReduction {
   std::uint32_t answer() {
     const bool within = q_.reduce == Reduce::kWithin;
     const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
-    settle();
+    answer_on_cpu();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
@@ -277,7 +277,7 @@ class HostReduction {
     launch(100, kElementThreads, [&] { look_at_elements<kAny, Meshes>(r_); });
   }
   // Lets the CPU answer unresolved pairs.
-  void settle() {
+  void answer_on_cpu() {
     const Plan& plan = bodies_.plan;
     EvaluateOptions options;
     options.limits.max_distance = q_.max_distance;

@@ -149,7 +149,7 @@ class IdleDense : public IdleWorkspace<cuda::Workspace> {
     return r;
   }
 };
-// Has no reductions: `settle()` is called and must fail.
+// Has no reductions: `finish_with()` is called and must fail.
 class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
  public:
   using IdleWorkspace::IdleWorkspace;
@@ -158,7 +158,7 @@ class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
     r.rest = all_rows(slot);
     return r;
   }
-  cuda::ReducedResult settle(int, std::span<const PairAnswer>) override {
+  cuda::ReducedResult finish_with(int, std::span<const PairAnswer>) override {
     throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "a planted fault while settling");
   }
 };
