@@ -93,9 +93,9 @@ class DeviceBackend {
   /// Records an error. If all devices are lost, none is used again.
   void note(const DeviceError& error);
   /// Chunk plan for the query's pairs: the last one if it fits.
-  std::shared_ptr<const ChunkPlan> deal(const Plan& plan);
+  std::shared_ptr<const ChunkPlan> chunk_plan(const Plan& plan);
   /// A new chunk plan for a query that keeps it, in chunks of about this many rows.
-  std::shared_ptr<const ChunkPlan> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
+  std::shared_ptr<const ChunkPlan> make_chunk_plan(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The query's pairs in order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// The current elements of these bodies, copied to the device if not yet there. Null if the device holds no elements.

@@ -38,11 +38,11 @@ void PartBatch::begin(std::span<const PartTask> tasks) {
   group_ = next_ = 0;
   in_group_ = false;
   paused_.reset();
-  deal();
+  group_tasks();
 }
 
 // Groups pairs of the same two parts if they fill the lanes. The other lanes take any pairs.
-void PartBatch::deal() {
+void PartBatch::group_tasks() {
   const std::span<const PartTask> tasks = tasks_;
   order_.clear();
   groups_.clear();

@@ -101,7 +101,7 @@ class PartBatch {
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
   std::uint32_t kind_of(const PartTask& task);
-  void deal();
+  void group_tasks();
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
   static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }

@@ -20,13 +20,13 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
   return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
 }
 
-class Dealer {
+class ChunkPlanner {
  public:
-  Dealer(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& deal)
+  ChunkPlanner(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& chunk_plan)
       : scene_(scene),
         device_(device),
         plan_(plan),
-        deal_(deal),
+        chunk_plan_(chunk_plan),
         ref_(scene.bodies().size()),
         hull_(scene.bodies().size()) {
     for (std::uint32_t b = 0; b < ref_.size(); ++b) {
@@ -43,8 +43,9 @@ class Dealer {
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
-    deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
-    deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
+    chunk_plan_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
+    chunk_plan_.last_configurations =
+        static_cast<std::uint32_t>(K - (K - 1) / chunk_plan_.configurations * chunk_plan_.configurations);
     // The first of few parts is small, so that its rows are copied early. Each later part is computed while the rows
     // before it are copied.
     const std::uint64_t shares = growing && K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
@@ -53,7 +54,7 @@ class Dealer {
       add_part(first, static_cast<std::uint32_t>(std::min(size, P - first)));
       first += size;
     }
-    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
+    chunk_plan_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
   }
 
  private:
@@ -84,7 +85,7 @@ class Dealer {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
       const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32),
                  other = static_cast<std::uint32_t>(order_[begin].hulls);
-      if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
+      if ((end - begin) * chunk_plan_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
         ungrouped.insert(ungrouped.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
                          order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
@@ -94,9 +95,9 @@ class Dealer {
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
     const Group ungrouped_group = add_apart(part, pairs, ungrouped), several_group = add_apart(part, pairs, several);
-    part.whole = add_groups(groups, ungrouped_group, several_group, deal_.configurations);
-    part.last = add_groups(groups, ungrouped_group, several_group, deal_.last_configurations);
-    deal_.parts.push_back(std::move(part));
+    part.whole = add_groups(groups, ungrouped_group, several_group, chunk_plan_.configurations);
+    part.last = add_groups(groups, ungrouped_group, several_group, chunk_plan_.last_configurations);
+    chunk_plan_.parts.push_back(std::move(part));
   }
 
   struct Entry {
@@ -140,7 +141,7 @@ class Dealer {
   const Scene& scene_;
   const Device& device_;
   const Plan& plan_;
-  ChunkPlan& deal_;
+  ChunkPlan& chunk_plan_;
   std::vector<std::uint32_t> ref_, hull_;
   std::vector<BodyPair> room_;
   std::vector<Entry> order_;
@@ -222,7 +223,7 @@ bool RequestedPairs::fit(const Plan& plan) const {
   return !table && std::equal(pairs.begin(), pairs.end(), list.begin(), list.end());
 }
 
-std::shared_ptr<const ChunkPlan> DeviceBackend::deal(const Plan& plan) {
+std::shared_ptr<const ChunkPlan> DeviceBackend::chunk_plan(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
     if (last_ && last_->all_configurations == plan.size.configurations && last_->requested.fit(plan)) return last_;
@@ -231,17 +232,17 @@ std::shared_ptr<const ChunkPlan> DeviceBackend::deal(const Plan& plan) {
   next->all_configurations = plan.size.configurations;
   next->requested = RequestedPairs(plan);
   const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
-  Dealer(scene_, *device_, plan, *next)
+  ChunkPlanner(scene_, *device_, plan, *next)
       .run(std::clamp(rows / static_cast<std::uint64_t>(device_->chunks_wanted()), kFewestRows, kMostRows), true);
   const std::lock_guard lock(mutex_);
   last_ = next;
   return next;
 }
 
-std::shared_ptr<const ChunkPlan> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
-  auto deal = std::make_shared<ChunkPlan>();
-  Dealer(scene_, *device_, plan, *deal).run(chunk_rows, false);
-  return deal;
+std::shared_ptr<const ChunkPlan> DeviceBackend::make_chunk_plan(const Plan& plan, std::uint64_t chunk_rows) const {
+  auto chunk_plan = std::make_shared<ChunkPlan>();
+  ChunkPlanner(scene_, *device_, plan, *chunk_plan).run(chunk_rows, false);
+  return chunk_plan;
 }
 
 std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {

@@ -44,7 +44,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     in_order_ = backend_.list(plan_);
     QuerySetup s = setup(*workspace_);
     s.fields = plan_.size.fields;
-    deal(s);
+    assign_pairs(s);
     workspace_->begin(s);
     workspace_->make_room(most_rows_, static_cast<std::uint32_t>(configurations_));
   }
@@ -95,7 +95,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
 
  protected:
   /// Assigns the pairs to chunks, and sets the number of configurations and rows of a chunk.
-  virtual void deal(QuerySetup& setup) = 0;
+  virtual void assign_pairs(QuerySetup& setup) = 0;
   /// Launches some configurations.
   /// \param chunk settings shared by all
   virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
@@ -108,7 +108,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
-  std::shared_ptr<const ChunkPlan> deal_;             // Reduce::kNone only
+  std::shared_ptr<const ChunkPlan> chunk_plan_;       // Reduce::kNone only
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
   std::shared_ptr<StandingWorkspace> workspace_;  // last member: destroyed first, which waits for the device
@@ -157,20 +157,20 @@ class StandingRows final : public StandingQuery {
   using StandingQuery::StandingQuery;
 
  private:
-  void deal(QuerySetup& setup) override {
-    deal_ = backend_.deal_anew(plan_, kMostPlanRows);
-    for (const ChunkPlan::Part& part : deal_->parts)
+  void assign_pairs(QuerySetup& setup) override {
+    chunk_plan_ = backend_.make_chunk_plan(plan_, kMostPlanRows);
+    for (const ChunkPlan::Part& part : chunk_plan_->parts)
       if (!part.on_cpu.empty()) reject_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
-    setup.pairs = deal_->resident.get();
-    configurations_ = deal_->configurations;
-    for (const ChunkPlan::Part& part : deal_->parts)
-      most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * deal_->configurations);
+    setup.pairs = chunk_plan_->resident.get();
+    configurations_ = chunk_plan_->configurations;
+    for (const ChunkPlan::Part& part : chunk_plan_->parts)
+      most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * chunk_plan_->configurations);
   }
 
   void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
-    for (const ChunkPlan::Part& part : deal_->parts) {
-      ChunkSetup s = chunk_of(part, chunk.configurations == deal_->configurations ? part.whole : part.last);
+    for (const ChunkPlan::Part& part : chunk_plan_->parts) {
+      ChunkSetup s = chunk_of(part, chunk.configurations == chunk_plan_->configurations ? part.whole : part.last);
       s.configurations = chunk.configurations;
       s.first_configuration = chunk.first_configuration;
       s.poses = chunk.poses;
@@ -188,7 +188,7 @@ class StandingReduction final : public StandingQuery {
   using StandingQuery::StandingQuery;
 
  private:
-  void deal(QuerySetup& setup) override {
+  void assign_pairs(QuerySetup& setup) override {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     if (P == 0) refuse("no pairs");
     if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
