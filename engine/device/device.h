@@ -214,7 +214,7 @@ class Workspace : public QueryWorkspace {
 
 /// Workspace of a query whose poses or positions and rows stay in device memory. All work goes into the caller's
 /// stream. After make_room() nothing waits for the host or allocates memory, so a graph can capture it.
-class StandingWorkspace : public QueryWorkspace {
+class ResidentWorkspace : public QueryWorkspace {
  public:
   /// Allocates memory for chunks of at most this many pair-configurations and configurations; call after begin(). All
   /// data of begin() is on the device when it returns.
@@ -294,7 +294,7 @@ class Device {
   virtual std::shared_ptr<MotionWorkspace> borrow_motions() { return nullptr; }
   /// A new workspace, owned by the caller. Null for several devices.
   /// \param reduce none, min or any
-  virtual std::shared_ptr<StandingWorkspace> make_standing(Reduce) { return nullptr; }
+  virtual std::shared_ptr<ResidentWorkspace> make_resident(Reduce) { return nullptr; }
   virtual DeviceCounters counters() const = 0;
 };
 

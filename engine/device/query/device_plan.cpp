@@ -34,12 +34,12 @@ std::string beyond_plans(const Scene& scene, const Plan& plan) {
 }
 
 // The device's part of a query, begun once and launched on every run.
-class StandingQuery : public DevicePlan, protected DeviceQuery {
+class ResidentQuery : public DevicePlan, protected DeviceQuery {
  public:
-  StandingQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
+  ResidentQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
 
   void begin() override {
-    workspace_ = backend_.device().make_standing(plan_.query.reduce);
+    workspace_ = backend_.device().make_resident(plan_.query.reduce);
     if (!workspace_) refuse("the engine has several devices: make one of a single device");
     in_order_ = backend_.list(plan_);
     QuerySetup s = setup(*workspace_);
@@ -111,7 +111,7 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
   std::shared_ptr<const ChunkPlan> chunk_plan_;       // Reduce::kNone only
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
-  std::shared_ptr<StandingWorkspace> workspace_;  // last member: destroyed first, which waits for the device
+  std::shared_ptr<ResidentWorkspace> workspace_;  // last member: destroyed first, which waits for the device
 
  private:
   void check_columns(const ReplyView& rows) const {
@@ -152,9 +152,9 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
 };
 
 // A row per configuration and pair.
-class StandingRows final : public StandingQuery {
+class ResidentRows final : public ResidentQuery {
  public:
-  using StandingQuery::StandingQuery;
+  using ResidentQuery::ResidentQuery;
 
  private:
   void assign_pairs(QuerySetup& setup) override {
@@ -183,9 +183,9 @@ class StandingRows final : public StandingQuery {
 };
 
 // A row per configuration.
-class StandingReduction final : public StandingQuery {
+class ResidentReduction final : public ResidentQuery {
  public:
-  using StandingQuery::StandingQuery;
+  using ResidentQuery::ResidentQuery;
 
  private:
   void assign_pairs(QuerySetup& setup) override {
@@ -227,11 +227,11 @@ std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& p
   const std::string beyond = beyond_plans(*context.scene, plan);
   if (!beyond.empty()) refuse(beyond);
   try {
-    std::unique_ptr<StandingQuery> query;
+    std::unique_ptr<ResidentQuery> query;
     if (plan.query.reduce == Reduce::kNone)
-      query = std::make_unique<StandingRows>(context, std::move(plan));
+      query = std::make_unique<ResidentRows>(context, std::move(plan));
     else
-      query = std::make_unique<StandingReduction>(context, std::move(plan));
+      query = std::make_unique<ResidentReduction>(context, std::move(plan));
     query->begin();
     return query;
   } catch (const DeviceError& error) {

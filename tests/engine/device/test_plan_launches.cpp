@@ -22,7 +22,7 @@ struct Told {
   std::vector<Launch> launches;
 };
 
-class Scribe final : public cuda::StandingWorkspace {
+class Scribe final : public cuda::ResidentWorkspace {
  public:
   explicit Scribe(Told& told) : told_(told) {}
 
@@ -63,7 +63,7 @@ class Scribe final : public cuda::StandingWorkspace {
 class ScribesDevice final : public IdleDevice {
  public:
   ScribesDevice(Fault& fault, Told& told) : IdleDevice(fault), told_(told) {}
-  std::shared_ptr<cuda::StandingWorkspace> make_standing(Reduce reduce) override {
+  std::shared_ptr<cuda::ResidentWorkspace> make_resident(Reduce reduce) override {
     told_.reduce = reduce;
     return std::make_shared<Scribe>(told_);
   }

@@ -96,7 +96,7 @@ inline double planned(double x, double position, std::uint64_t pair) {
   return x + 1000 * position + 1e-3 * static_cast<double>(pair);
 }
 
-class HostPlans final : public cuda::StandingWorkspace {
+class HostPlans final : public cuda::ResidentWorkspace {
  public:
   HostPlans(PlanDevice& device, Reduce reduce) : device_(device), reduce_(reduce) {}
 
@@ -146,7 +146,7 @@ class HostPlans final : public cuda::StandingWorkspace {
 class PlansDevice final : public IdleDevice {
  public:
   PlansDevice(Fault& fault, PlanDevice& device) : IdleDevice(fault), device_(device) {}
-  std::shared_ptr<cuda::StandingWorkspace> make_standing(Reduce reduce) override {
+  std::shared_ptr<cuda::ResidentWorkspace> make_resident(Reduce reduce) override {
     return std::make_shared<HostPlans>(device_, reduce);
   }
 

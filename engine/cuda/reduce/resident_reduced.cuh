@@ -3,22 +3,22 @@
 
 #include "engine/cuda/reduce/open_items.cuh"
 #include "engine/cuda/reduce/reduced_launch.cuh"
-#include "engine/cuda/workspace/standing_workspace.cuh"
+#include "engine/cuda/workspace/resident_workspace.cuh"
 
 namespace clearance::cuda {
 
-struct StandingReducedSlot : StandingSlot {
-  StandingReducedSlot(MemoryCounters& c, int priority) : StandingSlot(c, priority), groups(c), items(c) {}
+struct ResidentReducedSlot : ResidentSlot {
+  ResidentReducedSlot(MemoryCounters& c, int priority) : ResidentSlot(c, priority), groups(c), items(c) {}
 
   DeviceBuffer groups, items;
 };
 
-class StandingReduced final : public StandingSide<StandingReducedSlot> {
+class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
  public:
-  using StandingSide::StandingSide;
+  using ResidentSide::ResidentSide;
 
   void begin(const QuerySetup& s) override {
-    StandingSide::begin(s);
+    ResidentSide::begin(s);
     requested_ = ReducedSettings(s, hulls_);
   }
 

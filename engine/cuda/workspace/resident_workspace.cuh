@@ -8,16 +8,16 @@
 
 namespace clearance::cuda {
 
-struct StandingSlot : QuerySlot {
-  StandingSlot(MemoryCounters& c, int priority) : QuerySlot(c, priority), counts(c), rows(c) {}
+struct ResidentSlot : QuerySlot {
+  ResidentSlot(MemoryCounters& c, int priority) : QuerySlot(c, priority), counts(c), rows(c) {}
 
   DeviceBuffer counts, rows;
 };
 
-/// \tparam Slot a StandingSlot; only the workspace's first one is used
+/// \tparam Slot a ResidentSlot; only the workspace's first one is used
 template <class Slot>
-class StandingSide : public QuerySide<StandingWorkspace, Slot> {
-  using Side = QuerySide<StandingWorkspace, Slot>;
+class ResidentSide : public QuerySide<ResidentWorkspace, Slot> {
+  using Side = QuerySide<ResidentWorkspace, Slot>;
 
  public:
   using Side::Side;
