@@ -166,11 +166,11 @@ void Door::serve() const {
   Way in{stranger.get(), inner.get(), false}, out{inner.get(), stranger.get(), true};
   for (;;) {
     // An end without expected events is left out, except the daemon's, whose hang-up ends the proxy.
-    const auto requested = [](const Way& from_here, const Way& to_here) {
+    const auto poll_events = [](const Way& from_here, const Way& to_here) {
       return static_cast<short>((from_here.has_room() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
     };
-    const short of_stranger = requested(in, out);
-    pollfd ends[] = {{of_stranger ? stranger.get() : -1, of_stranger, 0}, {inner.get(), requested(out, in), 0}};
+    const short of_stranger = poll_events(in, out);
+    pollfd ends[] = {{of_stranger ? stranger.get() : -1, of_stranger, 0}, {inner.get(), poll_events(out, in), 0}};
     if (::poll(ends, 2, -1) < 0) continue;
     const bool hung_up = ends[1].revents & (POLLHUP | POLLERR);
     if (in.has_room() && ends[0].revents) in.take();

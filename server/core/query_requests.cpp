@@ -108,12 +108,11 @@ bool QueryRequests::begin_deferred(Clock::time_point now) {
 }
 
 void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
-  const FrameHeader& header = deferred.requested.header;
+  const FrameHeader& header = deferred.pending.header;
   const OwnPayload& payload = deferred.payload;
-  Request request{header,           payload.span(), nullptr, payload.bytes, std::move(deferred.requested.sink),
-                  deferred.received};
+  Request request{header, payload.span(), nullptr, payload.bytes, std::move(deferred.pending.sink), deferred.received};
   ReplySink& sink = *request.sink;  // lives on with the query
-  deferred.requested.share.give_back();
+  deferred.pending.share.give_back();
   context_.answers.guard(sink, header, [&] {
     if (!DeferredQueries::poses_are_there(*context_.engine, header, deferred.query))
       throw poses_late(deferred.query, true);

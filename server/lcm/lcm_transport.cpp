@@ -147,21 +147,21 @@ class LcmTransport final : public Transport {
   }
 
   void on_joint_query(std::span<const std::byte> packet) {
-    joint_query_t requested;
-    if (!decode(packet, requested) || !is_named("joint_query_t", requested.query)) return;
-    const query_t& query = requested.query;
-    if (query.body_count != 0 && query.configuration_count != requested.row_count)  // each row needs both
+    joint_query_t message;
+    if (!decode(packet, message) || !is_named("joint_query_t", message.query)) return;
+    const query_t& query = message.query;
+    if (query.body_count != 0 && query.configuration_count != message.row_count)  // each row needs both
       return refuse(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(requested.row_count) + " of joints: expected equal numbers, or no bodies");
+                        std::to_string(message.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
-    for (const std::string& name : requested.joints) {
+    for (const std::string& name : message.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
         return refuse(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
-    hand_in(query, [&] { return query_frame_of(requested, joints); });
+    hand_in(query, [&] { return query_frame_of(message, joints); });
   }
 
   bool is_named(const std::string& type, const query_t& query) {

@@ -16,7 +16,7 @@ constexpr std::uint64_t kBytesAtOnce = 256 << 10;
 bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   if (step_ == Step::kMake) {
     bool is_made = true;
-    failure_ = ReplyWriter::rejection_of(requested_.header, [&] {
+    failure_ = ReplyWriter::rejection_of(pending_.header, [&] {
       std::optional<std::vector<std::byte>> made = make_(budget, ignored_);
       is_made = made.has_value();
       if (is_made) payload_ = std::move(*made);
@@ -57,7 +57,7 @@ void BackgroundRequest::let_go() {
 
 void BackgroundRequest::look() {
   // Poses are applied even if their client is gone.
-  gone_.store(type_ != wire::FrameType::kPosesDone && !requested_.sink->alive(), std::memory_order_relaxed);
+  gone_.store(type_ != wire::FrameType::kPosesDone && !pending_.sink->alive(), std::memory_order_relaxed);
 }
 
 bool BackgroundRequest::advance_on_loop() {
@@ -71,21 +71,21 @@ bool BackgroundRequest::advance_on_loop() {
     answers_.count_ignored(ignored_);
   }
   if (failure_) {
-    answers_.refuse(*requested_.sink, requested_.header, *failure_);
+    answers_.refuse(*pending_.sink, pending_.header, *failure_);
     return true;
   }
-  if (!requested_.sink->alive()) {
+  if (!pending_.sink->alive()) {
     answers_.count_dropped();
     step_ = Step::kOver;
     return false;
   }
-  const bool went_well = answers_.guard(*requested_.sink, requested_.header, [&] {
+  const bool went_well = answers_.guard(*pending_.sink, pending_.header, [&] {
     if (weight_ == Weight::kLight)
-      answers_.reply(*requested_.sink, requested_.header, type_, payload_);
+      answers_.reply(*pending_.sink, pending_.header, type_, payload_);
     else if (step_ == Step::kPublish)
-      answers_.publish(*requested_.sink, requested_.header, type_, frame_, payload_bytes_);
+      answers_.publish(*pending_.sink, pending_.header, type_, frame_, payload_bytes_);
     else
-      frame_ = answers_.reserve(*requested_.sink, payload_bytes_);
+      frame_ = answers_.reserve(*pending_.sink, payload_bytes_);
   });
   if (step_ == Step::kPublish || weight_ == Weight::kLight) return true;
   step_ = went_well ? Step::kCopy : Step::kOver;

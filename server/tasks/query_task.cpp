@@ -39,7 +39,7 @@ void QueryTask::begin_on_loop(const wire::QueryParts& parts, std::uint64_t paylo
   start();
   worked_ = Clock::now();
   in_engine_ = worked_ - begun;
-  requested_.sink = std::move(sink);  // last, as the caller needs it after an exception
+  pending_.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
 void QueryTask::begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
@@ -48,12 +48,12 @@ void QueryTask::begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
   fetch_ = std::move(fetch);
   payload_bytes_ = payload_bytes;
-  requested_.share = daemon_.quotas.take(client(), service_class(), bytes);
-  requested_.sink = std::move(sink);
+  pending_.share = daemon_.quotas.take(client(), service_class(), bytes);
+  pending_.sink = std::move(sink);
 }
 
 bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
-  failure_ = ReplyWriter::rejection_of(requested_.header, [&] {
+  failure_ = ReplyWriter::rejection_of(pending_.header, [&] {
     check_deadline(now);
     work(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
   });
@@ -84,7 +84,7 @@ void QueryTask::work_on_loop() {
     case Step::kSetOptions:
       return set_options();
     case Step::kReserve:
-      return reserve(*requested_.sink);
+      return reserve(*pending_.sink);
     case Step::kReserveFinal:
       return reserve_final();
     case Step::kPublish:
@@ -100,7 +100,7 @@ bool QueryTask::advance_on_loop() {
     end();
     return false;
   }
-  if (!requested_.sink->alive()) {
+  if (!pending_.sink->alive()) {
     ++daemon_.stats.dropped;
     ++daemon_.stats["queries.dropped"];
     end();
@@ -109,8 +109,8 @@ bool QueryTask::advance_on_loop() {
     return true;
   } else {
     const bool is_last = step_ == Step::kPublish;
-    if (!daemon_.answers.guard(*requested_.sink, requested_.header, [&] { work_on_loop(); })) end();
-    if (is_last || !requested_.sink) return true;  // answered, or deferred
+    if (!daemon_.answers.guard(*pending_.sink, pending_.header, [&] { work_on_loop(); })) end();
+    if (is_last || !pending_.sink) return true;  // answered, or deferred
   }
   if (on_loop_ && step_ == Step::kRun) ++daemon_.stats["queries.handed_over"];
   on_loop_ = false;
@@ -120,7 +120,7 @@ bool QueryTask::advance_on_loop() {
 void QueryTask::reject(const RejectedRequest& failure) {
   if (failure.code == wire::ErrorCode::kDeadline && in_engine_.count() > 0)
     daemon_.forecast.note(cost_class(), in_engine_, false);
-  daemon_.answers.refuse(*requested_.sink, requested_.header, failure);
+  daemon_.answers.refuse(*pending_.sink, pending_.header, failure);
 }
 
 /// Returns the query to a worker once more, which frees its memory.
@@ -143,7 +143,7 @@ void QueryTask::let_go() {
 /// its slice.
 void QueryTask::expire() {
   if (reply_.is_reserved() || is_ended_) return;
-  daemon_.answers.refuse(*requested_.sink, requested_.header,
+  daemon_.answers.refuse(*pending_.sink, pending_.header,
                          deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), std::chrono::nanoseconds(0)));
   is_ended_ = true;
   gone_.store(true, std::memory_order_relaxed);
@@ -151,12 +151,12 @@ void QueryTask::expire() {
 
 void QueryTask::read() {
   if (fetch_) payload_ = std::exchange(fetch_, nullptr)();
-  const wire::QueryParts parts = wire::parse_query(requested_.header, aligned(payload_.span(), aligned_));
-  daemon_.answers.check_epoch(requested_.header, parts.epoch);
-  const QueryOptions& requested = parts.options;
-  if (!has_options_ && (requested.min_pose_stamp_ns != 0 || requested.deadline_ns != 0 || requested.as_planning)) {
-    options_ = requested;
-    cost_ = engine_->extent(view_of(parts, requested_.header.scene_revision));
+  const wire::QueryParts parts = wire::parse_query(pending_.header, aligned(payload_.span(), aligned_));
+  daemon_.answers.check_epoch(pending_.header, parts.epoch);
+  const QueryOptions& options = parts.options;
+  if (!has_options_ && (options.min_pose_stamp_ns != 0 || options.deadline_ns != 0 || options.as_planning)) {
+    options_ = options;
+    cost_ = engine_->extent(view_of(parts, pending_.header.scene_revision));
     step_ = Step::kSetOptions;
     return;
   }
@@ -167,17 +167,17 @@ void QueryTask::read() {
 /// Goes on at once if the poses that the query waits for have arrived, else begins again when they have.
 void QueryTask::set_options() {
   if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
-  requested_.share.give_back();  // a deferred query has its own
+  pending_.share.give_back();  // a deferred query has its own
   if (options_.min_pose_stamp_ns != 0 &&
-      daemon_.hold(requested_.header, service_class(), options_, payload_, requested_.sink, received_))
+      daemon_.hold(pending_.header, service_class(), options_, payload_, pending_.sink, received_))
     return;
-  requested_.share = daemon_.quotas.take(client(), service_class(), payload_bytes_);
+  pending_.share = daemon_.quotas.take(client(), service_class(), payload_bytes_);
   take_options(options_, cost_);
   step_ = Step::kRead;
 }
 
 void QueryTask::prepare(const wire::QueryParts& parts) {
-  QueryView query = view_of(parts, requested_.header.scene_revision);
+  QueryView query = view_of(parts, pending_.header.scene_revision);
   if (!has_options_) {
     options_ = parts.options;
     cost_ = engine_->extent(query);
@@ -204,7 +204,7 @@ void QueryTask::list(const WorkBudget& budget) {
 void QueryTask::reserve(ReplySink& sink) {
   const std::uint64_t bytes =
       reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
-  requested_.share.give_back();
+  pending_.share.give_back();
   const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
   QueryView query;
   query.warm_slot = wants_warm_ ? client() : 0;
@@ -217,7 +217,7 @@ void QueryTask::reserve(ReplySink& sink) {
   }
   if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes the rest
     if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
-  requested_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
+  pending_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
   reply_.reserve(sink);
   step_ = Step::kRun;
 }
@@ -242,7 +242,7 @@ void QueryTask::run(std::chrono::nanoseconds budget) {
 }
 
 void QueryTask::reserve_final() {
-  reply_.reserve_final(*requested_.sink);
+  reply_.reserve_final(*pending_.sink);
   step_ = Step::kCopy;
 }
 
@@ -256,7 +256,7 @@ void QueryTask::publish() {
   check_deadline(worked_);
   daemon_.forecast.note(cost_class(), in_engine_, true);
   const auto in_server = std::chrono::nanoseconds(worked_ - received_);
-  reply_.publish(*requested_.sink, requested_.header, {in_engine_, in_server});
+  reply_.publish(*pending_.sink, pending_.header, {in_engine_, in_server});
   daemon_.answers.count_query(static_cast<std::uint64_t>(in_server.count()), reply_.rows());
 }
 

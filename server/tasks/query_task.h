@@ -40,7 +40,7 @@ class QueryTask final : public ScheduledQuery {
             std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
       : ScheduledQuery(client, service, due),
         daemon_(daemon),
-        requested_{nullptr, request, {}},
+        pending_{nullptr, request, {}},
         engine_(std::move(engine)),
         received_(received) {}
 
@@ -53,12 +53,10 @@ class QueryTask final : public ScheduledQuery {
   void begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
                        std::unique_ptr<ReplySink>& sink);
 
-  bool is_wanted() const override {
-    return on_loop_ ? requested_.sink->alive() : !gone_.load(std::memory_order_relaxed);
-  }
+  bool is_wanted() const override { return on_loop_ ? pending_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
   void let_go() override;
-  void look() override { gone_.store(is_ended_ || !requested_.sink->alive(), std::memory_order_relaxed); }
+  void look() override { gone_.store(is_ended_ || !pending_.sink->alive(), std::memory_order_relaxed); }
   Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
   void expire() override;
   bool advance_on_loop() override;
@@ -97,7 +95,7 @@ class QueryTask final : public ScheduledQuery {
   Forecast::Work cost_class() const { return Forecast::work_of(options_, cost_); }
 
   const Daemon& daemon_;
-  PendingRequest requested_;
+  PendingRequest pending_;
   std::shared_ptr<Engine> engine_;
   Clock::time_point received_, worked_;  // end of the last slice
   std::chrono::nanoseconds in_engine_{0};
