@@ -144,12 +144,12 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 }
 
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
-  QueryView requested = query;
-  requested.reduce = Reduce::kAny;
-  requested.format = Format::kFull;
-  requested.fields = kFieldFreeScale;
-  requested.weights = weights;
-  PreparedQuery prepared = prepare(requested);
+  QueryView scale_query = query;
+  scale_query.reduce = Reduce::kAny;
+  scale_query.format = Format::kFull;
+  scale_query.fields = kFieldFreeScale;
+  scale_query.weights = weights;
+  PreparedQuery prepared = prepare(scale_query);
   std::vector<double> scales(prepared.size().rows);
   ReplyView reply;
   reply.rows = scales.size();
@@ -248,9 +248,9 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
 }
 
 std::string Engine::certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows) const {
-  CertificateRows requested;
-  if (rows) requested.numbers.emplace(rows->begin(), rows->end());
-  CertificateRun run = begin_certificate(query, std::move(requested));
+  CertificateRows selected;
+  if (rows) selected.numbers.emplace(rows->begin(), rows->end());
+  CertificateRun run = begin_certificate(query, std::move(selected));
   while (!run.advance()) {
   }
   const std::vector<std::byte> text = run.take();

@@ -33,12 +33,12 @@ class RowCertificateJob final : public CertificateJob {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
       reject_proxies(pair);
       here_ = &placement(0, k);
-      requested_ = {pair, here_, plan_.query.max_distance};
+      bodies_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};
-      evaluator_.begin({&requested_, 1}, {&answer_, 1});
+      evaluator_.begin({&bodies_, 1}, {&answer_, 1});
       step_ = Step::kAnswer;
     }
-    const BodyPair pair = requested_.pair;
+    const BodyPair pair = bodies_.pair;
     if (step_ == Step::kAnswer) {
       if (!evaluator_.advance(slice)) return false;
       text_.begin_row(row, k, pair, answer_);
@@ -65,7 +65,7 @@ class RowCertificateJob final : public CertificateJob {
   Evaluator evaluator_;
   Step step_ = Step::kBegin;  // of the current row
   const BodyPoses* here_ = nullptr;
-  PlacedBodies requested_{};
+  PlacedBodies bodies_{};
   PairAnswer answer_;
   std::unique_ptr<RowProver> prover_;
 };

@@ -87,7 +87,7 @@ struct FixedBodies {
 };
 
 /// Requested tolerance of the least distance of motions.
-struct LeastRequested {
+struct LeastTolerance {
   bool is_wanted = false;
   double abs_tol = 0, rel_tol = 0;
 };
@@ -137,7 +137,7 @@ struct QuerySetup {
   // Motions:
   const MotionArrays* motions = nullptr;
   std::uint32_t max_evaluations = 0;
-  LeastRequested least;
+  LeastTolerance least;
 };
 
 /// Kind of input per configuration.

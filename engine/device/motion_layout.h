@@ -66,7 +66,7 @@ enum class MotionOutcome : std::uint8_t {
 };
 
 /// Indices into MotionsView::counts, per level: spans, pairs left by boxes, pairs evaluated, pairs that go on, hits.
-inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kRequestedCount = 2, kOnCount = 3, kHitCount = 4,
+inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kEvaluateCount = 2, kOnCount = 3, kHitCount = 4,
                                kCountsOfLevel = 5;
 /// Spans of level k are at most 2^-k of a motion; what remains after the last level is left to the CPU. First contact
 /// needs more levels: a span is halved until it is as short as the contact interval, and half of it is proved.
@@ -128,7 +128,7 @@ struct MotionsView {
   std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all set if complete
   std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level, or kNone
   SpanPair *on, *next_on;                   ///< pairs that go on
-  SpanPair *near, *requested;
+  SpanPair *near, *to_evaluate;
   MotionHitRow* hits;
   // Of motions that hit: the best hit so far, then these rows in no order.
   MotionHitRow *best, *hit_rows;

@@ -70,8 +70,8 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   }
   PairAnswer& answer = answers_[search.index];
   const double true_lower = search.slack.true_lower(found.lower);
-  const bool was_requested = found.best.bounds.upper < kInf;
-  if (by_elements && !was_requested && true_lower > bodies.max_distance)
+  const bool has_upper = found.best.bounds.upper < kInf;
+  if (by_elements && !has_upper && true_lower > bodies.max_distance)
     return replace_answer(answer, beyond_answer(true_lower));
   finish(bodies, found, answer, !by_parts ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
 }

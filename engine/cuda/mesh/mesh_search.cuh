@@ -289,7 +289,7 @@ class MeshSearch : public WarpSearch {
     const ElementSet &solid = a_holds ? a_ : b_, &other = a_holds ? b_ : a_;
     const PlacedFrame &outer = a_holds ? of_a_ : of_b_, &inner = a_holds ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
-    std::uint32_t requested = 0;
+    std::uint32_t windings = 0;
     bool all_are_known = true;
     for (std::uint32_t first = 0; first < other.part_count; first += 32) {
       const std::uint32_t part = first + lane(), triangle = part < other.part_count ? other.parts[part] : 0;
@@ -297,7 +297,7 @@ class MeshSearch : public WarpSearch {
       const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
       const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
       for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
-        if (++requested > kMostWindings) return PairOutcome::kUnresolved;
+        if (++windings > kMostWindings) return PairOutcome::kUnresolved;
         const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
         // The whole part lies on one side, so if float64 is unsure of one corner, another may decide.
         const PartVertices corners = Triangles::corners(other, at);

@@ -219,10 +219,10 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
       wanted = !(low > target);
       if (!wanted) leave_out(m, span, low);
     }
-    const std::uint32_t at = take_place(&count_of(m, kRequestedCount, m.level), wanted);
+    const std::uint32_t at = take_place(&count_of(m, kEvaluateCount, m.level), wanted);
     if (!wanted) continue;
     if (at < m.pair_capacity)
-      m.requested[at] = item;
+      m.to_evaluate[at] = item;
     else
       m.open[span.motion] = 1;
   }
@@ -248,14 +248,14 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
 template <bool kLeast>
 __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
   const ChunkView& c = m.chunk;
-  const std::uint32_t count = listed(count_of(m, kRequestedCount, m.level), m.pair_capacity);
+  const std::uint32_t count = listed(count_of(m, kEvaluateCount, m.level), m.pair_capacity);
   for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
     const bool exists = first + threadIdx.x < count;
     SpanPair item{0, 0};
     std::uint32_t motion = 0;
     bool converged = false, goes_on[2] = {false, false};
     if (exists) {
-      item = m.requested[first + threadIdx.x];
+      item = m.to_evaluate[first + threadIdx.x];
       const MotionSpan span = m.spans[item.span];
       motion = span.motion;
       if (!is_hit_before(m, motion, item.pair)) {
@@ -348,7 +348,7 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   }
   if (wanted) {
     span = rest_of_span(span, i % 2 == 1, __uint_as_float(m.shares[i]));
-    if (m.finds_least && !is_still_requested(m, span)) {
+    if (m.finds_least && !is_still_needed(m, span)) {
       wanted = false;
     } else if (!m.finds_least && m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
       free_no_longer(m, span.motion, span.begin);

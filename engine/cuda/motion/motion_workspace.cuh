@@ -164,7 +164,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     });
     make_room_for_spans(slot);
     make_parts(slot.pairs, [&](Parts& parts) {
-      for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.requested}) parts.take(*list, m.pair_capacity);
+      for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.to_evaluate}) parts.take(*list, m.pair_capacity);
     });
     make_parts(slot.hits, [&](Parts& parts) {
       parts.take(m.hits, m.finds_least ? 0 : m.hit_capacity);
@@ -244,7 +244,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   ChunkClock clock_;
   double margin_ = 0;
   std::uint32_t max_evaluations_ = 0;
-  LeastRequested least_;
+  LeastTolerance least_;
 };
 
 }  // namespace clearance::cuda

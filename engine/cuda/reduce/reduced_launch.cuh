@@ -30,7 +30,7 @@ struct ReducedSettings {
         by_teams(s.by_teams && !hulls.has_several()) {}
 
   /// \param margins of the query's pairs, on the device; null if all are equal
-  void tell(ReducedView& r, std::uint32_t rows, const double* margins) const {
+  void apply(ReducedView& r, std::uint32_t rows, const double* margins) const {
     r.reduce = reduce;
     r.groups = groups;
     r.rows = rows;

@@ -63,7 +63,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not delay the search for near pairs
     QuerySide::begin(s);
     begin_elements(s);
-    requested_ = ReducedSettings(s, hulls_);
+    settings_ = ReducedSettings(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
     clock_.restart();
@@ -75,7 +75,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedSlot& slot = *slots_[index];
     ReducedView& r = slot.view;
     r.chunk = view_of(slot, chunk);
-    requested_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    settings_.apply(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.elements = elements_.view();
     if (r.elements.count > 0) start_moved_element_boxes(r.chunk, r.elements, slot.stream);
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
@@ -83,7 +83,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : groups_of(r);
     r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
-    if (requested_.by_teams) return launch_teams(slot);
+    if (settings_.by_teams) return launch_teams(slot);
     slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
     make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
@@ -108,7 +108,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    if (requested_.by_teams) {
+    if (settings_.by_teams) {
       answer_open(slot);
     } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       if (!table_) slot.listed = candidates;
@@ -153,8 +153,8 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   }
 
  private:
-  bool within() const { return requested_.reduce == Reduce::kWithin; }
-  bool any() const { return requested_.reduce == Reduce::kAny; }
+  bool within() const { return settings_.reduce == Reduce::kWithin; }
+  bool any() const { return settings_.reduce == Reduce::kAny; }
 
   // Clouds and meshes among the bodies, with the boxes of fixed ones.
   void begin_elements(const QuerySetup& s) {
@@ -223,7 +223,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   }
 
   void make_room_for_groups(ReducedSlot& slot) {
-    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), requested_.by_teams);
+    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), settings_.by_teams);
   }
 
   void seed(ReducedSlot& slot) {
@@ -314,7 +314,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     return done;
   }
 
-  ReducedSettings requested_;
+  ReducedSettings settings_;
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null if the query's pairs are listed
   QueryElements elements_{counters_.memory};

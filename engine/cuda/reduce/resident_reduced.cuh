@@ -19,7 +19,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
 
   void begin(const QuerySetup& s) override {
     ResidentSide::begin(s);
-    requested_ = ReducedSettings(s, hulls_);
+    settings_ = ReducedSettings(s, hulls_);
   }
 
   void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs&, std::uint64_t,
@@ -29,16 +29,16 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     const cudaStream_t in = slot().stream;
     ReducedView r{};
     r.chunk = view_of(slot(), chunk);
-    requested_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    settings_.apply(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.chunk.reply = rows;
     r.reply_rows = groups_of(r);
     r.chunk.counts = counts();
     r.chunk.host_counts = spare_counts();
     take_item_memory(r, slot().items.data(), capacity_of(chunk.rows(), chunk.configurations));
-    take_group_memory(r, slot().groups.data(), requested_.by_teams);
-    if (requested_.by_teams)
+    take_group_memory(r, slot().groups.data(), settings_.by_teams);
+    if (settings_.by_teams)
       by_teams(r, in);
-    else if (requested_.reduce == Reduce::kAny)
+    else if (settings_.reduce == Reduce::kAny)
       decide(r, in);
     else
       by_stages(r, in);
@@ -55,7 +55,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     slot().items.reserve(item_bytes(capacity_of(rows, configurations), hulls_.has_several()));
     ReducedView r{};
     r.chunk.configurations = configurations;
-    r.groups = requested_.groups;
+    r.groups = settings_.groups;
     slot().groups.reserve(group_bytes(r));
   }
   std::uint64_t bytes_for_rows() const override { return slot().items.size() + slot().groups.size(); }
@@ -92,7 +92,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  ReducedSettings requested_;
+  ReducedSettings settings_;
 };
 
 }  // namespace clearance::cuda

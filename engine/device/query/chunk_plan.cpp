@@ -184,7 +184,7 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
   if (plan.query.configuration_count > 0)
     for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
   refs.reserve(plan.pairs.size());
-  std::vector<std::uint8_t> is_requested(ref.size(), 0);
+  std::vector<std::uint8_t> is_listed(ref.size(), 0);
   std::vector<BodyPair> room;
   std::uint64_t left = 0;
   constexpr std::uint64_t kSlice = 1u << 16;
@@ -194,7 +194,7 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
       if (of_a == BodyKind::kUnknown || of_b == BodyKind::kUnknown) return refs.clear();
       refs.push_back({ref[a], ref[b]});
       if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
-      is_requested[a] = is_requested[b] = 1;
+      is_listed[a] = is_listed[b] = 1;
       if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
         list.kinds.*kernel = true;
       else
@@ -202,12 +202,12 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
     }
   if (left == plan.pairs.size()) return refs.clear();
   for (std::uint32_t body = 0; body < ref.size(); ++body)
-    if (is_requested[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
+    if (is_listed[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
 }
 
 }  // namespace
 
-RequestedPairs::RequestedPairs(const Plan& plan) {
+PairSelectionKey::PairSelectionKey(const Plan& plan) {
   if (plan.query.configuration_count > 0) moved = plan.moved;
   if (plan.pairs.is_whole_table())
     table = plan.snapshot->pairs;
@@ -215,7 +215,7 @@ RequestedPairs::RequestedPairs(const Plan& plan) {
     pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
 }
 
-bool RequestedPairs::fit(const Plan& plan) const {
+bool PairSelectionKey::matches(const Plan& plan) const {
   const bool moves = plan.query.configuration_count > 0;
   if (moves ? moved != plan.moved : !moved.empty()) return false;
   if (plan.pairs.is_whole_table()) return table.get() == plan.pairs.table();
@@ -226,11 +226,11 @@ bool RequestedPairs::fit(const Plan& plan) const {
 std::shared_ptr<const ChunkPlan> DeviceBackend::chunk_plan(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
-    if (last_ && last_->all_configurations == plan.size.configurations && last_->requested.fit(plan)) return last_;
+    if (last_ && last_->all_configurations == plan.size.configurations && last_->key.matches(plan)) return last_;
   }
   auto next = std::make_shared<ChunkPlan>();
   next->all_configurations = plan.size.configurations;
-  next->requested = RequestedPairs(plan);
+  next->key = PairSelectionKey(plan);
   const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
   ChunkPlanner(scene_, *device_, plan, *next)
       .run(std::clamp(rows / static_cast<std::uint64_t>(device_->chunks_wanted()), kFewestRows, kMostRows), true);
@@ -248,10 +248,10 @@ std::shared_ptr<const ChunkPlan> DeviceBackend::make_chunk_plan(const Plan& plan
 std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
-    if (last_list_ && last_list_->requested.fit(plan)) return last_list_;
+    if (last_list_ && last_list_->key.matches(plan)) return last_list_;
   }
   auto next = std::make_shared<PairListOnDevice>();
-  next->requested = RequestedPairs(plan);
+  next->key = PairSelectionKey(plan);
   std::vector<PairRef> refs;
   list_in_order(scene_, *device_, plan, refs, *next);
   if (!refs.empty()) next->resident = device_->upload(refs, {}, {});

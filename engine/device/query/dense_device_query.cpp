@@ -79,10 +79,9 @@ class DenseDeviceQuery final : public DeviceQuery {
           return OpenRow{c.first_configuration + cpu_rows_[i] / c.part->count,
                          c.part->first + cpu_rows_[i] % c.part->count};
         },
-        [&](std::size_t i, const PlacedBodies& requested, const PairAnswer& answer) {
+        [&](std::size_t i, const PlacedBodies& bodies, const PairAnswer& answer) {
           const auto k = static_cast<std::uint32_t>(c.first_configuration + cpu_rows_[i] / c.part->count);
-          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, requested,
-                answer);
+          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, bodies, answer);
         });
   }
 

@@ -20,7 +20,7 @@ constexpr std::size_t kMostPinned = 1u << 26;  // bytes; larger inputs are copie
 DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
     : ParallelJob(context, std::move(plan), reply, plan.query.reduce == Reduce::kNone),
       backend_(*context.device),
-      rooms_(static_cast<std::size_t>(workers())) {
+      scratch_(static_cast<std::size_t>(workers())) {
   info.backend = "cuda";
   for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
   find_direct_columns();

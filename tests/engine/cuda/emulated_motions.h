@@ -76,7 +76,7 @@ class HostMotions {
     m_.lock = room<std::uint32_t>(motions);
     for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = room<MotionSpan>(S);
     for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = room<std::uint32_t>(2 * S);
-    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.requested}) *at = room<SpanPair>(m_.pair_capacity);
+    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.to_evaluate}) *at = room<SpanPair>(m_.pair_capacity);
     m_.hits = room<MotionHitRow>(m_.hit_capacity);
     for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = room<MotionHitRow>(motions);
     m_.counts = room<std::uint32_t>(kMotionCounts);

@@ -35,7 +35,7 @@ Answer request_at(const Engine& engine, const ArmEdges& edges, std::uint32_t mot
 void print_levels(const HostMotions& host) {
   for (std::uint32_t level = 0; level < host.levels(); ++level)
     std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                host.count(kRequestedCount, level));
+                host.count(kEvaluateCount, level));
   std::printf("\n");
 }
 
