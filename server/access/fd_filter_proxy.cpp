@@ -26,7 +26,7 @@ using shm::UniqueFd;
 
 /// Proxies of all endpoints, including those whose threads still close a peer's descriptors.
 constexpr std::uint64_t kMostDoors = 1024;
-constexpr std::size_t kStackBytes = 256 << 10;
+constexpr std::size_t kThreadStackBytes = 256 << 10;
 constexpr std::size_t kBufferBytes = 16 << 10;
 
 bool set_passrights(int socket, int value) {
@@ -59,7 +59,7 @@ ino_t inode_of(int socket) {
 bool run_detached(void* (*work)(void*), void* with) {
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, kStackBytes);
+  pthread_attr_setstacksize(&attributes, kThreadStackBytes);
   pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
   sigset_t all, before;
   sigfillset(&all);

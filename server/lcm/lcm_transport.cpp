@@ -37,8 +37,8 @@ using clearance_lcm::query_t;
 
 constexpr int kMessagesPerPoll = 64;
 /// Messages that liblcm keeps between two polls, per channel.
-constexpr int kQueue = 512;
-constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
+constexpr int kChannelQueue = 512;
+constexpr std::uint64_t kMaxLcmRequestBytes = std::uint64_t{16} << 20;
 
 class LcmTransport final : public Transport {
  public:
@@ -46,11 +46,11 @@ class LcmTransport final : public Transport {
       : url_(address.url()),
         allowed_poses_(allowed_poses),
         link_(std::make_shared<LcmLink>(open_lcm_port(address, gateway_bytes))),
-        assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
+        assembler_({.frame_bytes = kMaxLcmRequestBytes, .total_bytes = 4 * kMaxLcmRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
     if (!allowed_poses.any) link_->rights &= ~kMayPose;  // also by frames, whose bodies are not yet known
     const auto listen = [this](const char* name, auto method) {
-      link_->port->subscribe(name, kQueue,
+      link_->port->subscribe(name, kChannelQueue,
                              [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);

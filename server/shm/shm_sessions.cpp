@@ -19,8 +19,8 @@ using shm::UniqueFd;
 
 constexpr int kMessagesPerEvent = 8;
 /// Interval between polls of the sockets while requests keep the loop awake, and polls between two reads of the clock.
-constexpr auto kSocketLookEvery = std::chrono::milliseconds(1);
-constexpr int kPollsPerClockLook = 16;
+constexpr auto kSocketPollInterval = std::chrono::milliseconds(1);
+constexpr int kPollsPerClockRead = 16;
 
 shm::Message make_message(MessageKind kind) {
   shm::Message message;
@@ -69,12 +69,12 @@ void ShmSessions::meet(RequestHandler& handler) {
 
 void ShmSessions::poll(std::uint64_t polls) {
   polls_ = polls;
-  if (look_ || (polls % kPollsPerClockLook == 0 && Clock::now() >= next_look_)) serve_sockets();
+  if (sockets_due_ || (polls % kPollsPerClockRead == 0 && Clock::now() >= next_poll_)) serve_sockets();
   remove_gone();
 }
 
 void ShmSessions::tick() {
-  look_ = true;
+  sockets_due_ = true;
   const auto now = Clock::now();
   for (const auto& session : sessions_)
     if (session->segments.empty() && now - session->connected > limits_.hello_timeout) drop(*session);
@@ -93,8 +93,8 @@ bool ShmSessions::watch(int fd, std::uint32_t events, std::uint64_t tag) {
 }
 
 void ShmSessions::serve_sockets() {
-  look_ = false;
-  next_look_ = Clock::now() + kSocketLookEvery;
+  sockets_due_ = false;
+  next_poll_ = Clock::now() + kSocketPollInterval;
   epoll_event events[64];
   const int count = ::epoll_wait(epoll_.get(), events, 64, 0);
   for (int i = 0; i < count; ++i) {
@@ -107,7 +107,7 @@ void ShmSessions::serve_sockets() {
       if (session != sessions_.end()) serve_socket(**session);
     }  // else an eventfd, edge-triggered, which has woken the loop
   }
-  if (count == 64) look_ = true;
+  if (count == 64) sockets_due_ = true;
   remove_gone();
 }
 
@@ -162,7 +162,7 @@ void ShmSessions::serve_socket(ShmSession& session) {
     if (received <= 0) return drop(session);
     serve_message(session, message, static_cast<std::size_t>(received));
   }
-  look_ = true;
+  sockets_due_ = true;
 }
 
 void ShmSessions::serve_message(ShmSession& session, const shm::Message& message, std::size_t received) {

@@ -33,7 +33,7 @@ class ShmSessions {
   /// @param polls of the loop so far
   void poll(std::uint64_t polls);
   /// Serves the sockets in the next poll.
-  void look_soon() { look_ = true; }
+  void look_soon() { sockets_due_ = true; }
   void tick();
   /// Disconnects a client that breaks the protocol.
   void violate(ShmSession& session, const char* why);
@@ -64,8 +64,8 @@ class ShmSessions {
   std::vector<std::shared_ptr<ShmSession>> sessions_;
   CounterRefs counters_;
   std::uint64_t polls_ = 0;
-  Clock::time_point next_look_;
-  bool look_ = true;
+  Clock::time_point next_poll_;
+  bool sockets_due_ = true;
   bool any_gone_ = false;
 };
 

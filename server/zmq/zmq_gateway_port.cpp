@@ -23,19 +23,19 @@ constexpr std::size_t kMostNumbered = 65536;
 /// Connections for idle clients and handshakes, in addition to clients with requests under way.
 constexpr std::uint32_t kSpareConnections = 64;
 
-gateway::Plan plan_of(TcpListener listener, const Access& access) {
-  gateway::Plan plan;
-  plan.url = std::move(listener.url);
-  plan.what = "zmq";
-  plan.memory_bytes = access.gateway_bytes;
-  plan.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
-  plan.start = {Kind::kStart,
-                std::min(gateway::Process::message_bytes(access.gateway_bytes), wire::kMaxRequestBytes),
-                plan.url,
-                access.keys ? access.keys->own().secret_key : "",
-                {}};
-  plan.listener = std::move(listener.socket);
-  return plan;
+gateway::ProcessOptions zmq_process_options(TcpListener listener, const Access& access) {
+  gateway::ProcessOptions options;
+  options.url = std::move(listener.url);
+  options.what = "zmq";
+  options.memory_bytes = access.gateway_bytes;
+  options.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
+  options.start = {Kind::kStart,
+                   std::min(gateway::Process::message_bytes(access.gateway_bytes), wire::kMaxRequestBytes),
+                   options.url,
+                   access.keys ? access.keys->own().secret_key : "",
+                   {}};
+  options.listener = std::move(listener.socket);
+  return options;
 }
 
 class ZmqGatewayPort final : public ZmqPort {
@@ -44,7 +44,7 @@ class ZmqGatewayPort final : public ZmqPort {
     if (access.keys) keys_.emplace(access.keys);
     TcpListener listener = listen_tcp(endpoint, access.keys != nullptr);
     url_ = listener.url;
-    process_.emplace(plan_of(std::move(listener), access));
+    process_.emplace(zmq_process_options(std::move(listener), access));
   }
 
   std::string url() const override { return url_; }
