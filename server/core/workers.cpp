@@ -52,8 +52,8 @@ bool Workers::work() {
   return std::any_of(all_.begin(), all_.end(), [](Worker* worker) { return worker->work(); });
 }
 
-void Workers::look() {
-  for (Worker* worker : all_) worker->look();
+void Workers::check_clients() {
+  for (Worker* worker : all_) worker->check_clients();
 }
 
 std::size_t Workers::size() const {

@@ -36,7 +36,7 @@ class Workers {
   /// Does a slice of work without threads. Returns whether there was any.
   bool work();
   /// Checks whether the clients are still connected.
-  void look();
+  void check_clients();
   Clock::time_point deadline() const { return std::min(control_.deadline(), planning_.deadline()); }
   std::size_t size() const;
   /// Frees what takes long to free. From any thread.

@@ -55,7 +55,7 @@ void BackgroundRequest::let_go() {
   payload_ = {};
 }
 
-void BackgroundRequest::look() {
+void BackgroundRequest::check_client() {
   // Poses are applied even if their client is gone.
   gone_.store(type_ != wire::FrameType::kPosesDone && !pending_.sink->alive(), std::memory_order_relaxed);
 }

@@ -38,7 +38,7 @@ class BackgroundRequest final : public ScheduledQuery {
   bool is_wanted() const override { return !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
   void let_go() override;
-  void look() override;
+  void check_client() override;
   bool advance_on_loop() override;
 
  private:

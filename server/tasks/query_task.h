@@ -56,7 +56,7 @@ class QueryTask final : public ScheduledQuery {
   bool is_wanted() const override { return on_loop_ ? pending_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
   void let_go() override;
-  void look() override { gone_.store(is_ended_ || !pending_.sink->alive(), std::memory_order_relaxed); }
+  void check_client() override { gone_.store(is_ended_ || !pending_.sink->alive(), std::memory_order_relaxed); }
   Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
   void expire() override;
   bool advance_on_loop() override;

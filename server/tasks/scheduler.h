@@ -33,7 +33,7 @@ class ScheduledQuery {
 
   // On the loop's thread.
   /// Checks whether its client is still connected.
-  virtual void look() {}
+  virtual void check_client() {}
   /// Time after which the reply is useless.
   virtual Clock::time_point deadline() const { return Clock::time_point::max(); }
   /// Rejects it after its deadline, if a worker that may have it allows that.

@@ -48,8 +48,8 @@ std::vector<Worker::QueryPtr> Worker::take() {
   return taken;
 }
 
-void Worker::look() {
-  for (ScheduledQuery* query : away_) query->look();
+void Worker::check_clients() {
+  for (ScheduledQuery* query : away_) query->check_client();
 }
 
 void Worker::expire(ScheduledQuery::Clock::time_point now) {

@@ -39,8 +39,8 @@ class Worker {
   bool has_done() const { return !done_.empty(); }
   /// Queries added and not yet taken.
   std::size_t size() const { return away_.size(); }
-  /// Calls ScheduledQuery::look() for each of them.
-  void look();
+  /// Calls ScheduledQuery::check_client() for each of them.
+  void check_clients();
   /// No later than the first deadline.
   ScheduledQuery::Clock::time_point deadline() const { return deadline_; }
   /// Calls ScheduledQuery::expire() for those whose deadline has passed.
