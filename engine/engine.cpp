@@ -273,9 +273,9 @@ std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room
   return impl_->warm.trim(client, room);
 }
 
-QueryCost Engine::extent(const QueryView& query) const {
-  const SceneCost& bulk = query.model == Model::kPieces ? impl_->bulk_by_parts : impl_->bulk;
-  return bulk.of(query, *impl_->poses.snapshot());
+QueryCost Engine::cost(const QueryView& query) const {
+  const SceneCost& scene_cost = query.model == Model::kPieces ? impl_->scene_cost_by_parts : impl_->scene_cost;
+  return scene_cost.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;

@@ -36,8 +36,8 @@ struct Engine::Impl {
   std::string rejected_device;  // reason that the device is not used, or empty
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
-  SceneCost bulk{scene};
-  SceneCost bulk_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
+  SceneCost scene_cost{scene};
+  SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   mutable JobCache kept{scene};  // after `trees`, to which its jobs return theirs
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};

@@ -51,14 +51,14 @@ void QueryRequests::start(Request& request) {
   if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
     return begin(request, parts);
   const QueryView query = view_of(parts, header.scene_revision);
-  if (is_small(engine.extent(query))) engine.size(query);  // throws for a bad query before it waits
+  if (is_small(engine.cost(query))) engine.size(query);  // throws for a bad query before it waits
   defer(header, context_.class_for(*request.sink, options), options, request.take_payload()(), request.sink,
         request.received);
 }
 
 /// Begins a query whose poses have arrived.
 void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
-  const QueryCost cost = context_.engine->extent(view_of(parts, request.header.scene_revision));
+  const QueryCost cost = context_.engine->cost(view_of(parts, request.header.scene_revision));
   // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
   const bool is_here =
       is_small(cost) && !context_.has_pose_updates(request.sink->client()) && !(parts.options.fields & kFieldFreeScale);

@@ -156,7 +156,7 @@ void QueryTask::read() {
   const QueryOptions& options = parts.options;
   if (!has_options_ && (options.min_pose_stamp_ns != 0 || options.deadline_ns != 0 || options.as_planning)) {
     options_ = options;
-    cost_ = engine_->extent(view_of(parts, pending_.header.scene_revision));
+    cost_ = engine_->cost(view_of(parts, pending_.header.scene_revision));
     step_ = Step::kSetOptions;
     return;
   }
@@ -180,7 +180,7 @@ void QueryTask::prepare(const wire::QueryParts& parts) {
   QueryView query = view_of(parts, pending_.header.scene_revision);
   if (!has_options_) {
     options_ = parts.options;
-    cost_ = engine_->extent(query);
+    cost_ = engine_->cost(query);
   }
   daemon_.limits.check(cost_);
   wants_warm_ = parts.options.warm;

@@ -45,7 +45,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
       share_(std::move(share)),
       bodies_(static_cast<std::uint32_t>(query.bodies.size())),
       joints_(static_cast<std::uint32_t>(query.joints.size())) {
-  limits.check(engine_->extent(query));
+  limits.check(engine_->cost(query));
   using Wide = unsigned __int128;
   const Wide poses = Wide(query.configuration_count) * bodies_ * sizeof(Pose),
              positions = Wide(query.configuration_count) * joints_ * sizeof(double);

@@ -129,16 +129,16 @@ TEST(Slices, CountWhatAQueryNames) {
   scene.add_group("three", names);
   const Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
-  EXPECT_EQ(engine.extent(query).pairs, 10u) << "the table's";
+  EXPECT_EQ(engine.cost(query).pairs, 10u) << "the table's";
   const std::vector<BodyPair> pairs{{0, 1}, {kGroupBit, kEveryBody}, {99, 0}};
   query.pairs = pairs;
   query.all_pairs = false;
-  const QueryCost extent = engine.extent(query);
-  EXPECT_EQ(extent.pairs, 1u + 15 + 1);
-  EXPECT_EQ(extent.part_pairs, 16u + 12 * 20);
-  EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
+  const QueryCost cost = engine.cost(query);
+  EXPECT_EQ(cost.pairs, 1u + 15 + 1);
+  EXPECT_EQ(cost.part_pairs, 16u + 12 * 20);
+  EXPECT_EQ(cost.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
   query.configuration_count = 7;
-  EXPECT_EQ(engine.extent(query).part_pairs, 7 * (16u + 12 * 20));
+  EXPECT_EQ(engine.cost(query).part_pairs, 7 * (16u + 12 * 20));
 }
 
 TEST(Slices, CountTheTrianglesOfAMesh) {
@@ -152,7 +152,7 @@ TEST(Slices, CountTheTrianglesOfAMesh) {
   query.all_pairs = false;
   const auto units = [&](BodyPair pair) {
     query.pairs = std::span(&pair, 1);
-    return engine.extent(query).units;
+    return engine.cost(query).units;
   };
   EXPECT_EQ(units({2, 0}) - units({1, 0}), 64u + ball.triangles.size() / 64);
 }
