@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kUp = 1 + 0x1p-44;             // exceeds the rounding of a few sums and roots
-constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtriangles cost a distance
+constexpr std::uint64_t kPartsPerDistance = 4;  // box tests of this many subtriangles cost a distance
 
 class InnerBound {
  public:
@@ -39,7 +39,7 @@ class InnerBound {
     for (const Triangle& t : exact_value_.triangles()) put({0, kInf, 0, 0, t, 0});
     std::uint64_t parts = 0;
     while (!parts_.empty() && parts_.top().bound > stop_below() &&
-           measure_.count() + parts / kPartsPerQuestion < effort_.inner_questions) {
+           measure_.count() + parts / kPartsPerDistance < effort_.inner_distances) {
       const Part part = parts_.top();
       parts_.pop();
       divide(part);

@@ -39,7 +39,7 @@ class OuterBound {
 
   ProvedLength run() {
     begin();
-    while (!parts_.empty() && parts_.top().bound > stop_below() && measure_.count() < effort_.outer_questions) {
+    while (!parts_.empty() && parts_.top().bound > stop_below() && measure_.count() < effort_.outer_distances) {
       const Part part = parts_.top();
       parts_.pop();
       divide(part);

@@ -37,17 +37,17 @@ std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
       kMostMotions);
 }
 
-MotionBlock::MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+MotionBlock::MotionBlock(const MotionQuery& motion_query, const EvaluateOptions& options, std::span<const Aabb> boxes,
                          std::uint64_t most)
-    : motion_query_(question), evaluator_(question.scene, options), poses_(question.plan) {
-  if (question.plan.query.reduce == Reduce::kAny && !options.reference) {
+    : motion_query_(motion_query), evaluator_(motion_query.scene, options), poses_(motion_query.plan) {
+  if (motion_query.plan.query.reduce == Reduce::kAny && !options.reference) {
     EvaluateOptions rough = options;
     rough.limits.rel_tol = std::max(rough.limits.rel_tol, kRough);
-    rough_.emplace(question.scene, rough);
+    rough_.emplace(motion_query.scene, rough);
   }
-  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(question);
-  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(question.scene, question.plan));
-  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(question.scene, question.plan, boxes);
+  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(motion_query);
+  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(motion_query.scene, motion_query.plan));
+  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(motion_query.scene, motion_query.plan, boxes);
   places_.resize(places);
 }
 

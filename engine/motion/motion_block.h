@@ -24,7 +24,7 @@ class MotionBlock {
   /// All references must outlive this.
   /// \param boxes of all bodies in the snapshot, or empty
   /// \param most maximum number of motions
-  MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+  MotionBlock(const MotionQuery& motion_query, const EvaluateOptions& options, std::span<const Aabb> boxes,
               std::uint64_t most);
 
   bool has_begun() const { return count_ > 0; }

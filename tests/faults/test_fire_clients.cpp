@@ -33,7 +33,7 @@ class FireClients : public testing::Test {
   void expect_all_right() {
     for (const auto& witness : witnesses_) {
       const Witness::Counts counts = witness->counts();
-      EXPECT_GT(counts.right, exam_.questions().size());
+      EXPECT_GT(counts.right, exam_.queries().size());
       EXPECT_EQ(counts.wrong, 0u);
       EXPECT_EQ(counts.lost + counts.busy + counts.others, 0u);
       if (!may_lose(witness->url())) {

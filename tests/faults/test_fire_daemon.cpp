@@ -37,7 +37,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   }
   // All queries again, so that segments have the same size as before. Then the last daemon holds the same resources as
   // the first.
-  ASSERT_EQ(await_answers(witnesses, 3 * exam.questions().size()), "");
+  ASSERT_EQ(await_answers(witnesses, 3 * exam.queries().size()), "");
   const Census now = arena.census();
   EXPECT_EQ(left_behind(before, now), "") << "at first " << before.text() << "; now " << now.text();
   Client client = patient(arena.shm());

@@ -57,12 +57,12 @@ class FireInputs : public testing::Test {
   }
 
   void request_all(const std::string& url) {
-    for (std::size_t i = 0; i < exam_.questions().size(); ++i) expect_good(url, "nothing");
+    for (std::size_t i = 0; i < exam_.queries().size(); ++i) expect_good(url, "nothing");
   }
   /// The next query's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
-    const KnownQuery& question = *exam_.questions()[requested_++ % exam_.questions().size()];
-    ASSERT_TRUE(is_right(request_surely(good_.at(url), question), question)) << after;
+    const KnownQuery& known = *exam_.queries()[requested_++ % exam_.queries().size()];
+    ASSERT_TRUE(is_right(request_surely(good_.at(url), known), known)) << after;
     ++right_;
   }
   std::uint64_t counter(const std::string& name) { return stats_of(good_.at(arena_.zmq()))[name]; }
@@ -115,7 +115,7 @@ TEST_F(FireInputs, FramesOverEveryTransport) {
     if (HasFatalFailure()) return;
   }
   const std::size_t kinds = std::size(kBadKinds);
-  EXPECT_GE(right_, arena_.urls().size() * (kinds * 12 + exam_.questions().size()));
+  EXPECT_GE(right_, arena_.urls().size() * (kinds * 12 + exam_.queries().size()));
   EXPECT_GE(counter("errors"), arena_.urls().size() * (kinds - 1) * 12);
 }
 

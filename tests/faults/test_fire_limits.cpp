@@ -45,7 +45,7 @@ class FireLimits : public testing::Test {
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     for (const std::string& url : arena_.urls()) {
       Client client = patient(url);
-      EXPECT_TRUE(is_right(request_surely(client, *exam_.questions()[0]), *exam_.questions()[0])) << url;
+      EXPECT_TRUE(is_right(request_surely(client, *exam_.queries()[0]), *exam_.queries()[0])) << url;
     }
     Client client = patient(arena_.zmq());
     EXPECT_EQ(unbalanced(stats_of(client)), "");
@@ -111,7 +111,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
         EXPECT_TRUE(contains(rejected, "more than this client has room for") ||
                     contains(rejected, "the daemon has no memory for this request"))
             << url << ": " << rejected;
-        EXPECT_TRUE(is_right(client.distances(exam_.questions()[1]->query), *exam_.questions()[1]));
+        EXPECT_TRUE(is_right(client.distances(exam_.queries()[1]->query), *exam_.queries()[1]));
         ASSERT_EQ(await_answers(witnesses_, 2), "");
       }
       EXPECT_EQ(client.distances(query).rows(), 20000u * 99) << "with memory it is answered";
@@ -191,8 +191,8 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   const std::size_t written = daemon.log().size();
   Client client = patient(daemon.url());
   for (int i = 0; i < 100; ++i) {
-    const KnownQuery& question = *exam.questions()[static_cast<std::size_t>(i) % exam.questions().size()];
-    ASSERT_TRUE(is_right(client.distances(question.query), question));
+    const KnownQuery& known = *exam.queries()[static_cast<std::size_t>(i) % exam.queries().size()];
+    ASSERT_TRUE(is_right(client.distances(known.query), known));
     Query bad;
     const IdPair no_such_group{5 | kGroupBit, 1};
     bad.pairs = {&no_such_group, 1};
@@ -204,7 +204,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
     ASSERT_LT(std::chrono::steady_clock::now(), deadline);
     std::this_thread::sleep_for(1ms);
   }
-  EXPECT_TRUE(is_right(client.distances(exam.questions()[0]->query), *exam.questions()[0]));
+  EXPECT_TRUE(is_right(client.distances(exam.queries()[0]->query), *exam.queries()[0]));
   EXPECT_LE(daemon.log().size(), written + 4096) << "the disk was not full";
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
 }

@@ -16,7 +16,7 @@ class CudaDecisions : public testing::Test {
 };
 
 // Every kind of decision with its own code path.
-std::vector<std::pair<std::string, QueryView>> questions() {
+std::vector<std::pair<std::string, QueryView>> queries() {
   std::vector<std::pair<std::string, QueryView>> all;
   const auto add = [&](const std::string& name, auto&& change) {
     QueryView q;
@@ -70,7 +70,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
       std::vector<Pose> poses;
       for (std::size_t i = 0; i < K * bodies.size(); ++i) poses.push_back(random.pose(i % 3 ? box : 10 * box));
       if (K > 1) poses[9].translation.z = std::numeric_limits<double>::quiet_NaN();
-      for (auto [name, q] : questions()) {
+      for (auto [name, q] : queries()) {
         q.configuration_count = K;
         if (K > 0) q.bodies = bodies;
         q.configurations = poses;
@@ -100,7 +100,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
     for (const std::size_t step : {1u, 9u}) {  // fewer pairs have fewer overlaps
       std::vector<BodyPair> some;
       for (std::size_t i = 0; i < all.size(); i += step) some.push_back(all[i]);
-      for (auto [name, q] : questions()) {
+      for (auto [name, q] : queries()) {
         q.all_pairs = false;
         q.pairs = some;
         if (K > 0) {

@@ -139,7 +139,7 @@ TEST_F(LcmFreshness, AFloodLosesMessagesButNeverMixesThem) {
   // The daemon does not run meanwhile, so that the queue of its subscription overflows.
   for (std::int64_t k = 2; k <= kFlood; ++k) raw_->send(datagram(k, step_of(k)));
   // The answer to a final query shows that every message that was not lost has been processed.
-  query_t query = question();
+  query_t query = query_message();
   query.pair_count = 1;
   query.pairs = {{1, 2}};
   std::int64_t mixed = 0, looks = 0;
@@ -406,7 +406,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   one.count = 1;
   one.bodies = {1};
   one.poses = {pose_of(0, 0.9)};
-  query_t query = question();
+  query_t query = query_message();
   query.pair_count = 3;
   query.pairs = {{1, 2}, {2, 3}, {0, 1}};
   query.fields = kFieldDistance | kFieldStatus;

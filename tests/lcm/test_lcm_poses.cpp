@@ -31,7 +31,7 @@ TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
   publish(together(1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   for (int k = 2; k <= 60; ++k) {
-    query_t query = question();
+    query_t query = query_message();
     query.pair_count = 1;
     query.pairs = {{query_t::GROUP, query_t::EVERY_BODY}};
     query.max_distance = 100;

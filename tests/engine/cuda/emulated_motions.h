@@ -51,7 +51,7 @@ class HostMotions {
     m_.margins = margins_.data();
     m_.ends = plan.positions.data();
     const std::size_t S = m_.span_capacity;
-    request_question(q, pairs);
+    set_up_query(q, pairs);
     m_.moves = bodies_.moves;
     m_.positions = room<double>(S * J);
     m_.travels = room<double>(motions * m_.moves.frames.robot_count);
@@ -144,7 +144,7 @@ class HostMotions {
   static void launch(std::size_t threads, const Kernel& kernel) {
     EmulatedGrid::one().launch(static_cast<unsigned>(threads / kMotionThreads + 1), kMotionThreads, kernel);
   }
-  void request_question(const QueryView& q, std::uint32_t pairs) {
+  void set_up_query(const QueryView& q, std::uint32_t pairs) {
     ChunkView& c = m_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;

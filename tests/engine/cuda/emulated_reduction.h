@@ -90,7 +90,7 @@ class HostReduction {
     r_.groups = q.reduce == Reduce::kNearest ? static_cast<std::uint32_t>(cpu.scene().bodies().size()) : 1;
     r_.rows = r_.capacity = K * P;
     r_.reply_rows = rows_.size.rows;
-    request_question(K, P);
+    set_up_query(K, P);
     const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
     keys_.assign(6 * groups, kNoKey);
     unusable_.assign(groups, kNoPair);
@@ -189,7 +189,7 @@ class HostReduction {
   ReducedView r_{};
 
  private:
-  void request_question(std::uint32_t K, std::uint32_t P) {
+  void set_up_query(std::uint32_t K, std::uint32_t P) {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;

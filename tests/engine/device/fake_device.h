@@ -54,8 +54,9 @@ struct DeviceTestQuery {
 };
 
 // Runs a query twice; the device has memory only for the second one.
-inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& question, const Answer& expected) {
-  const Answer first = evaluate(device, question.q), second = evaluate(device, question.q);
+inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& device_query,
+                                       const Answer& expected) {
+  const Answer first = evaluate(device, device_query.q), second = evaluate(device, device_query.q);
   expect_same(first, expected, "without room");
   expect_same(second, expected, "with room");
   EXPECT_EQ(first.info.backend, "cpu");
