@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
+TEST(DaemonFaults, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   const Exam exam(kScene, 2);
   Arena arena;
   Witnesses witnesses;
@@ -64,7 +64,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   EXPECT_EQ(entries_of(arena.folder()), std::vector<std::string>{}) << "the last daemon cleans up after all of them";
 }
 
-TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
+TEST(DaemonFaults, SignalledAllTheTimeItMissesNoRequest) {
   const Exam exam(kScene, 5);
   Arena arena;
   Witnesses witnesses;

@@ -21,7 +21,7 @@ bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-class FireLimits : public testing::Test {
+class LimitFaults : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls())
@@ -63,7 +63,7 @@ class FireLimits : public testing::Test {
   Census before_;
 };
 
-TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
+TEST_F(LimitFaults, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
   for (int round = 0; round < rounds(1); ++round)
     for (const int spare : {0, 1, 2, 3, 7}) {
       std::vector<Client> clients;
@@ -89,7 +89,7 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
   expect_recovered();
 }
 
-TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
+TEST_F(LimitFaults, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   const std::uint32_t body = 1;
   const auto poses = [](std::size_t count) { return std::vector<Pose7>(count, Pose7{1, 2, 3, 1, 0, 0, 0}); };
   const std::uint64_t rested = address_space_of(arena_.daemon().pid());
@@ -131,7 +131,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   expect_recovered();
 }
 
-TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
+TEST_F(LimitFaults, SegmentsBeyondTheFileSizeLimitAreRefused) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
     const std::string rejected = error_of([&] { patient(arena_.shm()); });
@@ -164,7 +164,7 @@ class SmallDisk {
   bool mounted_ = false;
 };
 
-TEST(FireDisk, AFullRunTimeFolderIsSaidInWords) {
+TEST(DiskFaults, AFullRunTimeFolderIsReported) {
   const SmallDisk disk("size=1m,nr_inodes=2");
   if (!disk.is_there()) GTEST_SKIP() << "only root can mount a small disk";
   std::ofstream(disk.path() + "/last_inode") << "x";
@@ -177,7 +177,7 @@ TEST(FireDisk, AFullRunTimeFolderIsSaidInWords) {
   }
 }
 
-TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
+TEST(DiskFaults, ALogThatCannotBeWrittenStopsNothing) {
   const SmallDisk disk("size=64k");
   if (!disk.is_there()) GTEST_SKIP() << "only root can mount a small disk";
   const Exam exam(kScene, 4);

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class FireClients : public testing::Test {
+class ClientFaults : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls())
@@ -50,7 +50,7 @@ class FireClients : public testing::Test {
   Census before_;
 };
 
-TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
+TEST_F(ClientFaults, KilledAtEveryPointTheyLeaveNothingBehind) {
   std::uint64_t seed = 0;
   for (int round = 0; round < rounds(1); ++round)
     for (const std::string& url : arena_.urls()) {
@@ -68,7 +68,7 @@ TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
   expect_all_right();
 }
 
-TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
+TEST_F(ClientFaults, KilledAtAnyMomentTheyLeaveNothingBehind) {
   std::mt19937_64 random(3);
   for (int round = 0; round < rounds(6); ++round) {
     for (const std::string& url : arena_.urls()) {
@@ -84,7 +84,7 @@ TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
   expect_all_right();
 }
 
-TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
+TEST_F(ClientFaults, FrozenAtEveryPointTheyKeepNobodyWaiting) {
   for (const std::string& url : arena_.urls()) {
     const auto points = points_of(url);
     for (std::size_t first = 0; first < points.size(); first += 6) {
@@ -108,7 +108,7 @@ TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
   expect_all_right();
 }
 
-TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
+TEST_F(ClientFaults, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
   const auto served = [&] {
     Client client = patient(arena_.zmq());
     return stats_of(client);
