@@ -21,12 +21,12 @@ const std::map<std::string, Reduce> kBenchReductions{
 }  // namespace
 
 void add_query_options(CLI::App& command, BenchQueryOptions& options) {
-  command.add_option("--pairs", options.pairs, "pairs drawn from the scene's; 0: all enabled pairs")
+  command.add_option("--pairs", options.pairs, "pairs drawn from the scene's; 0 for all enabled pairs")
       ->type_name("N")
       ->capture_default_str();
   command
       .add_option("--configs", options.configurations,
-                  "configurations of --moved bodies around their current poses;\n0: the current poses")
+                  "configurations of --moved bodies around their current poses;\n0 for the current poses")
       ->check(quiet(CLI::Range(0u, 10'000'000u)))
       ->type_name("K")
       ->capture_default_str();
