@@ -25,8 +25,8 @@ Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bo
   if (missing.empty() && of.has_proxies()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
-  const bool is_kept = plan.question && JobCache::keeps(plan.size);
-  if (keep_on_cpu || is_kept || !missing.empty()) return route;
+  const bool is_cached = plan.question && JobCache::keeps(plan.size);
+  if (keep_on_cpu || is_cached || !missing.empty()) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
   return route;
@@ -163,11 +163,11 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  const bool is_kept = impl_->keeps_job_of(query);
-  if (is_kept)
-    if (Job::StatePtr again = impl_->kept.take(query, snapshot)) return PreparedQuery(std::move(again));
+  const bool is_cached = impl_->may_cache_job_of(query);
+  if (is_cached)
+    if (Job::StatePtr cached = impl_->job_cache.take(query, snapshot)) return PreparedQuery(std::move(cached));
   return PreparedQuery(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
-                                                 impl_->options.max_rows, true, is_kept));
+                                                 impl_->options.max_rows, true, is_cached));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
