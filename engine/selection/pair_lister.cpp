@@ -42,7 +42,7 @@ bool has(const std::vector<std::uint32_t>& ascending, std::uint32_t body) {
   return std::binary_search(ascending.begin(), ascending.end(), body);
 }
 
-[[noreturn]] void refuse(std::uint64_t position, const std::string& what) {
+[[noreturn]] void reject(std::uint64_t position, const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, "pairs[" + std::to_string(position) + "]: " + what);
 }
 
@@ -123,10 +123,10 @@ std::uint64_t PairLister::list_some() {
       ++next_;
       return next_ - begin + both_.size();
     }
-    if (p.a == p.b) refuse(next_, "body " + std::to_string(p.a) + " with itself");
+    if (p.a == p.b) reject(next_, "body " + std::to_string(p.a) + " with itself");
     for (const std::uint32_t body : {p.a, p.b})
       if (body < scene_.bodies().size() && scene_.bodies()[body].parts.empty())
-        refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
+        reject(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
     pairs_.push_back(p);
     ++next_;
   }
@@ -143,7 +143,7 @@ std::vector<std::uint32_t> PairLister::members(std::uint32_t selector) const {
   } else if (selector & kGroupBit) {
     const std::uint32_t group = selector & ~kGroupBit;
     if (group >= scene_.groups().size())
-      refuse(next_,
+      reject(next_,
              "unknown group " + std::to_string(group) + "; the scene has " + std::to_string(scene_.groups().size()));
     all = scene_.groups()[group].bodies;
   } else if (selector < scene_.bodies().size()) {

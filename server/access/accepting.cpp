@@ -60,10 +60,10 @@ Taken take(int listener, sockaddr* address, socklen_t* length, int flags) {
 
 }  // namespace
 
-int accept_or_reject(int listener, const std::function<void(int)>& refuse) {
+int accept_or_reject(int listener, const std::function<void(int)>& reject) {
   Taken taken = take(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (taken.unwanted) {
-    refuse(taken.unwanted.get());
+    reject(taken.unwanted.get());
     turn_away(std::move(taken.unwanted), &close_into_reserve);
   }
   return taken.socket;

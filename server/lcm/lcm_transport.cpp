@@ -151,14 +151,14 @@ class LcmTransport final : public Transport {
     if (!decode(packet, message) || !is_named("joint_query_t", message.query)) return;
     const query_t& query = message.query;
     if (query.body_count != 0 && query.configuration_count != message.row_count)  // each row needs both
-      return refuse(query, wire::ErrorCode::kBadQuery,
+      return reject(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
                         std::to_string(message.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : message.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
-        return refuse(query, wire::ErrorCode::kBadQuery,
+        return reject(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
     hand_in(query, [&] { return query_frame_of(message, joints); });
@@ -180,12 +180,12 @@ class LcmTransport final : public Transport {
     try {
       frame = std::make_shared<std::vector<std::byte>>(make());
     } catch (const wire::WireError& error) {
-      return refuse(query, error.code, error.what());
+      return reject(query, error.code, error.what());
     }
     hand_in(*frame, frame, sink_of(query));
   }
 
-  void refuse(const query_t& query, wire::ErrorCode code, const std::string& why) {
+  void reject(const query_t& query, wire::ErrorCode code, const std::string& why) {
     const wire::FrameHeader header =
         wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), 0, 0,
                           static_cast<std::uint64_t>(query.client_id));

@@ -114,7 +114,7 @@ void ShmSessions::serve_sockets() {
 void ShmSessions::accept_clients() {
   for (int i = 0; i < kMessagesPerEvent; ++i) {
     UniqueFd stranger(accept_or_reject(listener_.get(), [this](int unwanted) {
-      refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
+      reject(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
     }));
     if (!stranger) return;
     std::string why;
@@ -128,7 +128,7 @@ void ShmSessions::accept_clients() {
     if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
     if (!why.empty()) {
       if (rights) ++*counters_.over_quota;
-      refuse(socket.get(), rights ? why + " (limit max-clients)" : why);
+      reject(socket.get(), rights ? why + " (limit max-clients)" : why);
       continue;
     }
     auto session = std::make_shared<ShmSession>();
@@ -137,7 +137,7 @@ void ShmSessions::accept_clients() {
     session->socket = std::move(socket);
     session->connected = Clock::now();
     if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
-      refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
+      reject(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
       continue;
     }
     session->place = places_.take(*who);
@@ -147,7 +147,7 @@ void ShmSessions::accept_clients() {
 }
 
 /// Sends and counts a rejection. The caller decides whether the connection ends.
-void ShmSessions::refuse(int socket, const std::string& why) {
+void ShmSessions::reject(int socket, const std::string& why) {
   shm::Message message = make_message(MessageKind::kRejected);
   std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
   shm::send_message(socket, message);
@@ -169,7 +169,7 @@ void ShmSessions::serve_message(ShmSession& session, const shm::Message& message
   if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
     return violate(session, "not a message of this protocol");
   if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
-    refuse(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
+    reject(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
                                      " and wire version " + std::to_string(message.wire_version) +
                                      "; this daemon speaks " + std::to_string(shm::kLayoutVersion) + " and " +
                                      std::to_string(wire::kVersion));
@@ -184,7 +184,7 @@ void ShmSessions::serve_message(ShmSession& session, const shm::Message& message
     case MessageKind::kGrow:
       if (!greeted) return violate(session, "no hello");
       if (session.segments.size() >= limits_.max_segments_per_client)
-        return refuse(session.socket.get(),
+        return reject(session.socket.get(),
                       "all " + std::to_string(limits_.max_segments_per_client) +
                           " segments of this client still hold requests or replies; release some");
       return give_segment(session, message, false);
@@ -214,7 +214,7 @@ void ShmSessions::give_segment(ShmSession& session, const shm::Message& wanted, 
     }
   }
   if (!segment) {
-    refuse(session.socket.get(), why);
+    reject(session.socket.get(), why);
     if (first) drop(session);
     return;
   }
@@ -230,7 +230,7 @@ void ShmSessions::give_segment(ShmSession& session, const shm::Message& wanted, 
 }
 
 void ShmSessions::violate(ShmSession& session, const char* why) {
-  refuse(session.socket.get(), std::string("disconnected: ") + why);
+  reject(session.socket.get(), std::string("disconnected: ") + why);
   ++*counters_.violations;
   drop(session);
 }

@@ -42,7 +42,7 @@ class ShmSessions {
   bool watch(int fd, std::uint32_t events, std::uint64_t tag);
   void serve_sockets();
   void accept_clients();
-  void refuse(int socket, const std::string& why);
+  void reject(int socket, const std::string& why);
   void serve_socket(ShmSession& session);
   void serve_message(ShmSession& session, const shm::Message& message, std::size_t received);
   void give_segment(ShmSession& session, const shm::Message& wanted, bool first);

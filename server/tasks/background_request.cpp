@@ -71,7 +71,7 @@ bool BackgroundRequest::advance_on_loop() {
     answers_.count_ignored(ignored_);
   }
   if (failure_) {
-    answers_.refuse(*pending_.sink, pending_.header, *failure_);
+    answers_.reject(*pending_.sink, pending_.header, *failure_);
     return true;
   }
   if (!pending_.sink->alive()) {

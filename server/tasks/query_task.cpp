@@ -120,7 +120,7 @@ bool QueryTask::advance_on_loop() {
 void QueryTask::reject(const RejectedRequest& failure) {
   if (failure.code == wire::ErrorCode::kDeadline && in_engine_.count() > 0)
     daemon_.forecast.note(cost_class(), in_engine_, false);
-  daemon_.answers.refuse(*pending_.sink, pending_.header, failure);
+  daemon_.answers.reject(*pending_.sink, pending_.header, failure);
 }
 
 /// Returns the query to a worker once more, which frees its memory.
@@ -143,7 +143,7 @@ void QueryTask::let_go() {
 /// its slice.
 void QueryTask::expire() {
   if (reply_.is_reserved() || is_ended_) return;
-  daemon_.answers.refuse(*pending_.sink, pending_.header,
+  daemon_.answers.reject(*pending_.sink, pending_.header,
                          deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), std::chrono::nanoseconds(0)));
   is_ended_ = true;
   gone_.store(true, std::memory_order_relaxed);

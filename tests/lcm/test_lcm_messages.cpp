@@ -294,28 +294,28 @@ TEST(LcmFrames, NumbersThatDoNotFitAreRefused) {
   const auto good = parts_of(random_bytes(random, 100000), 1, 1)[1];
   FrameAssembler assembler(kRoomy);
   std::uint64_t bad = 0;
-  const auto refuse = [&](auto change) {
+  const auto reject = [&](auto change) {
     frame_t part = good;
     change(part);
     EXPECT_FALSE(assembler.add(part, Clock::now()));
     EXPECT_EQ(assembler.counts().bad, ++bad);
   };
-  refuse([](frame_t& p) { p.frame_bytes = -1; });
-  refuse([](frame_t& p) { p.frame_bytes = 0; });
-  refuse([](frame_t& p) { p.frame_bytes = 63; });
-  refuse([](frame_t& p) { p.frame_bytes = std::numeric_limits<std::int64_t>::max(); });
-  refuse([](frame_t& p) { p.frame_bytes = (1 << 20) + 1; });
-  refuse([](frame_t& p) { p.part = -1; });
-  refuse([](frame_t& p) { p.part = p.parts; });
-  refuse([](frame_t& p) { p.part = 2; });  // the last part is shorter
-  refuse([](frame_t& p) { p.parts = 4; });
-  refuse([](frame_t& p) { p.parts = 0; });
-  refuse([](frame_t& p) { p.parts = std::numeric_limits<std::int32_t>::max(); });
-  refuse([](frame_t& p) { p.bytes.resize(p.byte_count = 100); });
+  reject([](frame_t& p) { p.frame_bytes = -1; });
+  reject([](frame_t& p) { p.frame_bytes = 0; });
+  reject([](frame_t& p) { p.frame_bytes = 63; });
+  reject([](frame_t& p) { p.frame_bytes = std::numeric_limits<std::int64_t>::max(); });
+  reject([](frame_t& p) { p.frame_bytes = (1 << 20) + 1; });
+  reject([](frame_t& p) { p.part = -1; });
+  reject([](frame_t& p) { p.part = p.parts; });
+  reject([](frame_t& p) { p.part = 2; });  // the last part is shorter
+  reject([](frame_t& p) { p.parts = 4; });
+  reject([](frame_t& p) { p.parts = 0; });
+  reject([](frame_t& p) { p.parts = std::numeric_limits<std::int32_t>::max(); });
+  reject([](frame_t& p) { p.bytes.resize(p.byte_count = 100); });
   // One that contradicts earlier parts.
   EXPECT_FALSE(assembler.add(good, Clock::now()));
-  refuse([](frame_t& p) { p.frame_bytes = 99999; });
-  refuse([](frame_t& p) { p.request_id = 12; });
+  reject([](frame_t& p) { p.frame_bytes = 99999; });
+  reject([](frame_t& p) { p.request_id = 12; });
 }
 
 // --- the url

@@ -157,7 +157,7 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
 TEST_F(LcmTransportTest, RefusalsSayWhy) {
   start();
   set_poses(1, 0.7);
-  const auto refuse = [&](const query_t& query, int code, const std::string& text) {
+  const auto reject = [&](const query_t& query, int code, const std::string& text) {
     const auto reply = evaluate(query);
     ASSERT_TRUE(reply);
     EXPECT_EQ(reply->error_code, code) << reply->error_text;
@@ -167,26 +167,26 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   };
   query_t query = query_message();
   query.scene_revision = 77;
-  refuse(query, 2, "77");
+  reject(query, 2, "77");
   query = query_message();
   query.reduce = 9;
-  refuse(query, 1, "reduce");
+  reject(query, 1, "reduce");
   query = query_message();
   query.precision = 9;
-  refuse(query, 1, "precision");
+  reject(query, 1, "precision");
   query = query_message();
   query.max_distance = std::nan("");
-  refuse(query, 1, "max_distance");
+  reject(query, 1, "max_distance");
   query = query_message();
   query.rel_tol = std::nan("");
-  refuse(query, 1, "rel_tol");
+  reject(query, 1, "rel_tol");
   query = query_message();
   query.fields = 1 << 20;
-  refuse(query, 1, "fields");
+  reject(query, 1, "fields");
   query.fields = kFieldPairLower;
-  refuse(query, 1, "reply_t has no column pair_lower");
+  reject(query, 1, "reply_t has no column pair_lower");
   query.fields = kFieldGradientJoints;
-  refuse(query, 1, "reply_t has no column gradient_joints");
+  reject(query, 1, "reply_t has no column gradient_joints");
   query = query_message();
   query.max_results = -1;
   query.reduce = query_t::REDUCE_WITHIN;
@@ -194,7 +194,7 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
   query.bodies = {999};
   query.configuration_count = 1;
   query.configurations = {{{0, 0, 0, 1, 0, 0, 0}}};
-  refuse(query, 1, "999");
+  reject(query, 1, "999");
   // An out-of-range body of a pair gives a status of its row, not an error.
   query = query_message();
   query.pair_count = 1;

@@ -15,7 +15,7 @@ namespace {
 // Maximum pair-configurations of a chunk, which bounds the memory of its lists: 130 bytes each for a reduction.
 constexpr std::uint64_t kMostPlanRows = 1u << 22;
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void reject(const std::string& why) {
   throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
 
@@ -40,7 +40,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
 
   void begin() override {
     workspace_ = backend_.device().make_resident(plan_.query.reduce);
-    if (!workspace_) refuse("the engine has several devices: make one of a single device");
+    if (!workspace_) reject("the engine has several devices: make one of a single device");
     in_order_ = backend_.list(plan_);
     QuerySetup s = setup(*workspace_);
     s.fields = plan_.size.fields;
@@ -62,7 +62,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
     try {
       own_ = reply_view_over(workspace_->room_for_rows(bytes), size.rows, size.fields, nullptr, size.joints);
     } catch (const DeviceError& error) {
-      refuse(error.what());
+      reject(error.what());
     }
     return own_;
   }
@@ -80,15 +80,15 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
                          void* stream) override {
     assert(first < plan_.size.configurations);
     if (plan_.query.configuration_count > 0) {
-      if (!given.poses && plan_.given_bodies > 0) refuse("poses: expected some");
-      if (!given.positions && !plan_.joints.empty()) refuse("positions: expected some");
+      if (!given.poses && plan_.given_bodies > 0) reject("poses: expected some");
+      if (!given.positions && !plan_.joints.empty()) reject("positions: expected some");
     }
     check_columns(rows);
     try {
       launch_configurations(first, given, rows, stream);
     } catch (const DeviceError& error) {
       backend_.note(error);
-      refuse(error.what());
+      reject(error.what());
     }
     return std::min<std::uint64_t>(first + configurations_, plan_.size.configurations);
   }
@@ -104,7 +104,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
     BodyPair pair{};
     plan_.pairs.copy(index, 1, &pair);
     const std::uint32_t body = backend_.device().hull_of(pair.a) == kNone ? pair.a : pair.b;
-    refuse("the device does not hold '" + scene().bodies()[body].name + "'");
+    reject("the device does not hold '" + scene().bodies()[body].name + "'");
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
@@ -119,13 +119,13 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
     const auto column = [&](const auto* at, int) {
       const bool known = (plan_.size.fields >> bit++ & 1) != 0;
       if (!at) return;
-      if (!known) refuse("rows: a column that the plan was not made for");
+      if (!known) reject("rows: a column that the plan was not made for");
       if (reinterpret_cast<std::uintptr_t>(at) % std::min<std::size_t>(alignof_rows(*at), 16) != 0)
-        refuse("rows: a column that is not aligned");
+        reject("rows: a column that is not aligned");
     };
     for_each_column(column, rows);
     if (rows.gradient_joints && rows.joints != plan_.size.joints)
-      refuse("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
+      reject("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
              std::to_string(plan_.size.joints));
   }
   static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in units of 16 bytes
@@ -190,8 +190,8 @@ class ResidentReduction final : public ResidentQuery {
  private:
   void assign_pairs(QuerySetup& setup) override {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    if (P == 0) refuse("no pairs");
-    if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
+    if (P == 0) reject("no pairs");
+    if (P >= std::uint64_t{1} << 32) reject("too many pairs");
     if (!in_order_->resident || !in_order_->of_elements.empty()) reject_pair(first_unknown());
     configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
@@ -223,9 +223,9 @@ class ResidentReduction final : public ResidentQuery {
 
 std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& plan) {
   if (!context.device || !context.device->usable())
-    refuse(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
+    reject(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
   const std::string beyond = beyond_plans(*context.scene, plan);
-  if (!beyond.empty()) refuse(beyond);
+  if (!beyond.empty()) reject(beyond);
   try {
     std::unique_ptr<ResidentQuery> query;
     if (plan.query.reduce == Reduce::kNone)
@@ -236,7 +236,7 @@ std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& p
     return query;
   } catch (const DeviceError& error) {
     context.device->note(error);
-    refuse(error.what());
+    reject(error.what());
   }
 }
 
