@@ -73,8 +73,8 @@ class ZmqGatewayPort final : public ZmqPort {
     return false;
   }
 
-  Sent send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
-            const UnsentBytes& unsent) override {
+  SendResult send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
+                  const UnsentBytes& unsent) override {
     Message message{Kind::kReply, 0, identity, {}, {}};
     message.extra.assign(reinterpret_cast<const char*>(frame.get()), sizeof(wire::FrameHeader));
     const std::uint64_t bytes = frame_bytes - sizeof(wire::FrameHeader);
@@ -83,14 +83,14 @@ class ZmqGatewayPort final : public ZmqPort {
     if (bytes > kZmqCopyBytes) {
       // Replies that clients do not read must leave the gateway its memory.
       const bool fits = unsent_ == 0 || unsent_ + bytes <= 2 * process_->message_bytes();
-      if (!fits || numbered_.size() >= kMostNumbered) return Sent::kNoRoom;
+      if (!fits || numbered_.size() >= kMostNumbered) return SendResult::kQueueFull;
       message.number = ++last_number_;
       numbered_.emplace(message.number, Numbered{unsent, bytes});
       *unsent += bytes;
       unsent_ += bytes;
     }
     process_->send(std::move(message));
-    return Sent::kYes;
+    return SendResult::kSent;
   }
 
   void tick(RequestHandler& handler) override {

@@ -119,7 +119,8 @@ class ZmqSocketPort final : public ZmqPort {
     return true;
   }
 
-  Sent send(const std::string& to, AlignedBytes frame, std::uint64_t frame_bytes, const UnsentBytes& unsent) override {
+  SendResult send(const std::string& to, AlignedBytes frame, std::uint64_t frame_bytes,
+                  const UnsentBytes& unsent) override {
     const std::uint64_t payload_bytes = frame_bytes - sizeof(wire::FrameHeader);
     zmq::message_t identity(to.data(), to.size());
     zmq::message_t head(frame.get(), sizeof(wire::FrameHeader)), payload;
@@ -134,13 +135,13 @@ class ZmqSocketPort final : public ZmqPort {
     // With ROUTER_MANDATORY the first part fails if the client is gone (EHOSTUNREACH) or its queue is full (EAGAIN).
     try {
       if (!clearance::send(socket_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
-        return Sent::kNoRoom;
+        return SendResult::kQueueFull;
       clearance::send(socket_, head, zmq::send_flags::sndmore);
       clearance::send(socket_, payload, zmq::send_flags::none);
-      return Sent::kYes;
+      return SendResult::kSent;
     } catch (const zmq::error_t& error) {
       if (error.num() != EHOSTUNREACH) throw;
-      return Sent::kNobody;
+      return SendResult::kNoPeer;
     }
   }
 

@@ -104,9 +104,9 @@ class ZmqTransport final : public Transport {
       ++*dropped_;
       return;
     }
-    const ZmqPort::Sent sent = port_->send(peer.identity, std::move(frame), frame_bytes, peer.unsent_bytes);
-    if (sent != ZmqPort::Sent::kYes) ++*dropped_;
-    if (sent == ZmqPort::Sent::kNobody) forget(peer.identity);
+    const ZmqPort::SendResult sent = port_->send(peer.identity, std::move(frame), frame_bytes, peer.unsent_bytes);
+    if (sent != ZmqPort::SendResult::kSent) ++*dropped_;
+    if (sent == ZmqPort::SendResult::kNoPeer) forget(peer.identity);
   }
 
   std::uint64_t max_reply_bytes() const { return port_->max_reply_bytes(); }

@@ -80,7 +80,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
     const Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
     EXPECT_EQ(device.backend(), "cuda");
     for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 100'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 100'000u);
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
 }
@@ -134,7 +134,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       }
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    const std::uint64_t converged = counter(device, "cuda.pairs_settled"),
+    const std::uint64_t converged = counter(device, "cuda.pairs_converged"),
                         rest = counter(device, "cuda.pairs_finished_on_cpu");
     EXPECT_GT(converged, 100'000u);
     EXPECT_GT(converged, 5 * rest)
@@ -226,7 +226,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
       EXPECT_GT(counter(device, "cuda.queries_on_cpu"), 0u);
     else
       EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 50'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 50'000u);
   }
 }
 

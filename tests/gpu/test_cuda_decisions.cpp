@@ -80,7 +80,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
         near += of(statuses, Status::kOk);
       }
     }
-    converged += counter(device, "cuda.pairs_settled");
+    converged += counter(device, "cuda.pairs_converged");
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
   EXPECT_GT(converged, 500u);

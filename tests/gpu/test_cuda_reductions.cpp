@@ -58,7 +58,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
     const Engine device(simple_scene(150, box, 1), {"cuda"}), cpu(simple_scene(150, box, 1), {"cpu"});
     for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 1000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 1000u);
     if (box < 1) {
       EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "depths";
     }
@@ -314,7 +314,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       compare(device, cpu, q, name + ", configurations, box " + std::to_string(box));
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 10'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 10'000u);
   }
 }
 

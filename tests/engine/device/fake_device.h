@@ -61,7 +61,7 @@ inline void expect_room_for_the_second(const Engine& device, const DeviceTestQue
   expect_same(second, expected, "with room");
   EXPECT_EQ(first.info.backend, "cpu");
   EXPECT_EQ(second.info.backend, "cuda");
-  EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
+  EXPECT_EQ(counter(device, "cuda.queries_without_memory"), 1u);
 }
 
 // The owner: a device must not get another device's pairs.
@@ -160,7 +160,7 @@ class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
     return r;
   }
   cuda::ReducedResult finish_with(int, std::span<const PairAnswer>) override {
-    throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "a planted fault while settling");
+    throw cuda::DeviceError(cuda::DeviceError::kNoMemory, "a planted fault while settling");
   }
 };
 

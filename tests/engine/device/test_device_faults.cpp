@@ -14,7 +14,7 @@ class DeviceFaults : public testing::Test {
   cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
                                   fault_.call("opening");
                                   if (memory_limit < 1000)
-                                    throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");
+                                    throw DeviceError(DeviceError::kNoMemory, "1000 bytes would be needed");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};
 
@@ -130,7 +130,7 @@ TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery device_query = query_about(Reduce::kNone);
   const Answer expected = evaluate(cpu, device_query.q);
-  fault_ = {5, DeviceError::kNoRoom};
+  fault_ = {5, DeviceError::kNoMemory};
   const Engine device(scene(), options());
   expect_room_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);

@@ -121,7 +121,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
     try {
       const cuda::SharedMemory memory(device, bytes);
     } catch (const cuda::DeviceError& error) {
-      rejected += error.kind == cuda::DeviceError::kNoRoom;
+      rejected += error.kind == cuda::DeviceError::kNoMemory;
       std::fprintf(stderr, "%s; ", error.what());
     }
   };

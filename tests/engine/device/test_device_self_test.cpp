@@ -58,7 +58,7 @@ TEST(DeviceSelfTest, TakesWhatTheCpuAnswersInstead) {
 
 TEST(DeviceSelfTest, BlamesNoDeviceThatCannotBeAsked) {
   for (int at = 0; at < 6; ++at)
-    for (const cuda::DeviceError::Kind kind : {cuda::DeviceError::kLost, cuda::DeviceError::kNoRoom}) {
+    for (const cuda::DeviceError::Kind kind : {cuda::DeviceError::kLost, cuda::DeviceError::kNoMemory}) {
       Fault fault;
       fault.at = at;
       fault.kind = kind;

@@ -118,7 +118,7 @@ TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
   const DeviceTestQuery device_query(kConfigurations);
   const Answer expected = evaluate(cpu, device_query.q);
-  faults_[1] = {6, DeviceError::kNoRoom, faults_[1].calls};
+  faults_[1] = {6, DeviceError::kNoMemory, faults_[1].calls};
   expect_room_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
 }

@@ -56,7 +56,7 @@ struct PlanDevice {
       --self.waiting;
     }
     if (!self.has_room)
-      throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "device memory, " + std::to_string(bytes) + " bytes: full");
+      throw cuda::DeviceError(cuda::DeviceError::kNoMemory, "device memory, " + std::to_string(bytes) + " bytes: full");
     cuda::SharedBlock block;
     block.stream = std::calloc(bytes + 64, 1);  // zeroed when it is touched
     std::size_t room = bytes + 64;
