@@ -126,10 +126,10 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     return std::make_shared<CudaTable>(work_.memory, table);
   }
 
-  std::shared_ptr<ResidentElements> upload(const Surface& surface, std::shared_ptr<ResidentElements> room) override {
+  std::shared_ptr<ResidentElements> upload(const Surface& surface, std::shared_ptr<ResidentElements> reused) override {
     const OnDevice here(hulls_.device());
-    auto to =
-        room ? std::static_pointer_cast<CudaElements>(std::move(room)) : std::make_shared<CudaElements>(work_.memory);
+    auto to = reused ? std::static_pointer_cast<CudaElements>(std::move(reused))
+                     : std::make_shared<CudaElements>(work_.memory);
     to->take(surface);
     return to;
   }

@@ -194,11 +194,11 @@ class QueryWorkspace {
   /// Number of chunk slots, valid after begin(). Chunks use the slots in turn.
   virtual int slots() const { return kChunksUnderWay; }
   /// Buffers that the caller fills with the snapshot's bodies before begin().
-  virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
+  virtual FixedBodies body_buffers(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
   /// Pinned memory for input: of a slot's next chunk, or of the whole query.
-  virtual std::byte* room_for(Given given, int slot, std::size_t bytes) = 0;
-  virtual std::byte* room_for_all(Given given, std::size_t bytes) = 0;
+  virtual std::byte* chunk_input_buffer(Given given, int slot, std::size_t bytes) = 0;
+  virtual std::byte* query_input_buffer(Given given, std::size_t bytes) = 0;
 };
 
 /// Workspace of dense queries: a row per configuration and pair.
@@ -213,16 +213,16 @@ class Workspace : public QueryWorkspace {
 };
 
 /// Workspace of a query whose poses or positions and rows stay in device memory. All work goes into the caller's
-/// stream. After make_room() nothing waits for the host or allocates memory, so a graph can capture it.
+/// stream. After reserve() nothing waits for the host or allocates memory, so a graph can capture it.
 class ResidentWorkspace : public QueryWorkspace {
  public:
   /// Allocates memory for chunks of at most this many pair-configurations and configurations; call after begin(). All
   /// data of begin() is on the device when it returns.
-  virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual void reserve(std::uint64_t rows, std::uint32_t configurations) = 0;
   virtual int device() const = 0;           ///< device number
   virtual std::uint64_t bytes() const = 0;  ///< device memory held
   /// Allocates device memory for rows. Call at most once.
-  virtual std::byte* room_for_rows(std::size_t bytes) = 0;
+  virtual std::byte* row_buffer(std::size_t bytes) = 0;
   /// Starts a chunk whose poses and positions (ChunkSetup) are in device memory.
   /// \param rows columns in device memory
   /// \param in_order the query's pairs in query order, since a chunk may order them differently

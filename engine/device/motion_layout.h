@@ -81,13 +81,13 @@ inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1)
 /// over a whole list, so if pairs do not fit, nearly all motions are affected: the capacity is therefore twice the
 /// pairs of the first level, each of which may go on in both halves. Both ends of all motions are spans too
 /// (begin_at_ends()).
-struct MotionRoom {
+struct MotionCapacity {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
 
   std::uint32_t spans, pairs, hits;
 
-  MotionRoom(std::uint32_t motions, std::uint32_t pairs_of_motion)
+  MotionCapacity(std::uint32_t motions, std::uint32_t pairs_of_motion)
       : spans(2 * motions + kMoreSpans),
         pairs(static_cast<std::uint32_t>(
             std::min((2 * std::uint64_t{motions} + kMoreSpans) * pairs_of_motion, kMostPairs))),

@@ -310,7 +310,7 @@ class Epa {
   // Edges are found the same way below.
   CLEARANCE_HD void find_seen(std::uint32_t apex) {
     const std::size_t count = p_.faces.size();
-    p_.make_room();
+    p_.reserve();
     const Vec3<T> p = w(apex);
     const T noise = noise_;
     const CsoFace<T>* faces = p_.faces.data();
@@ -369,7 +369,7 @@ class Epa {
 
   // Plans one triangle for each edge of the outline, without its plane. False if the outline is not one loop.
   CLEARANCE_HD bool plan_fan(std::uint32_t apex, std::uint32_t count) {
-    if (count < 3 || !p_.make_room_for_fan(count, seen_count_)) return false;
+    if (count < 3 || !p_.reserve_fan(count, seen_count_)) return false;
     // Places of the new faces: those of the seen ones, then after the last.
     std::uint32_t* places = p_.seen.data();
     for (std::uint32_t i = seen_count_; i < count; ++i)

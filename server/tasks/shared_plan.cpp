@@ -31,8 +31,8 @@ auto on_device(Work work) {
   try {
     return work();
   } catch (const cuda::DeviceError& error) {
-    const bool no_room = error.kind == cuda::DeviceError::kNoMemory;
-    throw RejectedRequest{no_room ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
+    const bool is_out_of_memory = error.kind == cuda::DeviceError::kNoMemory;
+    throw RejectedRequest{is_out_of_memory ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
                           std::string("a plan on a device: ") + error.what()};
   }
 }

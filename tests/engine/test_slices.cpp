@@ -35,7 +35,7 @@ Scene heaps(int bodies, int parts) {
 /// \param slices receives their number
 /// \param longest receives the units of the longest
 Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
-  Answer a = room_for(engine, query);
+  Answer a = empty_answer(engine, query);
   Job job = engine.start(query, a.view);
   slices = 0;
   longest = 0;
@@ -110,7 +110,7 @@ TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
   query.signed_distance = true;
   const Answer whole = evaluate(engine, query);
   ASSERT_LT(whole.view.upper[0], 0);
-  Answer again = room_for(engine, query);
+  Answer again = empty_answer(engine, query);
   Job job = engine.start(query, again.view);
   const WorkBudget little{.units = 100, .pair_units = 100};
   for (int i = 0; i < 3; ++i) {

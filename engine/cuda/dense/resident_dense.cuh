@@ -38,7 +38,7 @@ class ResidentDense final : public ResidentSide<ResidentDenseSlot> {
   }
 
  private:
-  void make_room_for_rows(std::uint64_t rows, std::uint32_t) override {
+  void reserve_rows(std::uint64_t rows, std::uint32_t) override {
     slot().rest.reserve(rows * sizeof(std::uint32_t));
     if (pair_limits_.prove_overlaps) slot().enclosed.reserve(rows * sizeof(Enclosed));
     if (pair_limits_.f32) slot().open.reserve(rows * sizeof(LeftOpen));

@@ -86,8 +86,8 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     if (settings_.by_teams) return launch_teams(slot);
     slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
-    make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
-    make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
+    reserve_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
+    reserve_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
 
     clock_.begin(slot.time, slot.stream);
     if (table_)
@@ -112,7 +112,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
       answer_open(slot);
     } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       if (!table_) slot.listed = candidates;
-      make_room_for_items(slot, candidates);
+      reserve_items(slot, candidates);
       clear(slot);
       solve(slot);
       write(slot);
@@ -175,9 +175,9 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   // One team of threads decides each configuration. Configurations that teams leave open are rare, and are listed.
   void launch_teams(ReducedSlot& slot) {
     ReducedView& r = slot.view;
-    make_room_for_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
-    make_room_for_rows(slot, slot.most_rows);
-    make_room_for_groups(slot);
+    reserve_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
+    reserve_rows(slot, slot.most_rows);
+    reserve_groups(slot);
     if (!slot.counts_are_clear) clear_counts(slot);
     slot.counts_are_clear = true;  // the kernel leaves them cleared
     clock_.begin(slot.time, slot.stream);
@@ -188,7 +188,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedView& r = slot.view;
     if (const std::uint32_t open = r.chunk.host_counts[kCandidates]; open > r.capacity) {
       slot.listed = open;
-      make_room_for_items(slot, open);
+      reserve_items(slot, open);
       start_teams(r, slot.stream);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
@@ -204,16 +204,16 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     check(cudaStreamSynchronize(slot.stream), "answering a query");
   }
 
-  void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
+  void reserve_items(ReducedSlot& slot, std::uint32_t capacity) {
     ReducedView& r = slot.view;
     take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
     if (!table_) return;
-    slot.table.make_room(r, *table_, slot.stream);
-    if (r.hit_ranks) make_room_for_ranks(slot);
+    slot.table.reserve(r, *table_, slot.stream);
+    if (r.hit_ranks) reserve_ranks(slot);
   }
 
   // The kernel writes rows directly to host memory, to the caller's if it is pinned.
-  void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
+  void reserve_rows(ReducedSlot& slot, std::uint64_t rows) {
     ReducedView& r = slot.view;
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, rows, fields_, &bytes, joints_);
@@ -222,18 +222,18 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.chunk.reply = preferring(own, slot.direct);
   }
 
-  void make_room_for_groups(ReducedSlot& slot) {
+  void reserve_groups(ReducedSlot& slot) {
     take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), settings_.by_teams);
   }
 
   void seed(ReducedSlot& slot) {
-    make_room_for_groups(slot);
+    reserve_groups(slot);
     clear_all_groups(slot.view, slot.stream);
     start_seeds(slot.view, slot.stream);
   }
 
   void begin_decisions(ReducedSlot& slot) {
-    make_room_for_groups(slot);
+    reserve_groups(slot);
     clear_all_groups(slot.view, slot.stream);
     clear_counts(slot);
   }
@@ -246,13 +246,13 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.hit_words = r.candidate_words + words;
     r.candidate_ranks = r.hit_words + words;
     r.hit_ranks = r.candidate_ranks + words;
-    make_room_for_ranks(slot);
+    reserve_ranks(slot);
     mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     rank(slot, r.candidate_words, r.candidate_ranks);
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  void make_room_for_ranks(ReducedSlot& slot) {
+  void reserve_ranks(ReducedSlot& slot) {
     slot.scan_bytes = 0;
     rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // computes the size
     slot.device_scan.reserve(slot.scan_bytes);
@@ -304,7 +304,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     done.total = within() ? r.chunk.host_counts[kHits] : slot.most_rows;
     done.row_count = std::min(done.total, slot.most_rows);
     if (done.row_count > r.reply_rows) {
-      make_room_for_rows(slot, done.row_count);
+      reserve_rows(slot, done.row_count);
       write(slot);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }

@@ -51,7 +51,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
   static std::uint32_t capacity_of(std::uint64_t rows, std::uint32_t configurations) {
     return static_cast<std::uint32_t>(std::max<std::uint64_t>(rows, configurations));
   }
-  void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) override {
+  void reserve_rows(std::uint64_t rows, std::uint32_t configurations) override {
     slot().items.reserve(item_bytes(capacity_of(rows, configurations), hulls_.has_several()));
     ReducedView r{};
     r.chunk.configurations = configurations;

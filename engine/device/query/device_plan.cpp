@@ -46,7 +46,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
     s.fields = plan_.size.fields;
     assign_pairs(s);
     workspace_->begin(s);
-    workspace_->make_room(most_rows_, static_cast<std::uint32_t>(configurations_));
+    workspace_->reserve(most_rows_, static_cast<std::uint32_t>(configurations_));
   }
 
   const QuerySize& size() const override { return plan_.size; }
@@ -60,7 +60,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, size.rows, size.fields, &bytes, size.joints);
     try {
-      own_ = reply_view_over(workspace_->room_for_rows(bytes), size.rows, size.fields, nullptr, size.joints);
+      own_ = reply_view_over(workspace_->row_buffer(bytes), size.rows, size.fields, nullptr, size.joints);
     } catch (const DeviceError& error) {
       reject(error.what());
     }

@@ -83,7 +83,7 @@ class HostReduction {
         bodies_(cpu.scene(), hulls_.view(), q),
         elements_(cpu.scene()),
         pairs_(bodies_.refs()),
-        rows_(room_for(cpu, q)) {
+        rows_(empty_answer(cpu, q)) {
     const auto K = static_cast<std::uint32_t>(bodies_.plan.size.configurations),
                P = static_cast<std::uint32_t>(bodies_.plan.size.pairs);
     r_.reduce = q.reduce;

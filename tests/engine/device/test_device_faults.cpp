@@ -100,7 +100,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
       EXPECT_GT(at, 3);
       calls[client] += at;
     }
-  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes room for warm state";
+  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes buffer_of for warm state";
 }
 
 TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
@@ -132,7 +132,7 @@ TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Answer expected = evaluate(cpu, device_query.q);
   fault_ = {5, DeviceError::kNoMemory};
   const Engine device(scene(), options());
-  expect_room_for_the_second(device, device_query, expected);
+  expect_memory_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
   EXPECT_EQ(counter(device, "cuda.usable"), 1u);
 }

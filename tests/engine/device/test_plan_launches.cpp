@@ -26,7 +26,7 @@ class Scribe final : public cuda::ResidentWorkspace {
  public:
   explicit Scribe(Told& told) : told_(told) {}
 
-  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+  cuda::FixedBodies body_buffers(std::size_t bodies) override {
     components_.resize(bodies * cuda::kPoseComponents);
     state_.resize(bodies);
     return {components_.data(), state_.data()};
@@ -36,15 +36,15 @@ class Scribe final : public cuda::ResidentWorkspace {
     told_.margins.assign(setup.margins.begin(), setup.margins.end());
     told_.mover_of_body.assign(setup.mover_of_body.begin(), setup.mover_of_body.end());
   }
-  std::byte* room_for(cuda::Given, int, std::size_t) override { return nullptr; }
-  std::byte* room_for_all(cuda::Given, std::size_t) override { return nullptr; }
-  void make_room(std::uint64_t rows, std::uint32_t configurations) override {
+  std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
+  std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }
+  void reserve(std::uint64_t rows, std::uint32_t configurations) override {
     told_.rows = rows;
     told_.configurations = configurations;
   }
   int device() const override { return 3; }
   std::uint64_t bytes() const override { return memory_.size(); }
-  std::byte* room_for_rows(std::size_t bytes) override {
+  std::byte* row_buffer(std::size_t bytes) override {
     memory_.resize(bytes);
     return memory_.data();
   }

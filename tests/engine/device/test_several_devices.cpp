@@ -119,7 +119,7 @@ TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   const DeviceTestQuery device_query(kConfigurations);
   const Answer expected = evaluate(cpu, device_query.q);
   faults_[1] = {6, DeviceError::kNoMemory, faults_[1].calls};
-  expect_room_for_the_second(device, device_query, expected);
+  expect_memory_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
 }
 
