@@ -104,8 +104,8 @@ bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
   ElementPair near;
   nearest_.take_near(std::numeric_limits<double>::infinity(), near);
-  ConvexPart room_a, room_b;
-  const ConvexPart &p = part_of(a_, near.a, room_a), &q = part_of(b_, near.b, room_b);
+  ConvexPart storage_a, storage_b;
+  const ConvexPart &p = part_of(a_, near.a, storage_a), &q = part_of(b_, near.b, storage_b);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
   const bool is_proved = try_parts(p, q, {0, 0, {}}, true).any();
   claims_.clear();

@@ -47,11 +47,11 @@ double above_zero(double x) {
 
 }  // namespace
 
-const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& room) {
+const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& storage) {
   const ConvexPart& convex_part = *body.parts[element.part];
   if (element.triangle == kNone) return convex_part;
-  remake_part(room, convex_part.surface->element(element.triangle).span(), convex_part.radius);
-  return room;
+  remake_part(storage, convex_part.surface->element(element.triangle).span(), convex_part.radius);
+  return storage;
 }
 
 void NearestElements::begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b) {
@@ -106,20 +106,21 @@ NearestElements::NodeBounds NearestElements::bounds(const Body& body, std::uint3
   return bounds;
 }
 
-// \param room for the corners of a triangle
+// \param storage for the corners of a triangle
 PartBounds NearestElements::part_bounds(const Body& body, std::uint32_t convex_part, std::uint32_t at,
-                                        const NodeBounds& bounds, std::array<Vec3d, 3>& room) {
+                                        const NodeBounds& bounds, std::array<Vec3d, 3>& storage) {
   const ConvexPart& whole = *body.parts[convex_part];
   PartBounds part{bounds.centre, bounds.half};
   if (at == kNone) {
     if (!whole.primitive && whole.count() <= kMostCorners) part.corners = whole.vertices;
   } else if (is_element(at) && !whole.surface->is_cloud()) {
-    room = whole.surface->corners(at & ~kTriangle);
-    part.corners = room;
-    const Vec3d normal = cross(room[1] - room[0], room[2] - room[0]);
+    storage = whole.surface->corners(at & ~kTriangle);
+    part.corners = storage;
+    const Vec3d normal = cross(storage[1] - storage[0], storage[2] - storage[0]);
     if (const double length = norm(normal); length > 0 && length < kInf) {
       part.normal = normal * (1 / length);
-      const double at_corner[] = {dot(part.normal, room[0]), dot(part.normal, room[1]), dot(part.normal, room[2])};
+      const double at_corner[] = {dot(part.normal, storage[0]), dot(part.normal, storage[1]),
+                                  dot(part.normal, storage[2])};
       part.low = std::min({at_corner[0], at_corner[1], at_corner[2]});
       part.high = std::max({at_corner[0], at_corner[1], at_corner[2]});
     }
@@ -340,9 +341,9 @@ void NearestElements::divide(const Entry& e, bool opens_a, double cut_off, const
   if (looks_) part_reaches(below.columns, opens_a ? n_a_ : -n_b_, far);
   const auto before = [&](std::uint32_t before_at) {
     const NodeBounds other_bounds = bounds(other, other_part, before_at);
-    std::array<Vec3d, 3> room;
+    std::array<Vec3d, 3> storage;
     PartColumn gaps;
-    part_gaps(below.columns, part_bounds(other, other_part, before_at, other_bounds, room), opens_a ? R_ : R_ba_,
+    part_gaps(below.columns, part_bounds(other, other_part, before_at, other_bounds, storage), opens_a ? R_ : R_ba_,
               opens_a ? D_ : D_ba_, cut_off + margin(e), gaps);
     const double other_far = looks_ ? known_reach(!opens_a, other_part, before_at, other_bounds) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {

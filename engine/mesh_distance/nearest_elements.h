@@ -24,8 +24,8 @@ struct Element {
   std::uint32_t part = kNone;
   std::uint32_t triangle = kNone;  ///< of the mesh; kNone for the part itself
 };
-/// The element as a part that can be evaluated: the part itself, or `room`, which becomes its triangle.
-const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& room);
+/// The element as a part that can be evaluated: the part itself, or `storage`, which becomes its triangle.
+const ConvexPart& part_of(const Body& body, const Element& element, ConvexPart& storage);
 
 struct ElementPair {
   double gap;  ///< lower bound on the pair's distance, in metres
@@ -117,7 +117,7 @@ class NearestElements {
   void pair_triangles(const Entry& entry, const Surface::Node* leaf_a, const Surface::Node* leaf_b,
                       const Each& each) const;
   static PartBounds part_bounds(const Body& body, std::uint32_t part, std::uint32_t at, const NodeBounds& bounds,
-                                std::array<Vec3d, 3>& room);
+                                std::array<Vec3d, 3>& storage);
 
   const Body *a_ = nullptr, *b_ = nullptr;
   Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose

@@ -39,10 +39,10 @@ FreeScale::FreeScale(const Scene& scene, const Plan& plan)
 }
 
 bool FreeScale::advance(WorkMeter& meter) {
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   const std::uint64_t count = plan_.pairs.size();
   while (next_ < count) {
-    const auto pairs = plan_.pairs.slice(next_, std::min(kPairsAtATime, count - next_), room);
+    const auto pairs = plan_.pairs.slice(next_, std::min(kPairsAtATime, count - next_), storage);
     for (const BodyPair pair : pairs) {
       for (const std::uint32_t body : {pair.a, pair.b})
         if (body >= scene_.bodies().size()) reject("unknown body " + std::to_string(body));

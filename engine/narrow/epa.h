@@ -61,7 +61,7 @@ class Epa {
 
  public:
   CLEARANCE_HD Epa() {}
-  CLEARANCE_HD explicit Epa(const Polytope& room) : p_(room) {}
+  CLEARANCE_HD explicit Epa(const Polytope& polytope) : p_(polytope) {}
 
   /// \param cso as for gjk()
   /// \param seed vertices to begin from, any number

@@ -64,7 +64,7 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
 // Collects the next pairs of all configurations in to_evaluate_. Returns false if there are none.
 bool ConfigurationBlock::collect_pairs(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
-    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
+    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), pairs_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }
   to_evaluate_.clear();

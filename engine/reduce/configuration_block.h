@@ -45,7 +45,7 @@ class ConfigurationBlock {
   std::span<const BodyPoses> placed_;
   std::uint64_t first_ = 0;
   std::span<const double> gaps_;  // (configurations, pairs)
-  std::vector<BodyPair> room_;
+  std::vector<BodyPair> pairs_;
   bool is_evaluating_ = false;
   std::vector<PlacedBodies> to_evaluate_;
   std::vector<std::size_t> evaluated_end_;  // by configuration: end in to_evaluate_

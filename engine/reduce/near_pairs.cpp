@@ -187,9 +187,9 @@ void TreeSearch::around(std::uint32_t body, double margin, bool all, std::vector
 }
 
 void TreeSearch::pairs(std::uint32_t first, std::uint32_t last, double margin, std::vector<std::uint64_t>& positions) {
-  room_.clear();
-  near_pairs_.tree().pairs_within(first, last, margin, room_);
-  for (const auto [a, b] : room_)
+  found_pairs_.clear();
+  near_pairs_.tree().pairs_within(first, last, margin, found_pairs_);
+  for (const auto [a, b] : found_pairs_)
     if (const std::uint64_t position = near_pairs_.position(a, b); position != NearPairs::kNowhere)
       positions.push_back(position);
 }

@@ -120,7 +120,7 @@ class TreeSearch {
   std::size_t staying_unplaced_ = 0;  // first entries of unplaced_
   std::vector<Aabb> boxes_;           // of plan_.moved
   BoxTree moving_;
-  std::vector<BodyPair> room_;
+  std::vector<BodyPair> found_pairs_;
 };
 
 }  // namespace clearance

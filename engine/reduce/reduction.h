@@ -73,7 +73,7 @@ class Reduction {
     std::vector<std::uint64_t> candidates;  // positions
     std::vector<Seed> order;
     std::uint64_t evaluated = 0;  // pairs
-    std::vector<BodyPair> room;
+    std::vector<BodyPair> pairs;  // storage for PairList::slice()
     std::vector<PlacedBodies> to_evaluate;
     std::uint64_t first = 0, end = 0, step = 0;  // of the positions being evaluated; step is 0 between units
     double cut_off = 0;                          // of the next pairs

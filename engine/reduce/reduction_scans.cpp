@@ -24,7 +24,7 @@ std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerS
 
 void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
   const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
-  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
+  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.pairs);
   offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
 }
 
@@ -32,7 +32,7 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
   assert(gaps.size() == plan_.pairs.size());
   WorkerState& w = workers_[0];
   gaps_ = gaps;
-  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
+  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.pairs), gaps, w, placement);
   if (stage_ == kSeedScan) {
     const auto least = std::min_element(gaps.begin(), gaps.end());
     if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};

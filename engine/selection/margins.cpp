@@ -94,9 +94,9 @@ std::vector<double> from_entries(const QueryView& query, const Scene& scene, con
     second.add(i, entries[i].b, scene);
   }
   std::vector<double> each(pairs.size(), query.margin);
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kSlice) {
-    const auto slice = pairs.slice(begin, std::min(kSlice, pairs.size() - begin), room);
+    const auto slice = pairs.slice(begin, std::min(kSlice, pairs.size() - begin), storage);
     for (std::size_t i = 0; i < slice.size(); ++i) {
       if (slice[i].a >= bodies || slice[i].b >= bodies) continue;
       if (const auto entry = last_entry(slice[i], first, second); entry >= 0)

@@ -16,11 +16,12 @@ void PairList::copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) con
     std::copy_n(pairs_->begin() + static_cast<std::ptrdiff_t>(begin), count, out);
 }
 
-std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const {
+std::span<const BodyPair> PairList::slice(std::uint64_t begin, std::uint64_t count,
+                                          std::vector<BodyPair>& storage) const {
   if (!table_) return list().subspan(begin, count);
-  room.resize(count);
-  copy(begin, count, room.data());
-  return room;
+  storage.resize(count);
+  copy(begin, count, storage.data());
+  return storage;
 }
 
 BodyPair PairList::at(std::uint64_t position) const {
@@ -79,10 +80,10 @@ bool PairLister::advance(WorkMeter& meter) {
 
 // Whether the list is the scene's whole table, as returned to clients.
 std::uint64_t PairLister::compare_some() {
-  BodyPair room[kPairsPerTurn];
+  BodyPair storage[kPairsPerTurn];
   const std::uint64_t count = std::min(kPairsPerTurn, table_->size() - next_);
-  table_->copy(next_, count, room);
-  if (!std::equal(room, room + count, named_.begin() + static_cast<std::ptrdiff_t>(next_))) {
+  table_->copy(next_, count, storage);
+  if (!std::equal(storage, storage + count, named_.begin() + static_cast<std::ptrdiff_t>(next_))) {
     step_ = ListingStep::kCount;
     next_ = 0;
   } else if ((next_ += count) == table_->size()) {

@@ -29,8 +29,8 @@ class PairList {
   /// Writes the pairs at [begin, begin + count).
   void copy(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
   /// The pairs at [begin, begin + count).
-  /// \param room receives them if they are not stored
-  std::span<const BodyPair> slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& room) const;
+  /// \param storage receives them if they are not stored
+  std::span<const BodyPair> slice(std::uint64_t begin, std::uint64_t count, std::vector<BodyPair>& storage) const;
 
  private:
   std::shared_ptr<const PairTable> table_;

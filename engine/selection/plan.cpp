@@ -72,9 +72,9 @@ void check_numbers(const QueryView& q) {
 // A depth is the length of a shift that separates bodies, and points have no inside.
 void reject_depths_of_clouds(const PairList& pairs, const Scene& scene) {
   constexpr std::uint64_t kAtATime = 1024;
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
-    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), room))
+    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), storage))
       for (const std::uint32_t body : {pair.a, pair.b})
         if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
           throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +

@@ -75,18 +75,18 @@ std::string rights_text(Rights rights) {
 }
 
 gid_t group_named(const std::string& name) {
-  std::vector<char> room(64 * 1024);
+  std::vector<char> buffer(64 * 1024);
   struct group entry{};
   struct group* found = nullptr;
-  if (getgrnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->gr_gid;
+  if (getgrnam_r(name.c_str(), &entry, buffer.data(), buffer.size(), &found) == 0 && found) return found->gr_gid;
   return number_or_throw(name, "group");
 }
 
 uid_t user_named(const std::string& name) {
-  std::vector<char> room(64 * 1024);
+  std::vector<char> buffer(64 * 1024);
   struct passwd entry{};
   struct passwd* found = nullptr;
-  if (getpwnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->pw_uid;
+  if (getpwnam_r(name.c_str(), &entry, buffer.data(), buffer.size(), &found) == 0 && found) return found->pw_uid;
   return number_or_throw(name, "user");
 }
 

@@ -83,17 +83,17 @@ struct Way {
   std::byte data[kBufferBytes];
 
   bool is_full() const { return sent < size; }
-  bool has_room() const { return !is_full() && !ended; }
+  bool has_space() const { return !is_full() && !ended; }
   void take();
   void pass();
 };
 
 /// Receives bytes, or the first message. A message larger than the buffer is longer than any valid one and cut off.
 void Way::take() {
-  iovec room{data, sizeof data};
+  iovec buffer{data, sizeof data};
   alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)];
   msghdr header{};
-  header.msg_iov = &room;
+  header.msg_iov = &buffer;
   header.msg_iovlen = 1;
   if (with_descriptors) {
     header.msg_control = control;
@@ -167,14 +167,14 @@ void Door::serve() const {
   for (;;) {
     // An end without expected events is left out, except the daemon's, whose hang-up ends the proxy.
     const auto poll_events = [](const Way& from_here, const Way& to_here) {
-      return static_cast<short>((from_here.has_room() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
+      return static_cast<short>((from_here.has_space() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
     };
     const short of_stranger = poll_events(in, out);
     pollfd ends[] = {{of_stranger ? stranger.get() : -1, of_stranger, 0}, {inner.get(), poll_events(out, in), 0}};
     if (::poll(ends, 2, -1) < 0) continue;
     const bool hung_up = ends[1].revents & (POLLHUP | POLLERR);
-    if (in.has_room() && ends[0].revents) in.take();
-    if (out.has_room() && ends[1].revents) out.take();
+    if (in.has_space() && ends[0].revents) in.take();
+    if (out.has_space() && ends[1].revents) out.take();
     in.pass();
     out.pass();
     if (out.ended || (hung_up && out.is_full())) return;

@@ -134,7 +134,7 @@ class Link {
   std::optional<Message> take(std::span<const std::byte> datagram);
   std::optional<Message> take_part(Message message, std::uint64_t offset, std::span<const std::byte> part);
   void spend(std::uint64_t bytes) { allowance_ -= std::min(allowance_, bytes + sizeof(Head)); }
-  void listen_for_room(bool wanted);
+  void watch_for_space(bool wanted);
 
   shm::UniqueFd socket_, epoll_;
   Limits limits_;
@@ -143,7 +143,7 @@ class Link {
   std::unordered_map<std::string, Coming> coming_;
   std::uint64_t sequence_ = 0, waiting_bytes_ = 0, coming_bytes_ = 0, allowance_ = kBytesPerTurn;
   bool was_reset_ = false;  ///< the peer closed with unread input
-  bool listens_for_room_ = false;
+  bool watches_for_space_ = false;
   std::function<void(std::shared_ptr<void>)> drop_;
 };
 

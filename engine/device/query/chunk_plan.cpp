@@ -64,7 +64,7 @@ class ChunkPlanner {
     part.first = first;
     part.count = count;
     part.first_pair = static_cast<std::uint32_t>(refs_.size());
-    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, room_);
+    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, slice_);
     order_.clear();
     std::vector<Entry> several;
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -143,7 +143,7 @@ class ChunkPlanner {
   const Plan& plan_;
   ChunkPlan& chunk_plan_;
   std::vector<std::uint32_t> ref_, hull_;
-  std::vector<BodyPair> room_;
+  std::vector<BodyPair> slice_;
   std::vector<Entry> order_;
   std::vector<PairRef> refs_;
   std::vector<std::uint32_t> position_;
@@ -185,11 +185,11 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
     for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
   refs.reserve(plan.pairs.size());
   std::vector<std::uint8_t> is_listed(ref.size(), 0);
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   std::uint64_t left = 0;
   constexpr std::uint64_t kSlice = 1u << 16;
   for (std::uint64_t first = 0; first < plan.pairs.size(); first += kSlice)
-    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
+    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), storage)) {
       const BodyKind of_a = kind_of(scene, device, a), of_b = kind_of(scene, device, b);
       if (of_a == BodyKind::kUnknown || of_b == BodyKind::kUnknown) return refs.clear();
       refs.push_back({ref[a], ref[b]});
@@ -272,10 +272,10 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
     KnownElements& known = elements_[body];
     if (known.surface != of.parts[0]->surface) {
       // A query still in flight keeps the previous points in place.
-      std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
+      std::shared_ptr<ResidentElements> reused = std::exchange(known.resident, nullptr);
       known.surface = nullptr;
-      if (room.use_count() > 1) room = nullptr;
-      known.resident = device_->upload(*of.parts[0]->surface, std::move(room));
+      if (reused.use_count() > 1) reused = nullptr;
+      known.resident = device_->upload(*of.parts[0]->surface, std::move(reused));
       if (!known.resident) return nullptr;
       known.surface = of.parts[0]->surface;
     }
