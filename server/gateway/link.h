@@ -31,16 +31,16 @@ enum class Kind : std::uint32_t {
   kAlive,            ///< answers kPing
   kFrame,            ///< name: identity, extra: a frame's header and the client's key or none, body: its payload
   kNoFrame,          ///< name: identity, number: parts and bytes of the first (pack_parts())
-  kHandedOver,       ///< number: of a reply that the gateway holds no longer
+  kReplyReleased,    ///< number: of a reply that the gateway holds no longer
   kGone,             ///< name: an identity without a connection
   kNotDelivered,     ///< name: an identity whose queue is full
-  kKnock,            ///< name: address, extra: key. Answered by kVerdict
+  kAuthenticate,     ///< name: address, extra: key; answered by kAuthenticated
   kHandshakeFailed,  ///< name: endpoint
   // To the gateway.
   kStart,  ///< name: url, number: most bytes of a message, extra: secret key or none, body: channels
   kPing,
-  kReply,  ///< name: identity, extra: a frame's header, body: its payload, number: for kHandedOver, or 0 if not wanted
-  kVerdict,  ///< number: 1 if the connection is accepted
+  kReply,          ///< name: identity, extra: a frame's header, body: its payload, number: for kReplyReleased, or 0
+  kAuthenticated,  ///< number: 1 if the connection is accepted
   // Both ways.
   kPacket,  ///< name: LCM channel, body: a message
 };

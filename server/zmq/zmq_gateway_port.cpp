@@ -127,10 +127,10 @@ class ZmqGatewayPort final : public ZmqPort {
       case Kind::kNotDelivered:
         arrival.what = What::kNotDelivered;
         return true;
-      case Kind::kHandedOver:
-        return hand_over(message.number), false;
-      case Kind::kKnock:
-        return knock(arrival.identity, message.extra), false;
+      case Kind::kReplyReleased:
+        return release_reply(message.number), false;
+      case Kind::kAuthenticate:
+        return authenticate(arrival.identity, message.extra), false;
       case Kind::kHandshakeFailed:
         if (keys_)
           keys_->rejected(*handler_, "reason=\"the handshake failed: no keys, or another server's\" endpoint=" +
@@ -150,17 +150,17 @@ class ZmqGatewayPort final : public ZmqPort {
     return is;
   }
 
-  void hand_over(std::uint64_t number) {
+  void release_reply(std::uint64_t number) {
     const auto found = numbered_.find(number);
-    if (found == numbered_.end()) return process_->lose("it hands over a message that it did not receive");
+    if (found == numbered_.end()) return process_->lose("it releases a reply that it did not receive");
     *found->second.unsent -= found->second.bytes;
     unsent_ -= found->second.bytes;
     numbered_.erase(found);
   }
 
-  void knock(const std::string& address, const std::string& key) {
+  void authenticate(const std::string& address, const std::string& key) {
     if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a valid key");
-    process_->send({Kind::kVerdict, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
+    process_->send({Kind::kAuthenticated, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 
   std::string url_;

@@ -327,8 +327,8 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
                         {"wrong key", "it names an invalid client"},
                         {"nameless", "it names an invalid client"},
                         {"headless", "it sent something other than a ZeroMQ message"},
-                        {"handed over", "it hands over a message that it did not receive"},
-                        {"knock", "it reports a client without a valid key"},
+                        {"reply released", "it releases a reply that it did not receive"},
+                        {"authenticate", "it reports a client without a valid key"},
                         {"bodies", "it sends too many bodies at once"},
                         {"stranger's key", "forbidden as it should be"}}) {
     start_hostile(c.what);
