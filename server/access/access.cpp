@@ -103,7 +103,7 @@ std::optional<Rights> rights_of_user(uid_t user, bool is_in_group, const Access&
   return std::nullopt;
 }
 
-std::optional<ucred> process_behind(int socket) {
+std::optional<ucred> peer_process(int socket) {
   ucred peer{};
   socklen_t length = sizeof peer;
   if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0) return std::nullopt;
@@ -111,7 +111,7 @@ std::optional<ucred> process_behind(int socket) {
 }
 
 std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why) {
-  const std::optional<ucred> peer = process_behind(socket);
+  const std::optional<ucred> peer = peer_process(socket);
   if (!peer) {
     why = std::string("SO_PEERCRED: ") + std::strerror(errno);
     return std::nullopt;

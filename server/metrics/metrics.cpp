@@ -132,7 +132,7 @@ void MetricsServer::run() {
     pollfd waiting[] = {{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
     if (::poll(waiting, 2, -1) < 0) continue;
     if (waiting[0].revents) return;
-    const shm::UniqueFd connection = let_in(shm::UniqueFd(accept_or_reject(listener_.get(), [](int) {})));
+    const shm::UniqueFd connection = without_descriptors(shm::UniqueFd(accept_or_reject(listener_.get(), [](int) {})));
     if (connection) serve(connection.get());
   }
 }

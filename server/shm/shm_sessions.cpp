@@ -113,14 +113,14 @@ void ShmSessions::serve_sockets() {
 
 void ShmSessions::accept_clients() {
   for (int i = 0; i < kMessagesPerEvent; ++i) {
-    UniqueFd stranger(accept_or_reject(listener_.get(), [this](int unwanted) {
+    UniqueFd peer(accept_or_reject(listener_.get(), [this](int unwanted) {
       reject(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
     }));
-    if (!stranger) return;
+    if (!peer) return;
     std::string why;
-    const std::optional<ucred> who = process_behind(stranger.get());
-    const std::optional<Rights> rights = rights_of_peer(stranger.get(), access_, why);
-    UniqueFd socket = let_in(std::move(stranger));
+    const std::optional<ucred> who = peer_process(peer.get());
+    const std::optional<Rights> rights = rights_of_peer(peer.get(), access_, why);
+    UniqueFd socket = without_descriptors(std::move(peer));
     if (!socket) {
       ++*counters_.rejected;
       continue;

@@ -196,9 +196,9 @@ class ZmqTransport final : public Transport {
     ++handler.counter("frames");
     ++handler.counter("errors");
     ++handler.counter("errors.busy");
-    auto stranger = std::make_shared<Peer>();
-    stranger->identity = from.identity;
-    ZmqSink sink(*this, std::move(stranger), 0);
+    auto peer = std::make_shared<Peer>();
+    peer->identity = from.identity;
+    ZmqSink sink(*this, std::move(peer), 0);
     send_error(sink, from.header, handler.engine().scene_revision(), wire::ErrorCode::kBusy,
                why + "; retry later (limit max-clients)");
   }
