@@ -18,7 +18,7 @@ constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
 }  // namespace
 
 void MotionMoment::begin(MovingBodies& moving) {
-  poses_.look_at_ends(moving);
+  poses_.find_end_facts(moving);
   moving_ = &moving;
   time_ = -1;
 }
@@ -55,7 +55,7 @@ PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const Eva
 }
 
 // Starts the current span.
-void PairProver::look() {
+void PairProver::begin_span() {
   const Span& span = left_.back();
   moment_.move_to(span.middle());
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
@@ -64,13 +64,13 @@ void PairProver::look() {
   i_ = j_ = 0;
   halves_ = {};
   claims_.clear();
-  is_looked_at_ = true;
+  has_begun_span_ = true;
 }
 
 // Processes one more pair of convex parts. Returns true once a span is proved and can be written.
 bool PairProver::step(WorkMeter& meter) {
-  if (!is_looked_at_) {
-    look();
+  if (!has_begun_span_) {
+    begin_span();
     meter.count(kUnitsPerMoment * (1 + a_.parts.size() * b_.parts.size() / 16));
     if (try_boxes()) {
       end_span({});
@@ -141,7 +141,7 @@ void PairProver::end_span(const Halves& proved) {
   const Span span = left_.back();
   const double middle = span.middle();
   left_.pop_back();
-  is_looked_at_ = false;
+  has_begun_span_ = false;
   if (!proved.after) left_.push_back({middle, span.end});
   if (!proved.before) left_.push_back({span.begin, middle});
   has_failed_ = !left_.empty() && (++spans_ > kMostSpans || span.half() <= kLeastHalf || way_ == 0);

@@ -59,7 +59,7 @@ void MotionBlock::begin_searches(std::uint64_t count) {
 
 void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
   motion_query_.bounds.take(motion, searches_[i].moving);
-  poses_.look_at_ends(searches_[i].moving);
+  poses_.find_end_facts(searches_[i].moving);
   searches_[i].begin();
 }
 

@@ -30,7 +30,7 @@ void MotionPoses::take_rows(const Instant& instant, double* row) const {
   }
 }
 
-void MotionPoses::look_at_ends(MovingBodies& moving) {
+void MotionPoses::find_end_facts(MovingBodies& moving) {
   moving.end_facts.clear();
   const std::size_t joints = plan_.joints.size(), links = plan_.bodies.size() - plan_.given_bodies;
   const auto ends = plan_.positions.subspan(2 * moving.motion * joints, 2 * joints);

@@ -133,7 +133,7 @@ std::uint64_t NearPairs::first_position(std::uint32_t body) const {
   return kNowhere;
 }
 
-void TreeSearch::stand(const BodyPoses& placement) {
+void TreeSearch::place(const BodyPoses& placement) {
   const bool there = placement_ && stood_at_ == placement.number(), first = !placement_;
   placement_ = &placement;
   stood_at_ = placement.number();

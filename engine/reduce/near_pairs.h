@@ -89,7 +89,7 @@ class TreeSearch {
       : scene_(scene), plan_(plan), near_pairs_(near_pairs) {}
 
   /// Sets the configuration. Call this before any search in it.
-  void stand(const BodyPoses& placement);
+  void place(const BodyPoses& placement);
   /// Bodies without a usable pose, which no tree contains.
   std::span<const std::uint32_t> unplaced() const { return unplaced_; }
 

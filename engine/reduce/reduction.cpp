@@ -53,7 +53,7 @@ void Reduction::begin() {
   candidates_.clear();
   candidate_pairs_.clear();
   decided_by_ = kNoPair;
-  stage_ = stands_alone() ? kScan : kSeedScan;
+  stage_ = needs_no_seed() ? kScan : kSeedScan;
 }
 
 std::uint64_t Reduction::evaluated() const {

@@ -93,7 +93,7 @@ class Reduction {
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
   bool any() const { return plan_.query.reduce == Reduce::kAny; }
   /// Whether the cut-offs are known before the scan.
-  bool stands_alone() const { return within() || any() || options_.reference; }
+  bool needs_no_seed() const { return within() || any() || options_.reference; }
   double cut_off(std::uint64_t position) const { return any() ? plan_.margins.of(position) : plan_.query.max_distance; }
   /// Whether pairs after an overlapping one neither win nor lower the interval.
   bool stops_at_overlap() const {

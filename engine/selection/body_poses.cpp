@@ -78,7 +78,7 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
 
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
                           std::span<const Mat3d> rotations) {
-  if (stands_at(k)) return;
+  if (is_at(k)) return;
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&
          (given.facts.empty() || given.facts.size() == count));

@@ -29,7 +29,7 @@ class BodyPoses {
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// Plan::number() of the present configuration; constant if nothing moves.
   std::uint64_t number() const { return number_; }
-  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
+  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];

@@ -68,11 +68,11 @@ PairLister::PairLister(const QueryView& query, const Scene& scene, std::shared_p
 
 bool PairLister::advance(WorkMeter& meter) {
   while (!is_done()) {
-    const std::uint64_t looked_at = step_ == ListingStep::kCompare ? compare_some()
-                                    : step_ == ListingStep::kCount ? count_some()
-                                    : step_ == ListingStep::kList  ? list_some()
-                                                                   : expand_some();
-    meter.count(looked_at / kPairsPerUnit);
+    const std::uint64_t visited = step_ == ListingStep::kCompare ? compare_some()
+                                  : step_ == ListingStep::kCount ? count_some()
+                                  : step_ == ListingStep::kList  ? list_some()
+                                                                 : expand_some();
+    meter.count(visited / kPairsPerUnit);
     if (!is_done() && meter.is_over()) return false;
   }
   return true;
@@ -173,20 +173,20 @@ void PairLister::begin_expanding(std::vector<std::uint32_t> as, std::vector<std:
 // Lists the enabled pairs of a body in as_ and one in bs_, each once, in lexicographic order: each body with later ones
 // of the other side.
 std::uint64_t PairLister::expand_some() {
-  std::uint64_t looked_at = 0;
-  for (; body_ < both_.size() && looked_at < kPairsPerTurn; ++body_, other_ = 0) {
+  std::uint64_t visited = 0;
+  for (; body_ < both_.size() && visited < kPairsPerTurn; ++body_, other_ = 0) {
     const std::uint32_t body = both_[body_];
     const std::vector<std::uint32_t>& others = !has(as_, body) ? as_ : !has(bs_, body) ? bs_ : both_;
     if (other_ == 0)
       other_ = static_cast<std::size_t>(std::upper_bound(others.begin(), others.end(), body) - others.begin());
-    ++looked_at;
+    ++visited;
     for (; other_ < others.size(); ++other_) {
-      if (looked_at++ == kPairsPerTurn) return looked_at;
+      if (visited++ == kPairsPerTurn) return visited;
       if (table_->enabled(body, others[other_])) pairs_.push_back({body, others[other_]});
     }
   }
   if (body_ == both_.size()) step_ = named_.empty() ? ListingStep::kDone : ListingStep::kList;
-  return looked_at;
+  return visited;
 }
 
 }  // namespace clearance

@@ -54,7 +54,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   std::vector<std::uint32_t> placed = next->with_followers(changed);
   next->place_again(placed);
   ++next->revision;
-  remember(std::move(placed));
+  record_changes(std::move(placed));
   publish(next);
   PoseUpdateResult result;
   result.revision = next->revision;

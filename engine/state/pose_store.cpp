@@ -35,11 +35,11 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
 
 std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
   std::int64_t oldest = 0;
-  const auto look = [&](std::int64_t receipt) {
+  const auto take_oldest = [&](std::int64_t receipt) {
     if (receipt != 0 && (oldest == 0 || receipt < oldest)) oldest = receipt;
   };
-  for (std::uint32_t b = body; b != kNone; b = parent[b]) look(receipt_ns[b]);
-  if (const ReceivedPoints* own = points_of(body)) look(own->receipt_ns);
+  for (std::uint32_t b = body; b != kNone; b = parent[b]) take_oldest(receipt_ns[b]);
+  if (const ReceivedPoints* own = points_of(body)) take_oldest(own->receipt_ns);
   return oldest;
 }
 
@@ -191,10 +191,10 @@ bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
 }
 
 // Records the changes of the next published revision.
-void PoseStore::remember(std::vector<std::uint32_t> changed) {
-  if (changed.size() > scene_.bodies().size() / kWorthRemembering) return changes_.clear();
+void PoseStore::record_changes(std::vector<std::uint32_t> changed) {
+  if (changed.size() > scene_.bodies().size() / kLargestRecordedShare) return changes_.clear();
   changes_.push_back(std::move(changed));
-  if (changes_.size() > kRemembered) changes_.pop_front();
+  if (changes_.size() > kRecordedRevisions) changes_.pop_front();
 }
 
 namespace {
@@ -290,7 +290,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     std::vector<std::uint32_t> changed = next->with_followers(moved);
     next->place_again(changed);
     ++next->revision;
-    remember(std::move(changed));
+    record_changes(std::move(changed));
     publish(next);
   }
   result.revision = next->revision;

@@ -52,7 +52,7 @@ void SceneHistory::begin_change(std::uint64_t revision) {
 }
 
 void SceneHistory::forget_old() {
-  while (order_.size() > kRemembered || pairs_.size() > kRemembered) {
+  while (order_.size() > kMostRecords || pairs_.size() > kMostRecords) {
     const auto [revision, change] = order_.front();
     order_.pop_front();
     const auto seen = seen_.find(revision);

@@ -18,7 +18,7 @@ namespace clearance {
 class SceneHistory {
  public:
   /// Number of revisions, and of changed pairs, that are kept; older ones count as unknown.
-  static constexpr std::size_t kRemembered = 4096;
+  static constexpr std::size_t kMostRecords = 4096;
 
   SceneHistory() = default;
   SceneHistory(const SceneHistory&) = delete;

@@ -76,7 +76,7 @@ class LcmTransport final : public Transport {
   bool prepare_sleep() override { return link_->port->has_work(); }
 
   int poll(RequestHandler& handler) override {
-    meet(handler);
+    attach(handler);
     timer_.clear();
     handed_in_ = 0;
     link_->port->begin_turn(handler);
@@ -86,7 +86,7 @@ class LcmTransport final : public Transport {
   }
 
   void tick(RequestHandler& handler) override {
-    meet(handler);
+    attach(handler);
     link_->port->tick(handler);
     assembler_.expire(Clock::now());
     points_.expire(Clock::now());
@@ -95,7 +95,7 @@ class LcmTransport final : public Transport {
 
  private:
   /// The loop is known from its first call on.
-  void meet(RequestHandler& handler) {
+  void attach(RequestHandler& handler) {
     if (!handler_) {
       handler_ = &handler;
       metrics_.emplace(handler);
@@ -103,7 +103,7 @@ class LcmTransport final : public Transport {
       announcer_.emplace(handler, *metrics_, link_, distances_hz_);
     }
     const Scene* scene = &handler.engine().scene();
-    if (scene != scene_) intake_->meet(*scene);
+    if (scene != scene_) intake_->set_scene(*scene);
     scene_ = scene;
   }
 

@@ -58,7 +58,7 @@ ShmSessions::~ShmSessions() {
   budget_->drop = nullptr;
 }
 
-void ShmSessions::meet(RequestHandler& handler) {
+void ShmSessions::attach(RequestHandler& handler) {
   if (counters_.connections) return;
   const auto counter = [&](const char* name) { return &handler.counter(name); };
   counters_ = {counter("shm.connections"),  counter("shm.clients"),     counter("shm.rejected"),

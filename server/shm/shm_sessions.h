@@ -25,7 +25,7 @@ class ShmSessions {
   ~ShmSessions();
 
   /// Sets the loop, which is known from its first call on.
-  void meet(RequestHandler& handler);
+  void attach(RequestHandler& handler);
   const std::vector<std::shared_ptr<ShmSession>>& all() const { return sessions_; }
   /// Descriptor that is readable when serve_sockets() has work.
   int get() const { return epoll_.get(); }

@@ -26,7 +26,7 @@ class ShmTransport final : public Transport {
   std::vector<int> descriptors() const override { return {sessions_.get()}; }
 
   int poll(RequestHandler& handler) override {
-    sessions_.meet(handler);
+    sessions_.attach(handler);
     int frames = 0;
     std::uint64_t bytes = 0;
     const auto& sessions = sessions_.all();
@@ -60,7 +60,7 @@ class ShmTransport final : public Transport {
   }
 
   void tick(RequestHandler& handler) override {
-    sessions_.meet(handler);
+    sessions_.attach(handler);
     scratch_.trim(kScratchKept);
     sessions_.tick();
   }

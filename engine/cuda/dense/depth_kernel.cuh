@@ -97,7 +97,7 @@ __device__ inline Ranked<double> farthest_of_share(const Hull<SceneVertices>& hu
   const std::uint32_t list = listed ? hull.list_along(f) : 0, candidates = listed ? hull.words[list] : hull.count();
   Ranked<double> best{-__builtin_inf(), 0};
   for (std::uint32_t k = WarpTeam::rank(); k < candidates; k += WarpTeam::kSize) {
-    const SupportPoint<double> p = hull.look_at(listed ? hull.words[list + 1 + k] : k, n);
+    const SupportPoint<double> p = hull.support_point(listed ? hull.words[list + 1 + k] : k, n);
     if (p.value > best.value) best = {p.value, p.index};
   }
   return best;

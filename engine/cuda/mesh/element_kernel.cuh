@@ -72,7 +72,7 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
 
 // Evaluates the candidates of one kind. Unresolved pairs go to the common list.
 template <bool kAny, class Kind>
-__global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
+__global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
   __shared__ typename Kind::Search::SharedScratch scratches[kWarps];
   typename Kind::Search::SharedScratch& scratch = scratches[threadIdx.x / 32];

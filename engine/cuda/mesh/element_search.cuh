@@ -63,7 +63,7 @@ class HullSearch : public WarpSearch {
       if (stacked_ > 0 && waiting_ < 32)
         open(before);
       else
-        look(convex_part, *head, before, answer);
+        evaluate_waiting(convex_part, *head, before, answer);
     }
     leave_out_all(scratch_.node_gap, stacked_);
     leave_out_all(scratch_.element_gap, waiting_);
@@ -136,7 +136,7 @@ class HullSearch : public WarpSearch {
   }
 
   // Evaluates waiting elements, one per thread.
-  __device__ void look(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
+  __device__ void evaluate_waiting(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;

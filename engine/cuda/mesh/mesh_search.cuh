@@ -181,7 +181,7 @@ class MeshSearch : public WarpSearch {
       if (stacked_ > 0 && waiting_ < 32)
         open();
       else
-        look(answer);
+        evaluate_waiting(answer);
     }
     leave_out_all(scratch_.gap, stacked_);
     leave_out_all(scratch_.triangle_gap, waiting_);
@@ -251,7 +251,7 @@ class MeshSearch : public WarpSearch {
   }
 
   // Evaluates waiting triangle pairs, one per thread.
-  __device__ void look(PairAnswer& answer) {
+  __device__ void evaluate_waiting(PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;

@@ -211,7 +211,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       move_span_bodies<<<blocks(S * moved), kMotionThreads, 0, stream>>>(m);
       if (at_ends) {
         find_seeds_at_ends<<<pair_blocks, kMotionThreads, 0, stream>>>(m);
-        look_at_seeds<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
+        evaluate_seeds<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
         aim_at_ends<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
       }
       if (is_first)
@@ -220,9 +220,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       if (m.finds_least) {
-        look_at_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       } else {
-        look_at_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
         keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       }
       if (at_ends)

@@ -66,14 +66,14 @@ struct ConfigurationPairs {
 };
 
 // Result of a team's comparison of all boxes.
-struct FirstLook {
+struct BoxScan {
   float reach = __builtin_inff();    // squared likely distance of the nearest pair; infinite if no pair has poses
   std::uint32_t unusable = kNoPair;  // first pair without usable poses
 };
 template <std::uint32_t kLanes>
-__device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
+__device__ inline BoxScan scan_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
   constexpr float kInf = __builtin_inff();
-  FirstLook look;
+  BoxScan scan;
   float least = kInf;
   std::uint32_t nearest = kNone;
   bool all_placed = true;
@@ -85,22 +85,22 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
     nearest = is_nearer ? i : nearest;
     all_placed = all_placed && squared < kInf;
   }
-  if (nearest != kNone) look.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
-  look.reach = team.least(look.reach);
+  if (nearest != kNone) scan.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
+  scan.reach = team.least(scan.reach);
   // Some pairs may lack poses, or their squared gap may overflow a float.
   if (__any_sync(~0u, !all_placed)) {
-    const bool any = look.reach == kInf;
+    const bool any = scan.reach == kInf;
     for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
       if (!members.has_poses(i)) {
-        if (look.unusable == kNoPair) look.unusable = i;
+        if (scan.unusable == kNoPair) scan.unusable = i;
       } else if (any) {
-        look.reach = 3.4028234e38f;
+        scan.reach = 3.4028234e38f;
       }
     }
-    look.reach = team.least(look.reach);
-    look.unusable = team.least(look.unusable);
+    scan.reach = team.least(scan.reach);
+    scan.unusable = team.least(scan.unusable);
   }
-  return look;
+  return scan;
 }
 
 // Search of a configuration for its winner; each thread of its team has a copy of the state.
@@ -109,7 +109,7 @@ class Decision {
  public:
   __device__ Decision(const ReducedView& r, std::uint32_t k, bool exists, std::uint32_t* queue)
       : r_(r), c_(r.chunk), members_{r, exists ? k : 0}, at_(k), exists_(exists), queue_(queue) {
-    first_ = look_at_boxes(members_, team_);
+    first_ = scan_boxes(members_, team_);
     reach_ = first_.reach;
     decided_ = !exists || !is_usable();
   }
@@ -117,7 +117,7 @@ class Decision {
   __device__ void run() {
     while (__any_sync(~0u, !decided_)) {
       gather();
-      look();
+      evaluate_queued();
       go_on();
     }
     __syncwarp();
@@ -191,7 +191,7 @@ class Decision {
   };
 
   // Evaluates the queued pairs, one per thread.
-  __device__ void look() {
+  __device__ void evaluate_queued() {
     const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
     const std::uint32_t all_there = __ballot_sync(~0u, there);
     if (all_there == 0) return;
@@ -347,7 +347,7 @@ class Decision {
   const std::uint32_t at_;  // the configuration, which is also its group and row
   const bool exists_;
   std::uint32_t* const queue_;  // (2 * kLanes,) members in order
-  FirstLook first_;
+  BoxScan first_;
   bool decided_, is_open_ = false;
   float done_ = -1, reach_;          // the current round takes squared box gaps in (done_, reach_]
   double cutoff_ = __builtin_inf();  // distance that the nearest pair cannot exceed

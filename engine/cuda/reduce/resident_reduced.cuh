@@ -64,7 +64,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     clear_all_groups(r, stream);
     start_seeds(r, stream);  // clears the counts
     start_candidates(r, stream);
-    look_at_items(r, stream);
+    evaluate_items(r, stream);
   }
   void decide(const ReducedView& r, cudaStream_t stream) {
     clear_all_groups(r, stream);
@@ -79,9 +79,9 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     r.chunk.host_counts = nullptr;  // the counts stay for later kernels
     start_teams(r, stream);
     r.chunk.host_counts = spare_counts();
-    look_at_items(r, stream);
+    evaluate_items(r, stream);
   }
-  void look_at_items(const ReducedView& r, cudaStream_t stream) {
+  void evaluate_items(const ReducedView& r, cudaStream_t stream) {
     start_items(r, hulls_.has_several(), stream);
     answer_open<false>(r, stream);
   }

@@ -74,10 +74,10 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     } else {
       plan_.keep_configurations();
     }
-    moved_.emplace(scene(), plan_).tell(s);
+    moved_.emplace(scene(), plan_).fill(s);
   }
-  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).tell(s);
-  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).tell(s);
+  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).fill(s);
+  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).fill(s);
   return s;
 }
 

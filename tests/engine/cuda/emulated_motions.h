@@ -98,12 +98,12 @@ class HostMotions {
       // A few blocks for all lists.
       if (at_ends) {
         launch(300, [&] { find_seeds_at_ends(m_); });
-        launch(2 * m_.motions, [&] { look_at_seeds(m_); });
+        launch(2 * m_.motions, [&] { evaluate_seeds(m_); });
         launch(2 * m_.motions, [&] { aim_at_ends(m_); });
       }
       launch(300, [&] { is_first ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
-      launch(300, [&] { m_.finds_least ? look_at_span_pairs<true>(m_) : look_at_span_pairs<false>(m_); });
+      launch(300, [&] { m_.finds_least ? evaluate_span_pairs<true>(m_) : evaluate_span_pairs<false>(m_); });
       if (!m_.finds_least) launch(300, [&] { keep_hits(m_); });
       if (at_ends)
         launch(m_.motions, [&] { begin_whole_motions(m_); });

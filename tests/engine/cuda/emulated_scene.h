@@ -75,8 +75,8 @@ struct HostBodies {
         uncertainties(uncertainties_for(scene)),
         uncertain(uncertain_body(scene, plan) != kNone) {
     QuerySetup s;
-    chains.tell(s);
-    if (uncertain) uncertainties.tell(s);
+    chains.fill(s);
+    if (uncertain) uncertainties.fill(s);
     const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
     take_fixed(hulls, n);
     view.uncertainties = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};

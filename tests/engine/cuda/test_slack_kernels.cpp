@@ -181,7 +181,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     const JointGradient gradient(cpu.scene(), chunk.bodies.plan);
     const cuda::DeviceMovers movers(gradient, chunk.bodies.plan);
     QuerySetup setup;
-    movers.tell(setup);
+    movers.fill(setup);
     chunk.view.movers = {setup.movers.data(), setup.mover_of_body.data()};
     chunk.view.pair_limits.cull = distance < kInf;
     chunk.view.prove_at_once = true;
