@@ -127,7 +127,7 @@ TEST_F(Stamps, TheNewestIsThatOfThePosesThatAreThere) {
 
 TEST(StampMarks, RememberSoManyPublishersOfABody) {
   StampMarks marks(1);
-  for (std::uint64_t p = 1; p <= StampMarks::kRemembered; ++p) marks.note(0, p, 100 + static_cast<std::int64_t>(p));
+  for (std::uint64_t p = 1; p <= StampMarks::kMostMarks; ++p) marks.note(0, p, 100 + static_cast<std::int64_t>(p));
   marks.note(0, 1, 200);
   marks.note(0, 99, 300);
   EXPECT_EQ(marks.last(0, 1), 200);
