@@ -178,8 +178,8 @@ void run(SelfTest& test, const NarrowOptions& given, int places) {
   if (contradictions > 0) test.count(std::to_string(contradictions) + " pairs of bounds contradict each other");
 }
 
-template <class Ask>
-SelfTest timed(std::string_view name, Ask evaluate) {
+template <class Evaluate>
+SelfTest timed(std::string_view name, Evaluate evaluate) {
   const FpEnvironment environment;
   const auto begin = std::chrono::steady_clock::now();
   SelfTest test{std::string(name)};

@@ -204,11 +204,11 @@ bool Planner::advance(WorkMeter& meter) {
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};
   plan_.query.pair_margins = {};
-  settle_size();
+  compute_size();
   return true;
 }
 
-void Planner::settle_size() {
+void Planner::compute_size() {
   const QueryView& query = plan_.query;
   QuerySize& size = plan_.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);

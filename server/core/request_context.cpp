@@ -41,7 +41,7 @@ ServiceClass RequestContext::class_for(const ReplySink& sink, const QueryOptions
 }
 
 void RequestContext::begin_pose_update(std::uint64_t client, ServiceClass service) {
-  ++pose_updates_.try_emplace(client, Away{0, service}).first->second.count;
+  ++pose_updates_.try_emplace(client, PendingUpdates{0, service}).first->second.count;
 }
 
 void RequestContext::end_pose_update(std::uint64_t client) {

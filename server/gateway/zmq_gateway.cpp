@@ -92,7 +92,7 @@ class ZmqGateway {
     for (;;) {
       wait();
       link_.turn();
-      while (std::optional<Message> message = link_.receive()) obey(std::move(*message));
+      while (std::optional<Message> message = link_.receive()) handle(std::move(*message));
       for (const std::uint64_t number : released_.take()) send(Kind::kReplyReleased, {}, {}, number);
       if (zap_) zap_->serve();
       for (int i = 0; i < kFramesPerTurn && may_take_more() && take_frame(); ++i) {
@@ -144,7 +144,7 @@ class ZmqGateway {
     return true;
   }
 
-  void obey(Message message) {
+  void handle(Message message) {
     switch (message.kind) {
       case Kind::kPing:
         return send(Kind::kAlive, {});

@@ -24,7 +24,7 @@ int LcmAnnouncer::serve() {
     next_period_ = now + kPeriod;
   }
   // A dropped request must not end the distances for good.
-  if (distances_pending_ && now - requested_at_ > kLcmSayAgain) distances_pending_ = false;
+  if (distances_pending_ && now - requested_at_ > kLcmRepeatInterval) distances_pending_ = false;
   if (distances_wanted() && now >= next_distances_) {
     pose_revision_ = handler_.engine().pose_revision();
     next_distances_ = now + std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / distances_hz_));

@@ -33,7 +33,7 @@ class ShmSessions {
   /// @param polls of the loop so far
   void poll(std::uint64_t polls);
   /// Serves the sockets in the next poll.
-  void look_soon() { sockets_due_ = true; }
+  void poll_sockets_soon() { sockets_due_ = true; }
   void tick();
   /// Disconnects a client that breaks the protocol.
   void violate(ShmSession& session, const char* why);

@@ -56,7 +56,7 @@ class ShmTransport final : public Transport {
 
   void finish_sleep() override {
     set_sleeping(false);
-    sessions_.look_soon();
+    sessions_.poll_sockets_soon();
   }
 
   void tick(RequestHandler& handler) override {

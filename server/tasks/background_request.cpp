@@ -26,7 +26,7 @@ bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_poi
       return false;
     }
     payload_bytes_ = payload_.size();
-    step_ = Step::kRoom;
+    step_ = Step::kReserve;
   } else if (step_ == Step::kCopy) {
     if (!copy(now + budget)) {
       now = Clock::now();
@@ -34,7 +34,7 @@ bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_poi
     }
     step_ = Step::kPublish;
   }
-  if (failure_ || step_ != Step::kRoom) let_go();
+  if (failure_ || step_ != Step::kReserve) free_memory();
   now = Clock::now();
   return true;
 }
@@ -50,7 +50,7 @@ bool BackgroundRequest::copy(Clock::time_point end) {
   return true;
 }
 
-void BackgroundRequest::let_go() {
+void BackgroundRequest::free_memory() {
   make_ = nullptr;
   payload_ = {};
 }
@@ -62,7 +62,7 @@ void BackgroundRequest::check_client() {
 
 bool BackgroundRequest::advance_on_loop() {
   if (step_ == Step::kOver) return true;
-  if (step_ == Step::kRoom) {
+  if (step_ == Step::kReserve) {
     if (done_ && !done_(!failure_)) {
       step_ = Step::kMake;
       ignored_ = 0;

@@ -37,12 +37,12 @@ class BackgroundRequest final : public ScheduledQuery {
 
   bool is_wanted() const override { return !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
-  void let_go() override;
+  void free_memory() override;
   void check_client() override;
   bool advance_on_loop() override;
 
  private:
-  enum class Step { kMake, kRoom, kCopy, kPublish, kOver };
+  enum class Step { kMake, kReserve, kCopy, kPublish, kOver };
 
   bool copy(Clock::time_point end);
 

@@ -57,7 +57,7 @@ bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now)
     check_deadline(now);
     work(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
   });
-  if (failure_ || step_ == Step::kPublish || step_ == Step::kOver) let_go();
+  if (failure_ || step_ == Step::kPublish || step_ == Step::kOver) free_memory();
   worked_ = Clock::now();
   in_engine_ += worked_ - now;
   now = worked_;
@@ -129,7 +129,7 @@ void QueryTask::end() {
   step_ = Step::kOver;
 }
 
-void QueryTask::let_go() {
+void QueryTask::free_memory() {
   fetch_ = nullptr;
   prepared_.reset();
   job_.reset();

@@ -55,7 +55,7 @@ class QueryTask final : public ScheduledQuery {
 
   bool is_wanted() const override { return on_loop_ ? pending_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
-  void let_go() override;
+  void free_memory() override;
   void check_client() override { gone_.store(is_ended_ || !pending_.sink->alive(), std::memory_order_relaxed); }
   Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
   void expire() override;
@@ -108,7 +108,7 @@ class QueryTask final : public ScheduledQuery {
   std::optional<RejectedRequest> failure_;
   std::uint64_t payload_bytes_ = 0, units_ = 0;
 
-  // Of the request. let_go() frees large memory on the worker.
+  // Of the request. free_memory() frees large memory on the worker.
   std::function<OwnPayload()> fetch_;
   std::vector<std::uint64_t> aligned_;
   OwnPayload payload_;

@@ -29,7 +29,7 @@ class ScheduledQuery {
   /// @param now the time, updated to the end of the work
   virtual bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) = 0;
   /// Frees large memory of a query that is no longer needed.
-  virtual void let_go() {}
+  virtual void free_memory() {}
 
   // On the loop's thread.
   /// Checks whether its client is still connected.

@@ -165,7 +165,7 @@ class Decision {
   // The pair that a thread evaluates. It stays in registers as long as no address of a part of it is kept. So its run,
   // which does keep addresses, is not a member, and functions that are not inlined get copies.
   using Scene = Hull<SceneVertices>;
-  struct Look {
+  struct QueuedPair {
     const bool there;  // if false, the thread duplicates another thread's pair and contributes nothing
     const std::uint32_t member;
     const BodyPoseRef at_a, at_b;
@@ -176,7 +176,8 @@ class Decision {
     const bool runs;  // neither its poses nor its boxes answer it
     bool apart;       // proved so far
 
-    __device__ __forceinline__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
+    __device__ __forceinline__ QueuedPair(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref,
+                                          std::uint32_t k)
         : there(is_there),
           member(i),
           at_a(c.bodies, c.configurations, ref.a, k),
@@ -198,8 +199,8 @@ class Decision {
     const int source = static_cast<int>(there ? threadIdx.x % 32 : first_bit(all_there));
     const std::uint32_t member = there ? queue_[team_.lane] : 0;
     const PairRef ref = members_.ref(member);
-    Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
-              __shfl_sync(~0u, members_.k, source));
+    QueuedPair pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
+                    __shfl_sync(~0u, members_.k, source));
     GjkRun<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
     if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
@@ -224,7 +225,7 @@ class Decision {
 
   // Runs GJK on the team's pairs in lockstep. Without depths the first overlapping pair wins: later pairs wait, and
   // earlier ones only need to be proved apart. Returns a bit for each pair whose simplex encloses the origin.
-  __device__ __forceinline__ std::uint32_t race(Look& pair, GjkRun<Scene>& run) const {
+  __device__ __forceinline__ std::uint32_t race(QueuedPair& pair, GjkRun<Scene>& run) const {
     const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
     const double apart_from = margin * margin * (1 + 0x1p-30);
     for (int steps = 0;;) {
@@ -242,7 +243,8 @@ class Decision {
   }
 
   // Whether this thread's pair is the first one that encloses the origin and is proved to overlap.
-  __device__ __forceinline__ bool proves_overlap(Look& pair, const GjkRun<Scene>& run, std::uint32_t enclosing) const {
+  __device__ __forceinline__ bool proves_overlap(QueuedPair& pair, const GjkRun<Scene>& run,
+                                                 std::uint32_t enclosing) const {
     if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
     Enclosed enclosed;
     take_enclosed(run.g, enclosed);
@@ -253,7 +255,8 @@ class Decision {
     return overlaps;
   }
   // Whether this thread's pair leaves the first overlapping pair undetermined.
-  __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
+  __device__ __forceinline__ bool is_unsure_of_overlap(const QueuedPair& pair, std::uint32_t enclosing,
+                                                       bool overlaps) const {
     if (enclosing == 0 || !pair.there) return false;
     const std::uint32_t first = first_bit(enclosing);
     return team_.lane == first ? !overlaps : pair.runs && team_.lane < first && !pair.apart;
@@ -262,7 +265,7 @@ class Decision {
   // Merges the bounds of the team's pairs, none of which encloses the origin, into the configuration. All threads of
   // the warp call it. Returns false if this thread's bounds did not converge.
   // \param ends whether this thread's pair has finished
-  __device__ __forceinline__ bool take_bounds(Look& pair, const GjkRun<Scene>& run, bool ends) {
+  __device__ __forceinline__ bool take_bounds(QueuedPair& pair, const GjkRun<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
     const RunBounds<double> bounds = run.bounds();
     const bool settles = ends && (!pair.runs || bounds.converged);
@@ -288,7 +291,7 @@ class Decision {
     reach_ = fminf(reach_, square_from_above(cutoff_));
     return !ends || settles;
   }
-  __device__ __forceinline__ void keep(const Look& pair, const GjkRun<Scene>& run,
+  __device__ __forceinline__ void keep(const QueuedPair& pair, const GjkRun<Scene>& run,
                                        const RunBounds<double>& bounds) const {
     const Scene a = pair.a, b = pair.b;
     const BodyPoseRef at_a = pair.at_a, at_b = pair.at_b;
