@@ -121,7 +121,7 @@ TEST(Allow, GoesOverToTheNextScene) {
   EXPECT_TRUE(is_enabled(next, 1, 4)) << "still the attachment's alone";
 }
 
-TEST(Allow, RefusesWhatItCannotKeep) {
+TEST(Allow, RejectsWhatItCannotKeep) {
   Engine engine(six(), {.threads = 1});
   const std::vector<BodyPair> all = engine.pairs({});
   const auto rejected = [&](auto&& call, QueryErrorCode code, const char* text) {

@@ -48,7 +48,7 @@ Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std:
   return a;
 }
 
-TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
+TEST(Slices, EndWithinAPairOfBodiesOfManyParts) {
   const Engine engine(heaps(2, 60), {.threads = 1});
   QueryView query;
   query.signed_distance = true;
@@ -95,7 +95,7 @@ TEST(Slices, GiveEveryReductionTheSameBits) {
   }
 }
 
-TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
+TEST(Slices, APairThatIsTooExpensiveIsBegunAgainInTheNextOne) {
   Random random(9);
   Scene scene;
   for (int b = 0; b < 2; ++b) {

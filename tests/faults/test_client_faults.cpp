@@ -84,7 +84,7 @@ TEST_F(ClientFaults, KilledAtAnyMomentTheyLeaveNothingBehind) {
   expect_all_right();
 }
 
-TEST_F(ClientFaults, FrozenAtEveryPointTheyKeepNobodyWaiting) {
+TEST_F(ClientFaults, FrozenAtEveryPointTheyKeepNoOthersWaiting) {
   for (const std::string& url : arena_.urls()) {
     const auto points = points_of(url);
     for (std::size_t first = 0; first < points.size(); first += 6) {

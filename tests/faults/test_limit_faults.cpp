@@ -63,7 +63,7 @@ class LimitFaults : public testing::Test {
   Census before_;
 };
 
-TEST_F(LimitFaults, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
+TEST_F(LimitFaults, WithoutDescriptorsNewClientsAreRejectedAndOldOnesServed) {
   for (int round = 0; round < rounds(1); ++round)
     for (const int spare : {0, 1, 2, 3, 7}) {
       std::vector<Client> clients;
@@ -89,7 +89,7 @@ TEST_F(LimitFaults, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
   expect_recovered();
 }
 
-TEST_F(LimitFaults, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
+TEST_F(LimitFaults, WithoutMemoryLargeRequestsAreRejectedAndSmallOnesAnswered) {
   const std::uint32_t body = 1;
   const auto poses = [](std::size_t count) { return std::vector<Pose7>(count, Pose7{1, 2, 3, 1, 0, 0, 0}); };
   const std::uint64_t rested = address_space_of(arena_.daemon().pid());
@@ -131,7 +131,7 @@ TEST_F(LimitFaults, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   expect_recovered();
 }
 
-TEST_F(LimitFaults, SegmentsBeyondTheFileSizeLimitAreRefused) {
+TEST_F(LimitFaults, SegmentsBeyondTheFileSizeLimitAreRejected) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
     const std::string rejected = error_of([&] { patient(arena_.shm()); });

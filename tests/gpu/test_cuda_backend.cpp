@@ -113,7 +113,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
 }
 
 // Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations; warm queries start cold.
-TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 5.0}) {
     const Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
     Random random(42);
@@ -163,7 +163,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
 }
 
 // A body with a convex part that the device cannot hold is left to the CPU as a whole.
-TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
+TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
   const auto with_large = [] {
     Scene scene = decomposed_scene(30, 2, 43), large;
     large.add_uv_sphere("large", 0.3, 200, {});  // 79,602 vertices

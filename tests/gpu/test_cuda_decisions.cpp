@@ -89,7 +89,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
   EXPECT_GT(near, 100u);
 }
 
-TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
+TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForUncertainBodies) {
   for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
     UncertainCase c(K, 11);
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;

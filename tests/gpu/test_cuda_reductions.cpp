@@ -297,7 +297,7 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
     for (std::size_t i = 0; i < requested.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
 }
 
-TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
+TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 3.0, 8.0}) {
     const Engine device(decomposed_scene(90, box, 21), {"cuda"}), cpu(decomposed_scene(90, box, 21), {"cpu"});
     Random random(22);

@@ -221,7 +221,7 @@ TEST_F(SharedDeviceMemory, NamesItsDevice) {
   EXPECT_NE(one.handle().ipc, other.handle().ipc);
 }
 
-TEST_F(SharedDeviceMemory, IsRefusedWhereThereIsNoRoom) {
+TEST_F(SharedDeviceMemory, IsRejectedWhereMemoryIsShort) {
   try {
     const cuda::SharedMemory memory(0, std::size_t{1} << 50);
     FAIL() << "a petabyte";

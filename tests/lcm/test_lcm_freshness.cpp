@@ -197,7 +197,7 @@ TEST_F(LcmFreshness, AFloodOfPublishersIsForgottenAndReported) {
 
 // --- restarts
 
-TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
+TEST_F(LcmFreshness, APublisherThatRestartsIsFollowedAtOnce) {
   start();
   FaultyLink link(7, {.lose = 0.1, .duplicate = 0.2, .delay = 0.6, .most_delay = 8},
                   [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
@@ -230,7 +230,7 @@ TEST_F(LcmFreshness, ADaemonThatStartsLateHasAllPosesAfterOneRepeat) {
   EXPECT_EQ(counter("lcm.gaps"), 0u) << "what was sent before its time is not missing";
 }
 
-TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRepeats) {
+TEST_F(LcmFreshness, ADaemonThatRestartsWithAnotherSceneHasAllPosesAfterTwoRepeats) {
   start();
   ASSERT_TRUE(until([&] { return !scenes_.empty(); }));
   const std::int64_t old_scene = scenes_.back().revision;
@@ -398,7 +398,7 @@ TEST_F(LcmFreshness, AFrameThatMovesBodiesIsTakenOnce) {
 
 // --- age
 
-TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
+TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanRequested) {
   start();
   set_poses(1, 0.7);
   pose_update_t one{};

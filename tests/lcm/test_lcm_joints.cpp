@@ -68,7 +68,7 @@ TEST_F(LcmJoints, NamesAreLookedUpAndUnknownOnesCounted) {
   EXPECT_EQ(counter("lcm.unknown_bodies"), 1u);
 }
 
-TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRefused) {
+TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRejected) {
   start("", {.any = false, .allowed = {"ball0"}}, arm_scene());
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.poses_not_allowed", 2));
@@ -102,7 +102,7 @@ TEST_F(LcmJoints, PositionsThatAreNoNumbersAreBadAndTheOthersHold) {
   EXPECT_EQ(counter("poses.bad"), 4u);
 }
 
-TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
+TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRejected) {
   start("", {}, arm_scene());
   joint_query_t message{};
   message.query = query_message();

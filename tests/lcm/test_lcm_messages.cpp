@@ -116,7 +116,7 @@ TEST(LcmCheck, Frame) {
   test_sizes(frame(200), {8 + 5 * 8 + 2 * 4});
 }
 
-TEST(LcmCheck, ThirtySevenBytesAskForGigabytes) {
+TEST(LcmCheck, ThirtySevenBytesRequestGigabytes) {
   // Generated code allocated 9.4 GB for this: a count of 2^28 - 1 at the end of a packet of 37 bytes (and of 44).
   std::vector<std::byte> packet = encode(poses(0));
   put_word(packet, packet.size() - 4, (1 << 28) - 1);
@@ -275,7 +275,7 @@ TEST(LcmFrames, OldOnesAreGivenUp) {
   EXPECT_EQ(later.counts().given_up, 1u);
 }
 
-TEST(LcmFrames, RoomIsBounded) {
+TEST(LcmFrames, MemoryIsBounded) {
   std::mt19937 random(10);
   const auto bytes = random_bytes(random, 100000);
   FrameAssembler few({.frame_bytes = 1 << 20, .total_bytes = 1 << 30, .frames = 4});
@@ -289,7 +289,7 @@ TEST(LcmFrames, RoomIsBounded) {
   EXPECT_TRUE(small.add(parts_of(bytes, 1, 10)[2], Clock::now()));
 }
 
-TEST(LcmFrames, NumbersThatDoNotFitAreRefused) {
+TEST(LcmFrames, NumbersThatDoNotFitAreRejected) {
   std::mt19937 random(11);
   const auto good = parts_of(random_bytes(random, 100000), 1, 1)[1];
   FrameAssembler assembler(kRoomy);

@@ -134,7 +134,7 @@ TEST_F(LcmTransportTest, ABadPoseAmongGoodOnesIsBadAndTheOthersHold) {
   EXPECT_EQ(counter("poses.bad"), 2u);
 }
 
-TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRefused) {
+TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRejected) {
   start();
   pose_update_t other = update(1, 1.0);
   other.scene_revision = 12345;

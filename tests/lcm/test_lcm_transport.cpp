@@ -58,7 +58,7 @@ void expect_same(const reply_t& reply, const Engine& engine, QueryView query, st
   vectors(reply.compact, reinterpret_cast<const float*>(view.compact), 8, "compact");
 }
 
-TEST_F(LcmTransportTest, AnEmptyQueryAsksForAllPairs) {
+TEST_F(LcmTransportTest, AnEmptyQueryRequestsAllPairs) {
   start();
   set_poses(1, 0.7);
   const auto reply = evaluate(query_message());
@@ -154,7 +154,7 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
   expect_same(*reply, *engine_, view, fields);
 }
 
-TEST_F(LcmTransportTest, RefusalsSayWhy) {
+TEST_F(LcmTransportTest, RejectionsSayWhy) {
   start();
   set_poses(1, 0.7);
   const auto reject = [&](const query_t& query, int code, const std::string& text) {
@@ -228,7 +228,7 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   expect_same(reply, *engine_, {}, kDefaultFields | kFieldPair);
 }
 
-TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
+TEST_F(LcmTransportTest, PosesThatDoNotComeAreReported) {
   start();
   set_poses(1, 0.1);
   const auto evaluate_for = [&](query_t query) {
@@ -377,7 +377,7 @@ TEST_F(LcmTransportTest, ListenersGetDistances) {
   for (std::size_t i = 1; i < distances_.size(); ++i) EXPECT_EQ(distances_[i].sequence, distances_[i - 1].sequence + 1);
 }
 
-TEST_F(LcmTransportTest, NoDistancesUnlessAskedFor) {
+TEST_F(LcmTransportTest, NoDistancesUnlessRequested) {
   start();
   set_poses(1, 0.7);
   set_poses(2, 0.8);

@@ -235,7 +235,7 @@ struct CanCase {
 };
 
 // Convex parts that overlap by less than `outer` prove nothing about the exact bodies; an overlap by more does.
-TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
+TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
@@ -262,7 +262,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
 }
 
 // Rows that no CPU finishes have bounds that contain the CPU's distances, including slack.
-TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
+TEST(SlackKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);

@@ -58,7 +58,7 @@ class NotingDevice final : public IdleDevice {
   NotedChunks& noted_;
 };
 
-TEST(ChunkPlan, PutsPairsOfSeveralPiecesBehindTheOthers) {
+TEST(ChunkPlan, PutsPairsOfSeveralPartsBehindTheOthers) {
   const auto scene = [] { return decomposed_scene(50, 3, 1); };
   Random random(2);
   for (const std::uint32_t configurations : {0u, 90u}) {

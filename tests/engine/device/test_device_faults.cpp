@@ -103,7 +103,7 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   EXPECT_EQ(calls[1], calls[0] + 4) << "each makes buffer_of for warm state";
 }
 
-TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
+TEST_F(DeviceFaults, AreRejectionsWhereTheCpuMayNotTakeOver) {
   const DeviceTestQuery device_query = query_about(Reduce::kNone);
   int rejected = 0;
   for (int at = 0;; ++at) {
@@ -137,7 +137,7 @@ TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   EXPECT_EQ(counter(device, "cuda.usable"), 1u);
 }
 
-TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRefused) {
+TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRejected) {
   Engine::Options small = options();
   small.device_memory = 999;
   const Engine device(scene(), small), cpu(scene(), {"cpu", 2});

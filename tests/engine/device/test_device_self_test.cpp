@@ -56,7 +56,7 @@ TEST(DeviceSelfTest, TakesWhatTheCpuAnswersInstead) {
   EXPECT_GT(test.answers, 300u);
 }
 
-TEST(DeviceSelfTest, BlamesNoDeviceThatCannotBeAsked) {
+TEST(DeviceSelfTest, BlamesNoDeviceThatCannotBeTested) {
   for (int at = 0; at < 6; ++at)
     for (const cuda::DeviceError::Kind kind : {cuda::DeviceError::kLost, cuda::DeviceError::kNoMemory}) {
       Fault fault;

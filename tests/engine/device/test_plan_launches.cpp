@@ -171,7 +171,7 @@ TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
   EXPECT_EQ(told_.launches[0].chunk.configurations, 5u);
 }
 
-TEST_F(PlanLaunches, AreRefusedByName) {
+TEST_F(PlanLaunches, AreRejectedByName) {
   Scene scene = uncertain_robot_scene(false);
   scene.add_box("mover", {0.1, 0.1, 0.1}, {.pose = Pose(), .max_speed = 1});
   scene.add_box("rider of it", {0.1, 0.1, 0.1}, {.parent = "mover", .pose = Pose()});

@@ -114,7 +114,7 @@ TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   EXPECT_THROW(evaluate(strict, device_query.q), QueryError) << "again";
 }
 
-TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
+TEST_F(SeveralDevices, WithoutMemoryLeaveOneQueryToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
   const DeviceTestQuery device_query(kConfigurations);
   const Answer expected = evaluate(cpu, device_query.q);
@@ -123,7 +123,7 @@ TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
 }
 
-TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRefused) {
+TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRejected) {
   faults_[1].at = 0;
   const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1}));
   expect_same(evaluate(device, {}), evaluate(cpu, {}), "with the one that is left");

@@ -262,7 +262,7 @@ std::vector<BadMesh> bad_meshes() {
   };
 }
 
-TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
+TEST(Mesh, EveryDamagedFileIsRejectedWithItsCause) {
   const TemporaryFolder folder;
   int cases = 0;
   for (const BadMesh& bad : bad_meshes()) {
@@ -280,7 +280,7 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
 
 // Small files whose nodes stand for very many: counted before anything is made of them, so that little memory is
 // enough.
-TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
+TEST(Mesh, NodesThatMultiplyAreRejectedBeforeTheyAreMade) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
   MeshLimits limits;

@@ -190,7 +190,7 @@ TEST_F(DevicePlansTest, AreLaunchedAFewChunksAtATime) {
   EXPECT_EQ(device_.launches, 9);
 }
 
-TEST_F(DevicePlansTest, ThatRunForLongHoldUpNobody) {
+TEST_F(DevicePlansTest, ThatRunForLongDelayNoOthers) {
   begin();
   const Mapped long_one = open(a_), short_one = open(b_);
   device_.is_done = false;
@@ -306,7 +306,7 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
                   "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
 }
 
-TEST_F(DevicePlansTest, AreRefusedByName) {
+TEST_F(DevicePlansTest, AreRejectedByName) {
   Loop::Options options;
   options.max_pairs = 1000;
   begin(options);
@@ -363,7 +363,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
   reject(plan_query(), ErrorCode::kNotSupported, "a plan on a device: the engine has no device (backend cuda or auto)");
 }
 
-TEST_F(DevicePlansTest, OfAnotherSceneAreRefusedWhereTheirClientSaysWhichItKnows) {
+TEST_F(DevicePlansTest, OfAnotherSceneAreRejectedWhereTheirClientSaysWhichItKnows) {
   begin();
   const Mapped plan = open(a_);
   const auto in_scene = [&](std::uint64_t scene) {

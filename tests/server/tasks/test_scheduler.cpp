@@ -159,7 +159,7 @@ TEST_F(SchedulerTest, WorksForASliceInAll) {
   EXPECT_EQ(scheduler_.size(), 0u);
 }
 
-TEST_F(SchedulerTest, ThoseThatNobodyWantsAreDroppedWithoutASlice) {
+TEST_F(SchedulerTest, ThoseThatAreNotWantedAreDroppedWithoutASlice) {
   add({.name = 1, .client = 1, .slices = 9});
   add({.name = 2, .client = 2, .slices = 9});
   ASSERT_EQ(work(2), (std::vector<int>{1, 2}));
