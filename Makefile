@@ -36,8 +36,8 @@ fuzz:  ## run libFuzzer on every parser of untrusted bytes, SECONDS=600 for each
 MINUTES ?= 60
 SEED ?= 1
 soak: setup  ## inject faults (docs/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
-	@tools/build.sh release test_fire_clients test_fire_daemon test_fire_limits test_fire_inputs clearance-soak
-	@for test in clients daemon limits inputs; do CLEARANCE_FIRE_ROUNDS=26 build/bin/test_fire_$$test --gtest_brief=1 || exit 1; done
+	@tools/build.sh release test_client_faults test_daemon_faults test_limit_faults test_input_faults clearance-soak
+	@for test in client daemon limit input; do CLEARANCE_FAULT_ROUNDS=26 build/bin/test_$${test}_faults --gtest_brief=1 || exit 1; done
 	@build/bin/clearance-soak --minutes $(MINUTES) --seed $(SEED) --csv docs/results/soak.csv
 
 demo: setup  ## move an arm by joint messages, query it over all three transports, and draw out/demo.png

@@ -51,7 +51,7 @@ void add_decompose(CLI::App& app) {
   command
       .add_option("--threshold", o->options.threshold, "maximum concavity of a part, as CoACD defines it: 0.01 to 1")
       ->check(CLI::Range(0.01, 1.0));
-  command.add_option("--max-pieces", o->options.most_pieces, "maximum number of parts; -1: unlimited");
+  command.add_option("--max-pieces", o->options.most_pieces, "maximum number of parts; -1 for no limit");
   command.add_option("--seconds", o->options.seconds, "time limit of CoACD")->check(CLI::PositiveNumber);
   command.add_option("--python", o->options.python, "Python interpreter that has coacd");
   command.add_flag("--keep", o->options.keep, "keep the existing parts, and prove their error");

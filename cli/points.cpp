@@ -48,7 +48,8 @@ void add_points(CLI::App& app) {
   auto& command = *app.add_subcommand("points", "replace the points of a point cloud");
   auto options = std::make_shared<PointsOptions>();
   command.add_option("BODY", options->body, "name or number of the body")->required();
-  command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; -: standard input")->required();
+  command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; - for standard input")
+      ->required();
   command.add_option("--radius", options->radius, "radius of the points, in metres; default: the scene's")
       ->check(at_least_zero());
   add_connection_options(command, options->connection);

@@ -183,7 +183,7 @@ void add_query(CLI::App& app) {
       ->capture_default_str();
   command
       .add_option("--max-pose-age", options->max_pose_age_s,
-                  "pairs with an older pose have the status stale_pose, and no distance; 0: any age")
+                  "pairs with an older pose have the status stale_pose, and no distance; 0 for any age")
       ->check(quiet(CLI::Range(0.0, 1e9)))
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
@@ -192,7 +192,7 @@ void add_query(CLI::App& app) {
     CLI::Option& added = *command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
     if constexpr (std::is_enum_v<std::remove_reference_t<decltype(member(q))>>) take_words(added, option.legal.text);
   });
-  command.add_option("--limit", options->limit, "rows to print as a table; 0: all")
+  command.add_option("--limit", options->limit, "rows to print as a table; 0 for all")
       ->type_name("N")
       ->capture_default_str();
   add_connection_options(command, options->connection);

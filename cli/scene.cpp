@@ -121,11 +121,11 @@ void add_add(CLI::App& scene) {
   shape.add_flag("--half-space", options->half_space, "z <= 0 in its own frame: a floor or a wall, static");
   shape
       .add_option("--vertices", options->vertices,
-                  "the convex hull of the vertices in this file, x y z on a line; -: standard input")
+                  "the convex hull of the vertices in this file, x y z on a line; - for standard input")
       ->type_name("FILE");
   shape
       .add_option("--points", options->points,
-                  "a cloud, which `clearance points` replaces: x y z on a line; -: standard input")
+                  "a cloud, which `clearance points` replaces: x y z on a line; - for standard input")
       ->type_name("FILE");
   command.add_option("--voxel", options->voxel, "with --points: edge of a box around each point")->type_name("X");
   command

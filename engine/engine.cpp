@@ -25,8 +25,8 @@ Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bo
   if (missing.empty() && of.has_proxies()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
-  const bool is_kept = plan.question && JobCache::keeps(plan.size);
-  if (keep_on_cpu || is_kept || !missing.empty()) return route;
+  const bool is_cached = plan.question && JobCache::keeps(plan.size);
+  if (keep_on_cpu || is_cached || !missing.empty()) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
   return route;
@@ -144,12 +144,12 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 }
 
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
-  QueryView requested = query;
-  requested.reduce = Reduce::kAny;
-  requested.format = Format::kFull;
-  requested.fields = kFieldFreeScale;
-  requested.weights = weights;
-  PreparedQuery prepared = prepare(requested);
+  QueryView scale_query = query;
+  scale_query.reduce = Reduce::kAny;
+  scale_query.format = Format::kFull;
+  scale_query.fields = kFieldFreeScale;
+  scale_query.weights = weights;
+  PreparedQuery prepared = prepare(scale_query);
   std::vector<double> scales(prepared.size().rows);
   ReplyView reply;
   reply.rows = scales.size();
@@ -163,11 +163,11 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
 PreparedQuery Engine::begin_preparing(const QueryView& query) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  const bool is_kept = impl_->keeps_job_of(query);
-  if (is_kept)
-    if (Job::StatePtr again = impl_->kept.take(query, snapshot)) return PreparedQuery(std::move(again));
+  const bool is_cached = impl_->may_cache_job_of(query);
+  if (is_cached)
+    if (Job::StatePtr cached = impl_->job_cache.take(query, snapshot)) return PreparedQuery(std::move(cached));
   return PreparedQuery(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
-                                                 impl_->options.max_rows, true, is_kept));
+                                                 impl_->options.max_rows, true, is_cached));
 }
 
 PreparedQuery Engine::prepare(const QueryView& query) const {
@@ -248,9 +248,9 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
 }
 
 std::string Engine::certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows) const {
-  CertificateRows requested;
-  if (rows) requested.numbers.emplace(rows->begin(), rows->end());
-  CertificateRun run = begin_certificate(query, std::move(requested));
+  CertificateRows selected;
+  if (rows) selected.numbers.emplace(rows->begin(), rows->end());
+  CertificateRun run = begin_certificate(query, std::move(selected));
   while (!run.advance()) {
   }
   const std::vector<std::byte> text = run.take();
@@ -273,9 +273,9 @@ std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room
   return impl_->warm.trim(client, room);
 }
 
-QueryCost Engine::extent(const QueryView& query) const {
-  const SceneCost& bulk = query.model == Model::kPieces ? impl_->bulk_by_parts : impl_->bulk;
-  return bulk.of(query, *impl_->poses.snapshot());
+QueryCost Engine::cost(const QueryView& query) const {
+  const SceneCost& scene_cost = query.model == Model::kPieces ? impl_->scene_cost_by_parts : impl_->scene_cost;
+  return scene_cost.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;

@@ -154,7 +154,7 @@ class Engine {
   CertificateRun begin_certificate(const QueryView& query, CertificateRows rows) const;
 
   /// Upper bound on the cost of a query (SceneCost::of()).
-  QueryCost extent(const QueryView& query) const;
+  QueryCost cost(const QueryView& query) const;
   /// Whether the CPU may answer queries: false if backend cuda was requested.
   bool has_cpu() const;
 

@@ -36,9 +36,9 @@ struct Engine::Impl {
   std::string rejected_device;  // reason that the device is not used, or empty
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
-  SceneCost bulk{scene};
-  SceneCost bulk_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable JobCache kept{scene};  // after `trees`, to which its jobs return theirs
+  SceneCost scene_cost{scene};
+  SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
+  mutable JobCache job_cache{scene};  // after `trees`, to which its jobs return theirs
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
@@ -56,14 +56,14 @@ struct Engine::Impl {
 
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
-    return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions, &warm,
-            &trees, near_by,         device.get(), &kept, &teams};
+    return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions, &warm,
+            &trees, near_by,         device.get(), &job_cache, &teams};
   }
 
   // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
   // where the CPU may answer at all: it takes less time for a small decision than a launch on the device.
-  bool keeps_job_of(const QueryView& query) const {
-    return (!device || (router && query.reduce == Reduce::kAny)) && kept.keeps(query);
+  bool may_cache_job_of(const QueryView& query) const {
+    return (!device || (router && query.reduce == Reduce::kAny)) && job_cache.keeps(query);
   }
 
   // Backend of a query.

@@ -55,7 +55,7 @@ Counters Engine::stats() const {
                     {"engine.threads", static_cast<std::uint64_t>(impl_->options.threads)},
                     {"engine.teams", impl_->teams},
                     {"engine.queries", impl_->queries},
-                    {"engine.queries_from_cache", impl_->kept.cache_hits()},
+                    {"engine.queries_from_cache", impl_->job_cache.cache_hits()},
                     {"engine.pairs_evaluated", impl_->pairs_evaluated},
                     {"engine.contradictions", impl_->contradictions},
                     {"engine.pose_revision", snapshot->revision},

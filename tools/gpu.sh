@@ -14,7 +14,7 @@ tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions 
 # Tests of moderate size, since each of the sanitizer's tools slows them down a hundredfold.
 sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*"
   "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"
-  "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*TellOf*")
+  "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*FlagEnds*")
 if [ "$what" = programs ]; then
   case ${2:-} in
     test) printf '%s\n' "${tests[@]%% *}" clearance-gpu-bench clearance_cuda ;;

@@ -155,7 +155,7 @@ void add_bench(CLI::App& app) {
       ->capture_default_str();
   command
       .add_option("--spin-us", options->spin_us,
-                  "microseconds that the client polls before it sleeps (shared memory);\n0: none; default 20")
+                  "microseconds that the client polls before it sleeps (shared memory);\n0 for none; default 20")
       ->check(quiet(CLI::Range(0, 1'000'000)))
       ->type_name("N");
   command.add_option("--csv", options->csv, "add a row to this file")->type_name("FILE");

@@ -216,8 +216,7 @@ void add_loop_mode(CLI::App& bench) {
       ->type_name("HZ")
       ->capture_default_str();
   command
-      .add_option("--wait-us", options->wait_us,
-                  "let the query wait so long for the poses of its own cycle; 0: it takes those that are there")
+      .add_option("--wait-us", options->wait_us, "maximum wait for the poses of its own cycle; 0 to use those present")
       ->check(quiet(CLI::Range(0, 10'000'000)))
       ->type_name("N")
       ->capture_default_str();

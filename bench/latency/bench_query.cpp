@@ -20,37 +20,37 @@ const std::map<std::string, Reduce> kBenchReductions{
 
 }  // namespace
 
-void add_query_options(CLI::App& command, BenchQueryOptions& question) {
-  command.add_option("--pairs", question.pairs, "pairs drawn from the scene's; 0: all enabled pairs")
+void add_query_options(CLI::App& command, BenchQueryOptions& options) {
+  command.add_option("--pairs", options.pairs, "pairs drawn from the scene's; 0 for all enabled pairs")
       ->type_name("N")
       ->capture_default_str();
   command
-      .add_option("--configs", question.configurations,
-                  "configurations of --moved bodies around their current poses;\n0: the current poses")
+      .add_option("--configs", options.configurations,
+                  "configurations of --moved bodies around their current poses;\n0 for the current poses")
       ->check(quiet(CLI::Range(0u, 10'000'000u)))
       ->type_name("K")
       ->capture_default_str();
-  command.add_option("--moved", question.moved, "bodies that a configuration moves")
+  command.add_option("--moved", options.moved, "bodies that a configuration moves")
       ->check(quiet(CLI::Range(1u, 100'000u)))
       ->type_name("M")
       ->capture_default_str();
-  command.add_option("--jitter", question.jitter_m, "how far they move: metres and radians, standard deviation")
+  command.add_option("--jitter", options.jitter_m, "how far they move: metres and radians, standard deviation")
       ->check(quiet(CLI::Range(0.0, 1e6)))
       ->type_name("S")
       ->capture_default_str();
-  command.add_option("--seed", question.seed, "of the pairs and configurations drawn")
+  command.add_option("--seed", options.seed, "of the pairs and configurations drawn")
       ->type_name("N")
       ->capture_default_str();
-  command.add_option("--precision", question.precision, "f64, f32")
+  command.add_option("--precision", options.precision, "f64, f32")
       ->check(quiet(CLI::IsMember({"f64", "f32"})))
       ->type_name("WORD")
       ->capture_default_str();
-  command.add_option("--reduce", question.reduce, "none, within (--max-distance), nearest, min")
+  command.add_option("--reduce", options.reduce, "none, within (--max-distance), nearest, min")
       ->check(quiet(CLI::IsMember({"none", "within", "nearest", "min"})))
       ->type_name("WORD")
       ->capture_default_str();
   command
-      .add_option("--max-distance", question.max_distance, "pairs proved farther than this many metres are \"beyond\"")
+      .add_option("--max-distance", options.max_distance, "pairs proved farther than this many metres are \"beyond\"")
       ->check(quiet(CLI::NonNegativeNumber))
       ->type_name("M");
 }

@@ -21,7 +21,7 @@ struct BenchQueryOptions {
   std::string reduce = "none", precision = "f64";
   double max_distance = std::numeric_limits<double>::infinity();
 };
-void add_query_options(CLI::App& command, BenchQueryOptions& question);
+void add_query_options(CLI::App& command, BenchQueryOptions& options);
 
 /// A query over real poses, with the memory that it refers to.
 struct BenchQuery {
@@ -32,7 +32,7 @@ struct BenchQuery {
 };
 
 /// Draws a query. Throws std::invalid_argument if the scene has too few pairs, or no movable body.
-BenchQuery make_query(Client& client, const BenchQueryOptions& question);
+BenchQuery make_query(Client& client, const BenchQueryOptions& options);
 
 /// A pose with normal noise: `sigma_m` metres along and as many radians about each axis.
 Pose7 jittered(const Pose7& pose, double sigma_m, std::mt19937_64& random);

@@ -294,7 +294,7 @@ int main(int argc, char** argv) {
   app.add_option("--scenes", o.scenes, "folder of the repository's scenes")->capture_default_str();
   app.add_option("--only", o.only,
                  "close_pairs, tree_profile, support, pairs, lite, spheres or transfers (may be repeated)");
-  app.add_option("--threads", o.contest.threads, "of methods with several; 0: all cores")->capture_default_str();
+  app.add_option("--threads", o.contest.threads, "of methods with several; 0 for all cores")->capture_default_str();
   app.add_option("--coal", o.contest.coal,
                  "Coal's program, built by bench/peers/bench_peers.py; without it Coal is left out");
   app.add_option("--scratch", o.contest.scratch, "folder for Coal's problems")->default_val("/tmp");

@@ -127,9 +127,9 @@ class Bench {
         check(step, 0);
       }
     }
-    const auto questions = static_cast<double>(steps * pairs);
-    if (evaluated) *evaluated = static_cast<double>(looked_at) / questions;
-    return total / questions;
+    const auto rows = static_cast<double>(steps * pairs);
+    if (evaluated) *evaluated = static_cast<double>(looked_at) / rows;
+    return total / rows;
   }
 
  private:

@@ -70,12 +70,12 @@ void CallFilter::check(int error, const char* what) const {
     throw std::runtime_error(who_ + " cannot be confined: " + what + ": " + std::generic_category().message(-error));
 }
 
-std::string CallFilter::enforce(void (*refuse)(int call)) {
+std::string CallFilter::enforce(void (*reject)(int call)) {
   // Fails on a kernel without filters, and in a container that forbids them.
   const std::uint32_t wanted = SECCOMP_RET_TRAP;
   if (::syscall(SYS_seccomp, SECCOMP_GET_ACTION_AVAIL, 0, &wanted) != 0)
     return "the kernel does not permit filters of system calls (" + std::generic_category().message(errno) + ")";
-  rejection = refuse;
+  rejection = reject;
   struct sigaction action{};
   action.sa_sigaction = on_forbidden_call;
   action.sa_flags = SA_SIGINFO;

@@ -31,12 +31,12 @@ class CallFilter {
   void answer(int call, unsigned short error);
   /// Makes enforce() apply to running threads, too. It always applies to later ones.
   void bind_all_threads();
-  /// Enforces the list. The first call outside it is not executed: `refuse` receives its number on the calling thread,
+  /// Enforces the list. The first call outside it is not executed: `reject` receives its number on the calling thread,
   /// must end the process, and may not allocate memory.
   ///
   /// Returns the reason if the kernel does not support such filters (too old, or a container that forbids them),
   /// otherwise an empty text. Throws std::runtime_error for any other failure.
-  std::string enforce(void (*refuse)(int call));
+  std::string enforce(void (*reject)(int call));
 
  private:
   void add(std::uint32_t action, int call, unsigned count, const scmp_arg_cmp* conditions);

@@ -30,9 +30,9 @@ CLEARANCE_HD inline bool ray_misses(const Vec3d& low, const Vec3d& high, const V
 template <class Orientation>
 CLEARANCE_HD int side_of_edge(const Vec3d& a, const Vec3d& b, const Vec3d& p, const Orientation& oriented) {
   const auto sign = [](double x) { return (x > 0) - (x < 0); };
-  const Vec3d flat_a{0, a.y, a.z}, flat_b{0, b.y, b.z}, flat_p{0, p.y, p.z}, beside_a{1, a.y, a.z};
+  const Vec3d flat_a{0, a.y, a.z}, flat_b{0, b.y, b.z}, flat_p{0, p.y, p.z}, off_plane{1, a.y, a.z};
   // det[b - a, p - a, x], which is that of their y and z.
-  if (const int side = oriented(flat_a, flat_b, flat_p, beside_a); side != 0) return side;
+  if (const int side = oriented(flat_a, flat_b, flat_p, off_plane); side != 0) return side;
   if (a.z != b.z) return sign(a.z - b.z);
   return sign(b.y - a.y);
 }

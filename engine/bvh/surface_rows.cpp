@@ -81,19 +81,19 @@ bool SurfaceLister::walk() {
   if (done_ < order_.size()) {
     if (next_ < begin_[order_[done_] + 1]) {
       const std::size_t triangle = triangle_[next_++];
-      for (std::size_t k = 0; k < 3; ++k) meet(rows_.corners[3 * triangle + k]);
+      for (std::size_t k = 0; k < 3; ++k) add_vertex(rows_.corners[3 * triangle + k]);
     } else if (++done_ < order_.size()) {
       next_ = begin_[order_[done_]];
     }
     return true;
   }
   if (!goes_on(rows_.corners.size(), Part::kRename)) return false;
-  meet(rows_.corners[at_++]);
+  add_vertex(rows_.corners[at_++]);
   if (done_ < order_.size()) next_ = begin_[order_[done_]];
   return true;
 }
 
-void SurfaceLister::meet(std::uint32_t number) {
+void SurfaceLister::add_vertex(std::uint32_t number) {
   if (met_[number] != kNew) return;
   met_[number] = static_cast<std::uint32_t>(order_.size());
   order_.push_back(number);

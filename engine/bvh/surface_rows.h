@@ -42,7 +42,7 @@ class SurfaceLister {
   bool step();
   bool goes_on(std::size_t count, Part next);
   bool walk();
-  void meet(std::uint32_t number);
+  void add_vertex(std::uint32_t number);
   void list_element(std::uint32_t element);
 
   const Surface& surface_;

@@ -199,14 +199,14 @@ void Cache::write(const std::string& name, std::span<const std::byte> payload) c
     return;
   }
   const std::lock_guard lock(mutex_);
-  if (bytes <= room_)
-    room_ -= bytes;
+  if (bytes <= free_bytes_)
+    free_bytes_ -= bytes;
   else
-    make_room();
+    evict();
 }
 
 // Other processes write, too, so each scans the folder again after writing a small part of its maximum size.
-void Cache::make_room() const {
+void Cache::evict() const {
   std::vector<File> files = files_in(folder_);
   std::uint64_t held = 0;
   for (const File& file : files) held += static_cast<std::uint64_t>(file.info.st_size);
@@ -219,7 +219,7 @@ void Cache::make_room() const {
     ::unlinkat(folder_.get(), file.name.c_str(), 0);
     held -= static_cast<std::uint64_t>(file.info.st_size);
   }
-  room_ = std::min(most_bytes_ - std::min(held, most_bytes_), most_bytes_ / kLooks);
+  free_bytes_ = std::min(most_bytes_ - std::min(held, most_bytes_), most_bytes_ / kLooks);
 }
 
 std::vector<CacheEntry> Cache::list() const {

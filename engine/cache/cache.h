@@ -78,13 +78,13 @@ class Cache {
  private:
   struct Off {};
   Cache(Off, std::string why) : why_off_(std::move(why)) {}
-  void make_room() const;
+  void evict() const;
 
   std::string path_, why_off_;
   Fd folder_;
   std::uint64_t most_bytes_ = 0;
   mutable std::mutex mutex_;
-  mutable std::uint64_t room_ = 0;  ///< bytes that can be written before the next scan of the folder
+  mutable std::uint64_t free_bytes_ = 0;  ///< bytes that can be written before the next scan of the folder
 };
 
 }  // namespace clearance

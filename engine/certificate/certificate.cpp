@@ -13,7 +13,7 @@ namespace {
 
 constexpr std::uint64_t kMostRows = 100'000;  // about 100 MB of document
 
-[[noreturn]] void refuse(QueryErrorCode code, const std::string& what) {
+[[noreturn]] void reject(QueryErrorCode code, const std::string& what) {
   throw QueryError(code, "certificate: " + what);
 }
 
@@ -33,12 +33,12 @@ class RowCertificateJob final : public CertificateJob {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
       reject_proxies(pair);
       here_ = &placement(0, k);
-      requested_ = {pair, here_, plan_.query.max_distance};
+      bodies_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};
-      evaluator_.begin({&requested_, 1}, {&answer_, 1});
+      evaluator_.begin({&bodies_, 1}, {&answer_, 1});
       step_ = Step::kAnswer;
     }
-    const BodyPair pair = requested_.pair;
+    const BodyPair pair = bodies_.pair;
     if (step_ == Step::kAnswer) {
       if (!evaluator_.advance(slice)) return false;
       text_.begin_row(row, k, pair, answer_);
@@ -65,7 +65,7 @@ class RowCertificateJob final : public CertificateJob {
   Evaluator evaluator_;
   Step step_ = Step::kBegin;  // of the current row
   const BodyPoses* here_ = nullptr;
-  PlacedBodies requested_{};
+  PlacedBodies bodies_{};
   PairAnswer answer_;
   std::unique_ptr<RowProver> prover_;
 };
@@ -74,7 +74,7 @@ void check_rows(const CertificateRows& rows, const QuerySize& size) {
   CertificateRows::check_count(rows.numbers ? rows.numbers->size() : size.rows);
   for (std::size_t i = 0; rows.numbers && i < rows.numbers->size(); ++i)
     if ((*rows.numbers)[i] >= size.rows)
-      refuse(QueryErrorCode::kBadQuery, "rows[" + std::to_string(i) + "]: expected one of " +
+      reject(QueryErrorCode::kBadQuery, "rows[" + std::to_string(i) + "]: expected one of " +
                                             std::to_string(size.rows) + " rows, got " +
                                             std::to_string((*rows.numbers)[i]));
 }
@@ -83,7 +83,7 @@ void check_rows(const CertificateRows& rows, const QuerySize& size) {
 
 void CertificateRows::check_count(std::uint64_t count) {
   if (count > kMostRows)
-    refuse(QueryErrorCode::kTooLarge,
+    reject(QueryErrorCode::kTooLarge,
            "of at most " + std::to_string(kMostRows) + " rows at a time, got " + std::to_string(count));
 }
 
@@ -99,7 +99,7 @@ CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const 
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
   if (query.reduce != Reduce::kNone && query.max_evaluations == 0)
-    refuse(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
+    reject(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,
                        Planner(query, *context.scene, std::move(snapshot), max_rows, true), nullptr});
 }

@@ -47,8 +47,8 @@ void CertificateJob::reject_proxies(BodyPair pair) const {
 SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {
   SpanPlace place;
   place.slack = pair_slack(here, pair);
-  place.between_a = here.beside_chains(pair.a).inner;
-  place.between_b = here.beside_chains(pair.b).inner;
+  place.between_a = here.chain_slack(pair.a).inner;
+  place.between_b = here.chain_slack(pair.b).inner;
   if (!here.has_uncertainties()) return place;
   const PoseUncertainty &a = here.uncertainty(pair.a), &b = here.uncertainty(pair.b);
   place.parts_a = a.parts;

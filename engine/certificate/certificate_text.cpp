@@ -172,15 +172,15 @@ void CertificateText::add_item(const std::string& text, bool& is_first) {
 
 void CertificateText::begin(const ReplyInfo& info) {
   const QueryView& query = plan_.query;
-  const Json requested{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_evaluations > 0},
-                       {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
-                       {"rel_tol", number(query.rel_tol)},           {"signed_distance", query.signed_distance}};
+  const Json options{{"reduce", name_of_reduce(query.reduce)},     {"motions", query.max_evaluations > 0},
+                     {"max_distance", number(query.max_distance)}, {"abs_tol", number(query.abs_tol)},
+                     {"rel_tol", number(query.rel_tol)},           {"signed_distance", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
                  {"version", 3},
                  {"scene_revision", text(info.scene_revision)},
                  {"snapshot_revision", info.snapshot_revision},
                  {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
-                 {"query", requested}}));
+                 {"query", options}}));
   add(",\"rows\":[");
 }
 

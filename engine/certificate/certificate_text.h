@@ -37,7 +37,7 @@ struct SpanPlace {
   Slack slack;  ///< of the pair
   SlackParts parts_a, parts_b;
   double joints = 0;                    ///< between links of one robot: joints_between()
-  double between_a = 0, between_b = 0;  ///< BodyPoses::beside_chains()
+  double between_a = 0, between_b = 0;  ///< BodyPoses::chain_slack()
 };
 
 /// Two points no farther apart than an upper bound, or a closed surface that proves a penetration depth.

@@ -29,7 +29,7 @@ class PairCover {
   };
   Parts parts();
   /// Marks the last parts() as resolved.
-  void settle() { open_.pop_back(); }
+  void pop() { open_.pop_back(); }
   /// Replaces the larger part by its halves. Not for elements.
   void halve();
 

@@ -18,7 +18,7 @@ constexpr std::uint64_t kUnitsPerMoment = 64, kUnitsPerSpanProof = 64;
 }  // namespace
 
 void MotionMoment::begin(MovingBodies& moving) {
-  poses_.look_at_ends(moving);
+  poses_.find_end_facts(moving);
   moving_ = &moving;
   time_ = -1;
 }
@@ -55,7 +55,7 @@ PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const Eva
 }
 
 // Starts the current span.
-void PairProver::look() {
+void PairProver::begin_span() {
   const Span& span = left_.back();
   moment_.move_to(span.middle());
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
@@ -64,13 +64,13 @@ void PairProver::look() {
   i_ = j_ = 0;
   halves_ = {};
   claims_.clear();
-  is_looked_at_ = true;
+  has_begun_span_ = true;
 }
 
 // Processes one more pair of convex parts. Returns true once a span is proved and can be written.
 bool PairProver::step(WorkMeter& meter) {
-  if (!is_looked_at_) {
-    look();
+  if (!has_begun_span_) {
+    begin_span();
     meter.count(kUnitsPerMoment * (1 + a_.parts.size() * b_.parts.size() / 16));
     if (try_boxes()) {
       end_span({});
@@ -104,8 +104,8 @@ bool PairProver::is_too_near_somewhere(WorkMeter& meter) {
   nearest_.begin(a_, here[pair_.a].pose, b_, here[pair_.b].pose);
   ElementPair near;
   nearest_.take_near(std::numeric_limits<double>::infinity(), near);
-  ConvexPart room_a, room_b;
-  const ConvexPart &p = part_of(a_, near.a, room_a), &q = part_of(b_, near.b, room_b);
+  ConvexPart storage_a, storage_b;
+  const ConvexPart &p = part_of(a_, near.a, storage_a), &q = part_of(b_, near.b, storage_b);
   meter.count(kUnitsPerSpanProof + WorkMeter::units_of(p, q));
   const bool is_proved = try_parts(p, q, {0, 0, {}}, true).any();
   claims_.clear();
@@ -123,7 +123,7 @@ bool PairProver::step_cover(WorkMeter& meter) {
     now = try_parts(*parts.a, *parts.b, parts.claim, parts.are_elements);
   }
   if (parts.are_elements || (now.before && now.after)) {
-    cover_->settle();
+    cover_->pop();
     halves_.before &= now.before;
     halves_.after &= now.after;
   } else {  // smaller parts may be provable in both halves
@@ -141,7 +141,7 @@ void PairProver::end_span(const Halves& proved) {
   const Span span = left_.back();
   const double middle = span.middle();
   left_.pop_back();
-  is_looked_at_ = false;
+  has_begun_span_ = false;
   if (!proved.after) left_.push_back({middle, span.end});
   if (!proved.before) left_.push_back({span.begin, middle});
   has_failed_ = !left_.empty() && (++spans_ > kMostSpans || span.half() <= kLeastHalf || way_ == 0);

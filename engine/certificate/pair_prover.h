@@ -81,7 +81,7 @@ class PairProver {
     bool any() const { return before || after; }
   };
 
-  void look();
+  void begin_span();
   bool step(WorkMeter& meter);
   Vec3d towards_b() const;
   bool try_boxes();
@@ -104,7 +104,7 @@ class PairProver {
   NarrowLimits limits_;
   std::vector<Span> left_;  // earliest span last
   std::uint32_t spans_ = 0;
-  bool is_looked_at_ = false, has_failed_ = false;
+  bool has_begun_span_ = false, has_failed_ = false;
 
   // Of the current span.
   PairRates rates_;

@@ -61,7 +61,7 @@ void SurfaceProver::cover(WorkMeter& meter) {
   if (are_parts) meter.count(WorkMeter::units_of(*parts.a, *parts.b));
   // A direction for several parts does not bound a penetration depth.
   if (are_parts && covers(std::move(parts)))
-    cover_.settle();
+    cover_.pop();
   else if (are_elements || (are_parts && answer_.lower <= 0))
     end(false);
   else
@@ -95,8 +95,8 @@ bool SurfaceProver::find_upper(WorkMeter& meter) {
   const auto place = [](const Body& body, const Element& element) {
     return part_place(body, element.part) + (element.triangle == kNone ? 0 : element.triangle);
   };
-  ConvexPart room_a, room_b;
-  const ConvexPart &p = part_of(a_, pair.a, room_a), &q = part_of(b_, pair.b, room_b);
+  ConvexPart storage_a, storage_b;
+  const ConvexPart &p = part_of(a_, pair.a, storage_a), &q = part_of(b_, pair.b, storage_b);
   meter.count(kUnitsPerProof + WorkMeter::units_of(p, q));
   prove(p, q, {place(a_, pair.a), place(b_, pair.b), {}}, false, true);
   return true;

@@ -3,7 +3,7 @@
 #include <mutex>
 
 #include "engine/cuda/dense/dense_workspace.cuh"
-#include "engine/cuda/dense/standing_dense.cuh"
+#include "engine/cuda/dense/resident_dense.cuh"
 #include "engine/cuda/memory/shared_memory.cuh"
 #include "engine/cuda/mesh/elements.cuh"
 #include "engine/cuda/motion/motions.cuh"
@@ -126,10 +126,10 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     return std::make_shared<CudaTable>(work_.memory, table);
   }
 
-  std::shared_ptr<ResidentElements> upload(const Surface& surface, std::shared_ptr<ResidentElements> room) override {
+  std::shared_ptr<ResidentElements> upload(const Surface& surface, std::shared_ptr<ResidentElements> reused) override {
     const OnDevice here(hulls_.device());
-    auto to =
-        room ? std::static_pointer_cast<CudaElements>(std::move(room)) : std::make_shared<CudaElements>(work_.memory);
+    auto to = reused ? std::static_pointer_cast<CudaElements>(std::move(reused))
+                     : std::make_shared<CudaElements>(work_.memory);
     to->take(surface);
     return to;
   }
@@ -141,14 +141,14 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
   std::shared_ptr<MotionWorkspace> borrow_motions() override { return motions_.borrow(shared_from_this()); }
-  std::shared_ptr<StandingWorkspace> make_standing(Reduce reduce) override {
+  std::shared_ptr<ResidentWorkspace> make_resident(Reduce reduce) override {
     const OnDevice here(hulls_.device());
-    std::unique_ptr<StandingWorkspace> made;
+    std::unique_ptr<ResidentWorkspace> made;
     if (reduce == Reduce::kNone)
-      made = std::make_unique<StandingDense>(hulls_, work_);
+      made = std::make_unique<ResidentDense>(hulls_, work_);
     else
-      made = make_standing_reduced(hulls_, work_);
-    return {made.release(), [owner = shared_from_this()](StandingWorkspace* w) {
+      made = make_resident_reduced(hulls_, work_);
+    return {made.release(), [owner = shared_from_this()](ResidentWorkspace* w) {
               // The caller's stream may still read and write its memory.
               const OnDevice there(owner->hulls_.device());
               cudaDeviceSynchronize();

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kUp = 1 + 0x1p-44;             // exceeds the rounding of a few sums and roots
-constexpr std::uint64_t kPartsPerQuestion = 4;  // box tests of this many subtriangles cost a distance
+constexpr std::uint64_t kPartsPerDistance = 4;  // box tests of this many subtriangles cost a distance
 
 class InnerBound {
  public:
@@ -39,7 +39,7 @@ class InnerBound {
     for (const Triangle& t : exact_value_.triangles()) put({0, kInf, 0, 0, t, 0});
     std::uint64_t parts = 0;
     while (!parts_.empty() && parts_.top().bound > stop_below() &&
-           measure_.count() + parts / kPartsPerQuestion < effort_.inner_questions) {
+           measure_.count() + parts / kPartsPerDistance < effort_.inner_distances) {
       const Part part = parts_.top();
       parts_.pop();
       divide(part);
@@ -94,10 +94,10 @@ class InnerBound {
     }
     return best;
   }
-  void meet(std::uint32_t point) {
-    if (point < looked_.size() && looked_[point]) return;
-    if (point >= looked_.size()) looked_.resize(point + std::size_t{1});
-    looked_[point] = 1;
+  void evaluate_point(std::uint32_t point) {
+    if (point < evaluated_.size() && evaluated_[point]) return;
+    if (point >= evaluated_.size()) evaluated_.resize(point + std::size_t{1});
+    evaluated_[point] = 1;
     double least = kInf;
     nearest([&](std::uint32_t i) { return box_gap(point, i); },
             [&](std::uint32_t i, double) {
@@ -109,7 +109,7 @@ class InnerBound {
 
   // No point of a subtriangle is farther from a convex part than its farthest corner.
   void bound(Part& part) {
-    for (const std::uint32_t corner : part.corners) meet(corner);
+    for (const std::uint32_t corner : part.corners) evaluate_point(corner);
     const auto& c = part.corners;
     const auto [whole, convex_part] =
         nearest([&](std::uint32_t i) { return std::max({box_gap(c[0], i), box_gap(c[1], i), box_gap(c[2], i)}); },
@@ -173,7 +173,7 @@ class InnerBound {
   std::span<const ConvexPartPtr> convex_parts_;
   const ProofEffort& effort_;
   std::vector<Vec3d> points_;
-  std::vector<char> looked_;
+  std::vector<char> evaluated_;
   double reach_ = 0, size_ = 0, met_ = 0;
   Measure measure_{0};
   std::unordered_map<std::uint64_t, Measure::Bounds> known_;

@@ -43,29 +43,29 @@ Measure::Bounds Measure::evaluate(const ConvexPart& a, const ConvexPart& b) {
 }
 
 Measure::Bounds Measure::to(const ConvexPart& part, const Vec3d& p) {
-  remake_part(rooms_[0], {&p, 1}, 0);
-  return evaluate(part, rooms_[0]);
+  remake_part(parts_[0], {&p, 1}, 0);
+  return evaluate(part, parts_[0]);
 }
 
 Measure::Bounds Measure::to(std::span<const Vec3d> corners, const Vec3d& p) {
-  remake_part(rooms_[1], corners, 0);
-  return to(rooms_[1], p);
+  remake_part(parts_[1], corners, 0);
+  return to(parts_[1], p);
 }
 
 double Measure::apart(std::span<const Vec3d> corners, const ConvexPart& part) {
-  remake_part(rooms_[1], corners, 0);
-  return evaluate(part, rooms_[1]).lower;
+  remake_part(parts_[1], corners, 0);
+  return evaluate(part, parts_[1]).lower;
 }
 
 double Measure::gap(std::span<const Vec3d> a, std::span<const Vec3d> b) {
   ++count_;
-  remake_part(rooms_[0], a, 0);
-  remake_part(rooms_[1], b, 0);
+  remake_part(parts_[0], a, 0);
+  remake_part(parts_[1], b, 0);
   NarrowLimits limits;
   limits.abs_tol = fine_;
   limits.rel_tol = 1e-3;
   limits.signed_distance = true;
-  return narrow_phase(rooms_[0], kHere, rooms_[1], kHere, limits).bounds.lower;
+  return narrow_phase(parts_[0], kHere, parts_[1], kHere, limits).bounds.lower;
 }
 
 std::uint32_t nearest_triangle(const Surface& surface, const Vec3d& p) {

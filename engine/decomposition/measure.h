@@ -38,7 +38,7 @@ class Measure {
 
   double fine_;
   std::uint64_t count_ = 0;
-  ConvexPart rooms_[2];
+  ConvexPart parts_[2];
 };
 
 /// The triangle of a mesh that is nearest to a point, as computed.

@@ -39,7 +39,7 @@ class OuterBound {
 
   ProvedLength run() {
     begin();
-    while (!parts_.empty() && parts_.top().bound > stop_below() && measure_.count() < effort_.outer_questions) {
+    while (!parts_.empty() && parts_.top().bound > stop_below() && measure_.count() < effort_.outer_distances) {
       const Part part = parts_.top();
       parts_.pop();
       divide(part);
@@ -77,7 +77,7 @@ class OuterBound {
     for (const auto& corners : parts.parts) put({0, kInf, parts.off, corners, 0, kNoTriangle});
   }
 
-  const Known& look_at(std::uint32_t point) {
+  const Known& evaluate_point(std::uint32_t point) {
     Known& known = points_[point];
     if (known.triangle != kNoTriangle) return known;
     known.triangle = nearest_triangle(exact_value_, known.at);
@@ -93,7 +93,7 @@ class OuterBound {
   }
 
   void put(Part part) {
-    for (const std::uint32_t corner : part.corners) look_at(corner);
+    for (const std::uint32_t corner : part.corners) evaluate_point(corner);
     const std::array<Vec3d, 4> at = places(part.corners);
     const Vec3d middle = 0.25 * ((at[0] + at[1]) + (at[2] + at[3]));
     double radius = 0;
@@ -132,7 +132,7 @@ class OuterBound {
   void look_closer(Part& part, const std::array<Vec3d, 4>& at, const Vec3d& middle, double radius) {
     const auto take = [&part](double bound) { part.bound = std::min(part.bound, (bound + part.off) * kUp); };
     points_.push_back({middle, kNoTriangle, kInf, false});
-    const Known centre = look_at(static_cast<std::uint32_t>(points_.size() - 1));
+    const Known centre = evaluate_point(static_cast<std::uint32_t>(points_.size() - 1));
     points_.pop_back();
     take(centre.distance + radius);
     if (!centre.is_inside || part.bound <= stop_below()) return;

@@ -17,7 +17,7 @@ struct ProofEffort {
   /// or this share of the body's size (elements nearer than the inner bound need an exact test),
   double inner_of_size = 0x1p-17, outer_of_size = 0x1p-11;
   /// or until this number of distances: for the inner bound, and for each part's outer one. About 1 us each.
-  std::uint64_t inner_questions = 2'000'000, outer_questions = 200'000;
+  std::uint64_t inner_distances = 2'000'000, outer_distances = 200'000;
 };
 
 /// A bound and the distance it was compared with, metres.

@@ -87,7 +87,7 @@ struct FixedBodies {
 };
 
 /// Requested tolerance of the least distance of motions.
-struct LeastRequested {
+struct LeastTolerance {
   bool is_wanted = false;
   double abs_tol = 0, rel_tol = 0;
 };
@@ -137,7 +137,7 @@ struct QuerySetup {
   // Motions:
   const MotionArrays* motions = nullptr;
   std::uint32_t max_evaluations = 0;
-  LeastRequested least;
+  LeastTolerance least;
 };
 
 /// Kind of input per configuration.
@@ -176,7 +176,7 @@ struct ChunkResult {
 
 /// Result of a chunk of a reduced query. The views are valid until the slot's next launch.
 struct ReducedResult {
-  /// Rows that the device left unresolved. If any, pass the CPU's answers to `settle()` first: all other members are
+  /// Rows that the device left unresolved. If any, pass the CPU's answers to `finish_with()` first: other members are
   /// invalid.
   std::span<const std::uint32_t> rest;
   ReplyView rows;               ///< host memory; includes the `direct` columns
@@ -194,11 +194,11 @@ class QueryWorkspace {
   /// Number of chunk slots, valid after begin(). Chunks use the slots in turn.
   virtual int slots() const { return kChunksUnderWay; }
   /// Buffers that the caller fills with the snapshot's bodies before begin().
-  virtual FixedBodies room_for_bodies(std::size_t bodies) = 0;
+  virtual FixedBodies body_buffers(std::size_t bodies) = 0;
   virtual void begin(const QuerySetup& setup) = 0;
   /// Pinned memory for input: of a slot's next chunk, or of the whole query.
-  virtual std::byte* room_for(Given given, int slot, std::size_t bytes) = 0;
-  virtual std::byte* room_for_all(Given given, std::size_t bytes) = 0;
+  virtual std::byte* chunk_input_buffer(Given given, int slot, std::size_t bytes) = 0;
+  virtual std::byte* query_input_buffer(Given given, std::size_t bytes) = 0;
 };
 
 /// Workspace of dense queries: a row per configuration and pair.
@@ -213,16 +213,16 @@ class Workspace : public QueryWorkspace {
 };
 
 /// Workspace of a query whose poses or positions and rows stay in device memory. All work goes into the caller's
-/// stream. After make_room() nothing waits for the host or allocates memory, so a graph can capture it.
-class StandingWorkspace : public QueryWorkspace {
+/// stream. After reserve() nothing waits for the host or allocates memory, so a graph can capture it.
+class ResidentWorkspace : public QueryWorkspace {
  public:
   /// Allocates memory for chunks of at most this many pair-configurations and configurations; call after begin(). All
   /// data of begin() is on the device when it returns.
-  virtual void make_room(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual void reserve(std::uint64_t rows, std::uint32_t configurations) = 0;
   virtual int device() const = 0;           ///< device number
   virtual std::uint64_t bytes() const = 0;  ///< device memory held
   /// Allocates device memory for rows. Call at most once.
-  virtual std::byte* room_for_rows(std::size_t bytes) = 0;
+  virtual std::byte* row_buffer(std::size_t bytes) = 0;
   /// Starts a chunk whose poses and positions (ChunkSetup) are in device memory.
   /// \param rows columns in device memory
   /// \param in_order the query's pairs in query order, since a chunk may order them differently
@@ -242,7 +242,7 @@ class ReducedWorkspace : public QueryWorkspace {
   /// Waits for a slot's chunk.
   virtual ReducedResult finish(int slot) = 0;
   /// Takes the CPU's answers for the rows in ReducedResult::rest, in their order.
-  virtual ReducedResult settle(int slot, std::span<const PairAnswer> answers) = 0;
+  virtual ReducedResult finish_with(int slot, std::span<const PairAnswer> answers) = 0;
 };
 
 /// Result of a chunk of motions. The views are valid until the slot's next launch.
@@ -294,7 +294,7 @@ class Device {
   virtual std::shared_ptr<MotionWorkspace> borrow_motions() { return nullptr; }
   /// A new workspace, owned by the caller. Null for several devices.
   /// \param reduce none, min or any
-  virtual std::shared_ptr<StandingWorkspace> make_standing(Reduce) { return nullptr; }
+  virtual std::shared_ptr<ResidentWorkspace> make_resident(Reduce) { return nullptr; }
   virtual DeviceCounters counters() const = 0;
 };
 

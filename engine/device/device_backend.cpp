@@ -71,7 +71,7 @@ std::string DeviceBackend::error() const {
 
 void DeviceBackend::note(const DeviceError& error) {
   if (error.kind == DeviceError::kLost) usable_ = false;
-  if (error.kind == DeviceError::kNoRoom) ++without_room;
+  if (error.kind == DeviceError::kNoMemory) ++without_room;
   const std::lock_guard lock(mutex_);
   error_ = error.what();
 }
@@ -88,7 +88,7 @@ std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan, std:
   try {
     table->memory = device_->make_warm(rows);
   } catch (const DeviceError& error) {
-    if (error.kind != DeviceError::kNoRoom) throw;
+    if (error.kind != DeviceError::kNoMemory) throw;
     return nullptr;
   }
   return table;
@@ -105,9 +105,9 @@ void DeviceBackend::append(Counters& counters) const {
                                    {"cuda.chunks", d.launches},
                                    {"cuda.queries", queries},
                                    {"cuda.queries_on_cpu", queries_on_cpu},
-                                   {"cuda.queries_without_room", without_room},
+                                   {"cuda.queries_without_memory", without_room},
                                    {"cuda.usable", usable_ ? 1u : 0u},
-                                   {"cuda.pairs_settled", converged},
+                                   {"cuda.pairs_converged", converged},
                                    {"cuda.pairs_finished_on_cpu", finished_on_cpu},
                                    {"cuda.motions_finished_on_cpu", motions_finished_on_cpu},
                                    {"cuda.reply_bytes_copied", reply_bytes_copied}});

@@ -15,14 +15,14 @@
 namespace clearance::cuda {
 
 /// Identifies the pairs that a list was built for, so that a later query can reuse it.
-struct RequestedPairs {
+struct PairSelectionKey {
   std::shared_ptr<const PairTable> table;  ///< or, if null:
   std::vector<BodyPair> pairs;
   std::vector<std::uint32_t> moved;
 
-  RequestedPairs() = default;
-  explicit RequestedPairs(const Plan& plan);
-  bool fit(const Plan& plan) const;
+  PairSelectionKey() = default;
+  explicit PairSelectionKey(const Plan& plan);
+  bool matches(const Plan& plan) const;
 };
 
 /// Assignment of a dense query's pairs to chunks and groups. Built once for a pair table and kept for the next query.
@@ -42,7 +42,7 @@ struct ChunkPlan {
   std::uint32_t last_configurations = 1;  ///< of the last chunk
   std::shared_ptr<const ResidentPairs> resident;
 
-  RequestedPairs requested;
+  PairSelectionKey key;
   std::uint64_t all_configurations = 1;
 };
 
@@ -51,7 +51,7 @@ struct PairListOnDevice {
   std::shared_ptr<const ResidentPairs> resident;  ///< null if the device lacks one of their bodies
   std::vector<std::uint32_t> of_elements;         ///< bodies that are, or contain, clouds or meshes
   ElementKinds kinds;                             ///< kinds that the device answers
-  RequestedPairs requested;
+  PairSelectionKey key;
 };
 
 /// Clouds and meshes at the revision of a query.
@@ -93,9 +93,9 @@ class DeviceBackend {
   /// Records an error. If all devices are lost, none is used again.
   void note(const DeviceError& error);
   /// Chunk plan for the query's pairs: the last one if it fits.
-  std::shared_ptr<const ChunkPlan> deal(const Plan& plan);
+  std::shared_ptr<const ChunkPlan> chunk_plan(const Plan& plan);
   /// A new chunk plan for a query that keeps it, in chunks of about this many rows.
-  std::shared_ptr<const ChunkPlan> deal_anew(const Plan& plan, std::uint64_t chunk_rows) const;
+  std::shared_ptr<const ChunkPlan> make_chunk_plan(const Plan& plan, std::uint64_t chunk_rows) const;
   /// The query's pairs in order: the last list if it fits.
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// The current elements of these bodies, copied to the device if not yet there. Null if the device holds no elements.

@@ -64,9 +64,9 @@ void evaluate(SelfTest& test, const std::vector<int>& devices) {
       &scene,        1,      false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
       NearBy::kAuto, &device};
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    SelfTestCase question(known);
-    question.query.precision = precision;
-    Plan plan = make_plan(question.query, scene, poses.snapshot(), ~std::uint64_t{0}, true);
+    SelfTestCase test_case(known);
+    test_case.query.precision = precision;
+    Plan plan = make_plan(test_case.query, scene, poses.snapshot(), ~std::uint64_t{0}, true);
     std::vector<double> lower(plan.size.rows), upper(plan.size.rows);
     std::vector<std::uint8_t> status(plan.size.rows);
     ReplyView reply;

@@ -87,8 +87,8 @@ SharedMemory::SharedMemory(int device, std::size_t bytes)
     : bytes_((bytes + kConvexPart - 1) / kConvexPart * kConvexPart) {
   constexpr auto kMost = static_cast<std::size_t>(PTRDIFF_MAX);
   if (bytes == 0 || bytes > kMost)
-    throw DeviceError(DeviceError::kNoRoom, "shared device memory: expected 1 to " + std::to_string(kMost) +
-                                                " bytes, not " + std::to_string(bytes));
+    throw DeviceError(DeviceError::kNoMemory, "shared device memory: expected 1 to " + std::to_string(kMost) +
+                                                  " bytes, not " + std::to_string(bytes));
   calls_ = &memory_calls();
   block_ = calls_->share(device, bytes_);
 }

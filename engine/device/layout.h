@@ -123,7 +123,7 @@ struct alignas(16) OuterBox {
 
 /// PoseUncertainty of a placed body, in the form that pairs need.
 struct BodySlack {
-  Slack all, beside;
+  Slack all, relative;
   double travel = 0;  ///< joint travel of its robot
 };
 /// Position of a link in its robot's table of pairs.

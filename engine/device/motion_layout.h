@@ -66,7 +66,7 @@ enum class MotionOutcome : std::uint8_t {
 };
 
 /// Indices into MotionsView::counts, per level: spans, pairs left by boxes, pairs evaluated, pairs that go on, hits.
-inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kRequestedCount = 2, kOnCount = 3, kHitCount = 4,
+inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kEvaluateCount = 2, kOnCount = 3, kHitCount = 4,
                                kCountsOfLevel = 5;
 /// Spans of level k are at most 2^-k of a motion; what remains after the last level is left to the CPU. First contact
 /// needs more levels: a span is halved until it is as short as the contact interval, and half of it is proved.
@@ -81,13 +81,13 @@ inline constexpr std::uint32_t kHitRowCount = kCountsOfLevel * (kMostLevels + 1)
 /// over a whole list, so if pairs do not fit, nearly all motions are affected: the capacity is therefore twice the
 /// pairs of the first level, each of which may go on in both halves. Both ends of all motions are spans too
 /// (begin_at_ends()).
-struct MotionRoom {
+struct MotionCapacity {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
 
   std::uint32_t spans, pairs, hits;
 
-  MotionRoom(std::uint32_t motions, std::uint32_t pairs_of_motion)
+  MotionCapacity(std::uint32_t motions, std::uint32_t pairs_of_motion)
       : spans(2 * motions + kMoreSpans),
         pairs(static_cast<std::uint32_t>(
             std::min((2 * std::uint64_t{motions} + kMoreSpans) * pairs_of_motion, kMostPairs))),
@@ -128,7 +128,7 @@ struct MotionsView {
   std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all set if complete
   std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level, or kNone
   SpanPair *on, *next_on;                   ///< pairs that go on
-  SpanPair *near, *requested;
+  SpanPair *near, *to_evaluate;
   MotionHitRow* hits;
   // Of motions that hit: the best hit so far, then these rows in no order.
   MotionHitRow *best, *hit_rows;

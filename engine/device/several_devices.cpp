@@ -31,15 +31,15 @@ class WorkspaceOfAll : public Interface {
 
   int slots() const override { return kChunksUnderWay * static_cast<int>(order_.size()); }
 
-  FixedBodies room_for_bodies(std::size_t bodies) override {
+  FixedBodies body_buffers(std::size_t bodies) override {
     bodies_ = bodies;
-    return source_bodies_ = call(source_, [&](Interface& w) { return w.room_for_bodies(bodies); });
+    return source_bodies_ = call(source_, [&](Interface& w) { return w.body_buffers(bodies); });
   }
-  std::byte* room_for_all(Given given, std::size_t bytes) override {  // pinned memory is usable by all devices
-    return call(source_, [&](Interface& w) { return w.room_for_all(given, bytes); });
+  std::byte* query_input_buffer(Given given, std::size_t bytes) override {  // pinned memory is usable by all devices
+    return call(source_, [&](Interface& w) { return w.query_input_buffer(given, bytes); });
   }
-  std::byte* room_for(Given given, int slot, std::size_t bytes) override {
-    return call(member_of(slot), [&](Interface& w) { return w.room_for(given, slot_of(slot), bytes); });
+  std::byte* chunk_input_buffer(Given given, int slot, std::size_t bytes) override {
+    return call(member_of(slot), [&](Interface& w) { return w.chunk_input_buffer(given, slot_of(slot), bytes); });
   }
 
   void begin(const QuerySetup& all) override {
@@ -54,7 +54,7 @@ class WorkspaceOfAll : public Interface {
       s.chunks = (all.chunks - i + order_.size() - 1) / order_.size();
       s.warm = warm ? warm->of[m].get() : nullptr;
       call(m, [&](Interface& w) {
-        if (m != source_) copy_bodies(w.room_for_bodies(bodies_));
+        if (m != source_) copy_bodies(w.body_buffers(bodies_));
         w.begin(s);
       });
     }
@@ -110,8 +110,8 @@ class ReducedOfAll final : public WorkspaceOfAll<ReducedWorkspace> {
   ReducedResult finish(int slot) override {
     return call(member_of(slot), [&](ReducedWorkspace& w) { return w.finish(slot_of(slot)); });
   }
-  ReducedResult settle(int slot, std::span<const PairAnswer> answers) override {
-    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.settle(slot_of(slot), answers); });
+  ReducedResult finish_with(int slot, std::span<const PairAnswer> answers) override {
+    return call(member_of(slot), [&](ReducedWorkspace& w) { return w.finish_with(slot_of(slot), answers); });
   }
 };
 

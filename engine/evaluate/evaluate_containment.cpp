@@ -13,7 +13,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // The exact body of a proxy.
 const Body& exact_body_of(const Body& body) {
-  return body.stands_for ? *body.stands_for : body;
+  return body.exact_body ? *body.exact_body : body;
 }
 
 // Bound on the length of a shift that separates two boxes and their contents, in metres.
@@ -28,7 +28,7 @@ double depth_of(const Aabb& a, const Aabb& b) {
 bool Evaluator::is_by_parts(BodyPair pair) const {
   if (!scene_.has_proxies()) return false;
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
-  return (a.stands_for || b.stands_for) && !is_half_space(*a.parts[0]) && !is_half_space(*b.parts[0]);
+  return (a.exact_body || b.exact_body) && !is_half_space(*a.parts[0]) && !is_half_space(*b.parts[0]);
 }
 
 // Whether one body contains the other although all searched elements are apart. Proxies are tested as well, since their

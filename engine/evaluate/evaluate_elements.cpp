@@ -69,7 +69,7 @@ bool Evaluator::add_element_tasks(PairSearch& search) {
   if (search.next == search.end) return false;
   const ElementSearch& elements = *search.elements;
   if (elements.is_by_parts()) {  // whether the proxies are beyond the cut-off is all that is needed
-    for (const DecomposedPair::Requested& p : search.elements->parts().round())
+    for (const DecomposedPair::PartTest& p : search.elements->parts().round())
       add_task(search, p.cut_off, p.cut_off, *p.a, *p.b);
     return search.task_count > 0;
   }

@@ -70,8 +70,8 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   }
   PairAnswer& answer = answers_[search.index];
   const double true_lower = search.slack.true_lower(found.lower);
-  const bool was_requested = found.best.bounds.upper < kInf;
-  if (by_elements && !was_requested && true_lower > bodies.max_distance)
+  const bool has_upper = found.best.bounds.upper < kInf;
+  if (by_elements && !has_upper && true_lower > bodies.max_distance)
     return replace_answer(answer, beyond_answer(true_lower));
   finish(bodies, found, answer, !by_parts ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
 }
@@ -106,7 +106,7 @@ bool Evaluator::add_tasks(PairSearch& search) {
   sort_ahead(search);
   for (std::size_t i = search.next; i < search.end && search.task_count < state.round; ++i) {
     const PartPair& p = part_pairs_[i];
-    if (!options_.reference && !state.asks(p.gap, cut_off)) break;
+    if (!options_.reference && !state.belongs_to_round(p.gap, cut_off)) break;
     add_task(search, cut_off, near_enough, *a.parts[p.a], *b.parts[p.b]);
   }
   if (search.task_count == 0 && search.next < search.end) state.leave_out(part_pairs_[search.next].gap);

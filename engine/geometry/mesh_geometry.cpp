@@ -10,8 +10,8 @@ namespace clearance {
 namespace {
 
 // Reads a file of convex parts, whose name is added to errors.
-template <class Ask>
-decltype(auto) of_parts(MeshFile& parts, const Ask& evaluate) {
+template <class Evaluate>
+decltype(auto) of_parts(MeshFile& parts, const Evaluate& evaluate) {
   try {
     return evaluate(parts);
   } catch (const MeshError& error) {

@@ -136,7 +136,7 @@ class Divider {
     }
   }
   // Values of the vertices from `at` on along the lattice's directions. Returns their number, padded.
-  std::size_t look(const Lattice& lattice, std::size_t at) {
+  std::size_t compute_values(const Lattice& lattice, std::size_t at) {
     const std::size_t size = std::min(padded_ - at, kChunk);
     values_along(x_.data() + at, y_.data() + at, z_.data() + at, size, lattice.direction, value_);
     return size;
@@ -155,7 +155,7 @@ class Divider {
   }
 
   void challenge_all(const Lattice& lattice) {
-    const std::size_t size = look(lattice, 0);
+    const std::size_t size = compute_values(lattice, 0);
     double bar[kCompareAll][4];
     for (int child = 0; child < 4; ++child) {
       for (int k = 0; k < 4; ++k) {
@@ -172,7 +172,7 @@ class Divider {
     // A long list is only sampled, since its cell is divided again anyway.
     const std::size_t stride = count_ > kSampleFrom ? 8 * kChunk : kChunk;
     for (std::size_t at = 0; at < padded_; at += stride) {
-      const std::size_t size = look(lattice, at);
+      const std::size_t size = compute_values(lattice, at);
       farthest(value_, size, at, far);
     }
     double bar[4][kFarthest][4];
@@ -185,7 +185,7 @@ class Divider {
           bar[child][b][k] = value(challenger[b], lattice.direction[c[k]]) - lattice.margin[c[k]];
     }
     for (std::size_t at = 0; at < padded_; at += kChunk) {
-      const std::size_t size = padded_ > kChunk ? look(lattice, at) : padded_;
+      const std::size_t size = padded_ > kChunk ? compute_values(lattice, at) : padded_;
       for (int child = 0; child < 4; ++child) keep(child, at, size, bar[child], kFarthest);
     }
   }

@@ -179,7 +179,7 @@ Hull hull_by_qhull(std::vector<Vec3d> points) {
 }
 
 // Drops most inner points of a large set, proved inside the hull of a sample.
-std::vector<Vec3d> without_bulk(std::vector<Vec3d> points) {
+std::vector<Vec3d> without_inner_points(std::vector<Vec3d> points) {
   std::vector<Vec3d> sample;
   const std::size_t stride = (points.size() + kSampleVertices - 1) / kSampleVertices;
   std::vector<std::uint32_t> original;
@@ -229,7 +229,7 @@ Hull reduce_to_hull(std::span<const Vec3d> vertices, std::span<const Triangle> t
     hull.vertices = std::move(points);
     return hull;
   }
-  if (points.size() > kSampleVertices) points = without_bulk(std::move(points));
+  if (points.size() > kSampleVertices) points = without_inner_points(std::move(points));
   if (points.size() <= kHullMaxVertices) return hull_by_qhull(std::move(points));
   hull.vertices = std::move(points);
   return hull;

@@ -179,7 +179,7 @@ class Measure {
       bool operator<(const Cell& other) const { return bound < other.bound; }
     };
     int left = kHullExcessVisits;
-    const auto look = [&](const Vec3d& p) {
+    const auto distance_at = [&](const Vec3d& p) {
       const int allowed = std::max(256, left / 16);
       int visits = allowed;
       const double distance = tree.signed_distance(p, &visits);
@@ -187,7 +187,7 @@ class Measure {
       return distance;
     };
     std::priority_queue<Cell> cells;
-    const double first = look({0, 0, 0});
+    const double first = distance_at({0, 0, 0});
     cells.push({first + std::sqrt(3.0), first, {0, 0, 0}, 1});
     double met = 0;
     while (!cells.empty() && left > 0) {
@@ -200,7 +200,7 @@ class Measure {
             cell.centre + Vec3d{corner & 1 ? half : -half, corner & 2 ? half : -half, corner & 4 ? half : -half};
         const auto [outside, within] = place(walls, c, half);
         if (outside) continue;
-        const double distance = std::min(look(c), cell.distance + diagonal);
+        const double distance = std::min(distance_at(c), cell.distance + diagonal);
         if (within) met = std::max(met, distance);
         const double bound = std::min(cell.bound, distance + diagonal);
         if (bound > 0) cells.push({bound, distance, c, half});

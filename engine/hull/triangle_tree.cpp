@@ -128,7 +128,7 @@ double TriangleTree::squared_gap(const Node& node, const Vec3d& p) {
 
 // C. Ericson, "Real-Time Collision Detection" (2005), sect. 5.1.5: the feature of the triangle whose Voronoi region
 // holds p.
-void TriangleTree::look_at(std::uint32_t triangle, const Vec3d& p, Nearest* best) const {
+void TriangleTree::update_nearest(std::uint32_t triangle, const Vec3d& p, Nearest* best) const {
   const Triangle& t = triangles_[triangle];
   const Vec3d &a = vertices_[t[0]], &b = vertices_[t[1]], &c = vertices_[t[2]];
   const Vec3d ab = b - a, ac = c - a, ap = p - a, bp = p - b, cp = p - c;
@@ -177,7 +177,7 @@ double TriangleTree::signed_distance(const Vec3d& p, int* visits) const {
     if (--*visits < 0 && best.squared < std::numeric_limits<double>::infinity()) return std::sqrt(best.squared);
     const Node& node = nodes_[index];
     if (node.right == 0) {
-      for (std::uint32_t i = node.begin; i < node.end; ++i) look_at(order_[i], p, &best);
+      for (std::uint32_t i = node.begin; i < node.end; ++i) update_nearest(order_[i], p, &best);
       continue;
     }
     const double lower = squared_gap(nodes_[index + 1], p), upper = squared_gap(nodes_[node.right], p);

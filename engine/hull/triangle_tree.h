@@ -47,7 +47,7 @@ class TriangleTree {
   void find_parts();
   void make_normals();
   std::uint32_t build(std::uint32_t begin, std::uint32_t end);
-  void look_at(std::uint32_t triangle, const Vec3d& p, Nearest* best) const;
+  void update_nearest(std::uint32_t triangle, const Vec3d& p, Nearest* best) const;
   Vec3d side(const Nearest& nearest) const;
   static double squared_gap(const Node& node, const Vec3d& p);
 

@@ -223,15 +223,15 @@ Mesh load(const std::string& path, const MeshLimits& limits, const std::vector<s
     throw MeshError("reading it took longer than " + std::to_string(limits.time.count() / 1000.0).substr(0, 5) +
                     " s; is the file damaged?");
   LoaderLimits held = LoaderLimits::kAll;
-  const auto remember = [&held] { some_loader_unfiltered = some_loader_unfiltered || held != LoaderLimits::kAll; };
+  const auto note_limits = [&held] { some_loader_unfiltered = some_loader_unfiltered || held != LoaderLimits::kAll; };
   std::optional<Mesh> mesh;
   try {
     mesh = read_mesh_result(loader.result.get(), &held);
   } catch (const MeshError&) {
-    remember();
+    note_limits();
     throw;
   }
-  remember();
+  note_limits();
   if (!mesh) fail_without_result(ending);
   mesh->digest = digest;
   return std::move(*mesh);

@@ -13,7 +13,7 @@ namespace clearance {
 
 namespace {
 
-constexpr std::size_t kMostRequested = 4096;  // beyond which triangles are as fast
+constexpr std::size_t kMostTests = 4096;  // beyond which triangles are as fast
 
 const Decomposition* decomposition_of(const ConvexPart& part) {
   return part.surface ? part.surface->decomposition() : nullptr;
@@ -48,7 +48,7 @@ bool DecomposedPair::begin(const Body& a, const PoseMatrix& pose_a, const Body& 
   if (!(cut_off < std::numeric_limits<double>::infinity()) || is_half_space(*a.parts[0]) ||
       is_half_space(*b.parts[0]) || !(has_decomposition(a) || has_decomposition(b)))
     return false;
-  requested_.clear();
+  tests_.clear();
   next_ = 0;
   round_ = 4;
   cut_off_ = cut_off;
@@ -72,22 +72,21 @@ bool DecomposedPair::begin(const Body& a, const PoseMatrix& pose_a, const Body& 
         lower_ = std::min(lower_, apart);
         continue;
       }
-      if (requested_.size() == kMostRequested) return false;
-      requested_.push_back({h.part, other.part, gap, inner, Slack{inner, 0}.cut_off(cut_off_)});
+      if (tests_.size() == kMostTests) return false;
+      tests_.push_back({h.part, other.part, gap, inner, Slack{inner, 0}.cut_off(cut_off_)});
     }
-  std::stable_sort(requested_.begin(), requested_.end(),
-                   [](const Requested& p, const Requested& q) { return p.gap < q.gap; });
+  std::stable_sort(tests_.begin(), tests_.end(), [](const PartTest& p, const PartTest& q) { return p.gap < q.gap; });
   return true;
 }
 
-std::span<const DecomposedPair::Requested> DecomposedPair::round() const {
-  const std::size_t end = has_failed_ ? next_ : std::min(requested_.size(), next_ + round_);
-  return std::span(requested_).subspan(next_, end - next_);
+std::span<const DecomposedPair::PartTest> DecomposedPair::round() const {
+  const std::size_t end = has_failed_ ? next_ : std::min(tests_.size(), next_ + round_);
+  return std::span(tests_).subspan(next_, end - next_);
 }
 
 void DecomposedPair::take(std::size_t i, double lower) {
-  assert(next_ + i < requested_.size());
-  const double apart = difference_below(lower, requested_[next_ + i].inner);
+  assert(next_ + i < tests_.size());
+  const double apart = difference_below(lower, tests_[next_ + i].inner);
   if (apart > cut_off_)
     lower_ = std::min(lower_, apart);
   else
@@ -95,7 +94,7 @@ void DecomposedPair::take(std::size_t i, double lower) {
 }
 
 void DecomposedPair::end_round() {
-  next_ = std::min(requested_.size(), next_ + round_);
+  next_ = std::min(tests_.size(), next_ + round_);
   round_ = std::min(2 * round_, kMostOfRound);
 }
 

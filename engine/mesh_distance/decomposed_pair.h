@@ -19,9 +19,9 @@ class DecomposedPair {
  public:
   static constexpr std::size_t kMostOfRound = 32;
 
-  /// A pair of parts to evaluate. If they are farther apart than `cut_off`, the elements that they enclose are beyond
+  /// A pair of parts to test. If they are farther apart than `cut_off`, the elements that they enclose are beyond
   /// the cut-off of the search.
-  struct Requested {
+  struct PartTest {
     const ConvexPart *a, *b;
     double gap;      // of their boxes
     double inner;    // by which the elements may be nearer
@@ -32,7 +32,7 @@ class DecomposedPair {
   /// \param cut_off distance up to which elements matter, metres
   bool begin(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, double cut_off);
   /// The next pairs to evaluate, in parallel; empty at the end.
-  std::span<const Requested> round() const;
+  std::span<const PartTest> round() const;
   /// Takes the proved lower bound of pair i of the round, metres.
   void take(std::size_t i, double lower);
   void end_round();
@@ -52,7 +52,7 @@ class DecomposedPair {
   static void hold(const Body& body, const PoseMatrix& pose, std::vector<Holder>& holders, Aabb& around);
 
   std::vector<Holder> a_, b_;
-  std::vector<Requested> requested_;
+  std::vector<PartTest> tests_;
   std::size_t next_ = 0, round_ = 2;
   double cut_off_ = 0, lower_ = std::numeric_limits<double>::infinity();
   bool has_failed_ = false;

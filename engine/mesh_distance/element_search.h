@@ -88,16 +88,16 @@ class ElementSearch {
   std::span<const ElementPair> round() const { return round_; }
   void end_round() { round_.clear(); }
   /// The elements of a pair of the round, as parts that stay valid until the next round begins.
-  const ConvexPart& part_a(std::size_t i) { return part_of(*a_, round_[i].a, room(2 * i)); }
-  const ConvexPart& part_b(std::size_t i) { return part_of(*b_, round_[i].b, room(2 * i + 1)); }
+  const ConvexPart& part_a(std::size_t i) { return part_of(*a_, round_[i].a, triangle_part(2 * i)); }
+  const ConvexPart& part_b(std::size_t i) { return part_of(*b_, round_[i].b, triangle_part(2 * i + 1)); }
   /// Lower bound on the distance of pairs in no round yet, metres.
   double left() const { return nearest_.left(); }
   void look_along(const Vec3d& n_w) { nearest_.look_along(n_w); }
 
  private:
-  ConvexPart& room(std::size_t i) {
-    while (rooms_.size() <= i) rooms_.emplace_back();
-    return rooms_[i];
+  ConvexPart& triangle_part(std::size_t i) {
+    while (triangle_parts_.size() <= i) triangle_parts_.emplace_back();
+    return triangle_parts_[i];
   }
 
   const Body *a_ = nullptr, *b_ = nullptr;
@@ -111,7 +111,7 @@ class ElementSearch {
     ByParts by_parts = ByParts::kNotYet;
     HullsGap hulls_gap;
   } known_;
-  std::deque<ConvexPart> rooms_;
+  std::deque<ConvexPart> triangle_parts_;
 };
 
 }  // namespace clearance

@@ -282,21 +282,21 @@ CLEARANCE_CLONES __attribute__((flatten)) void triangle_gaps(const ElementColumn
                                                              const Mat3d& R, const Vec3d& D, const Vec3d (&n)[2],
                                                              PartColumn (&gaps)[kPartLanes]) {
   for (Column& gap : gaps) gap = Column{};
-  const auto look = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b reversed
+  const auto try_axis = [&](const Vec3d& along, const Vec3d& back) {  // in the axes of a, and of b reversed
     const Column far_a = reach(columns(along), a), far_b = reach(columns(back), b);
     const double between = dot(along, D);
     for (std::size_t j = 0; j < kPartLanes; ++j) take_greater(gaps[j], ((between - far_b[j]) - far_a) * kShort);
   };
-  for (const Vec3d& along : n) look(along, -R.transpose_times(along));
+  for (const Vec3d& along : n) try_axis(along, -R.transpose_times(along));
   const Vec3d towards = n[1];
   const Vec3<Column> of_a = unit_normals(a), of_b = unit_normals(b);
   for (std::size_t k = 0; k < kPartLanes; ++k) {
     const Vec3d m{of_a.x[k], of_a.y[k], of_a.z[k]}, along = dot(m, towards) < 0 ? -m : m;
-    look(along, -R.transpose_times(along));
+    try_axis(along, -R.transpose_times(along));
   }
   for (std::size_t k = 0; k < kPartLanes; ++k) {
     const Vec3d m{of_b.x[k], of_b.y[k], of_b.z[k]}, turned = R * m;
-    dot(turned, towards) < 0 ? look(-turned, m) : look(turned, -m);
+    dot(turned, towards) < 0 ? try_axis(-turned, m) : try_axis(turned, -m);
   }
 }
 

@@ -25,7 +25,7 @@ double rounded_down(long double x) {
   return near > x ? std::nextafter(near, 0.0) : near;
 }
 
-[[noreturn]] void refuse(const std::string& what) {
+[[noreturn]] void reject(const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
 }
 
@@ -39,13 +39,13 @@ FreeScale::FreeScale(const Scene& scene, const Plan& plan)
 }
 
 bool FreeScale::advance(WorkMeter& meter) {
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   const std::uint64_t count = plan_.pairs.size();
   while (next_ < count) {
-    const auto pairs = plan_.pairs.slice(next_, std::min(kPairsAtATime, count - next_), room);
+    const auto pairs = plan_.pairs.slice(next_, std::min(kPairsAtATime, count - next_), storage);
     for (const BodyPair pair : pairs) {
       for (const std::uint32_t body : {pair.a, pair.b})
-        if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
+        if (body >= scene_.bodies().size()) reject("unknown body " + std::to_string(body));
       const std::size_t before = ways_.size();
       add_pair(carried(pair.a), carried(pair.b));
       meter.count(kUnitsPerPair + (ways_.size() - before) * plan_.joints.size() / kMoversPerUnit);
@@ -58,14 +58,14 @@ bool FreeScale::advance(WorkMeter& meter) {
 
 void FreeScale::check() const {
   const std::vector<double>& weights = plan_.weights;
-  if (plan_.joints.empty() || plan_.query.configuration_count == 0) refuse("expected joints, and their positions");
-  if (plan_.given_bodies > 0) refuse("bodies: only joints move");
+  if (plan_.joints.empty() || plan_.query.configuration_count == 0) reject("expected joints, and their positions");
+  if (plan_.given_bodies > 0) reject("bodies: only joints move");
   if (weights.size() != plan_.joints.size())
-    refuse("weights: expected " + std::to_string(plan_.joints.size()) + " numbers, one for each joint, got " +
+    reject("weights: expected " + std::to_string(plan_.joints.size()) + " numbers, one for each joint, got " +
            std::to_string(weights.size()));
   for (std::size_t i = 0; i < weights.size(); ++i)
     if (!(weights[i] >= 0) || std::isinf(weights[i]))
-      refuse("weights[" + std::to_string(i) + "]: expected a finite number >= 0, got " + std::to_string(weights[i]));
+      reject("weights[" + std::to_string(i) + "]: expected a finite number >= 0, got " + std::to_string(weights[i]));
   if (plan_.pairs.size() > kMostPairs)
     throw QueryError(QueryErrorCode::kTooLarge, "free_scale: " + std::to_string(plan_.pairs.size()) +
                                                     " pairs are more than the limit of " + std::to_string(kMostPairs) +
@@ -73,7 +73,7 @@ void FreeScale::check() const {
   for (const auto& robot : scene_.robots())
     for (const std::uint32_t root : robot->kinematics.roots())
       if (const std::uint32_t body = robot->bodies[root]; moves_[body])
-        refuse("'" + scene_.bodies()[body].name +
+        reject("'" + scene_.bodies()[body].name +
                "' stands on a link that the joints move, which is not supported yet");
 }
 
@@ -117,7 +117,7 @@ FreeScale::Carried FreeScale::carrier_of(std::uint32_t body) const {
     points = {{0, 0, 0}, of->reach + of->model_inner};
     for (; of->robot == kNone; of = &scene_.bodies()[body]) {
       const Pose& X = snapshot.local[body];
-      if (of->max_speed > 0) refuse("'" + of->name + "' has a max_speed, which is not supported yet");
+      if (of->max_speed > 0) reject("'" + of->name + "' has a max_speed, which is not supported yet");
       points.radius += norm(X.translation) + of->uncertainty.position;
       body = snapshot.parent[body];
     }

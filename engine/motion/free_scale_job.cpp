@@ -94,14 +94,14 @@ class FreeScaleJob final : public Job::State {
       if (pair_ == 0) begin_row();
       const std::uint64_t end = std::min(pair_ + kPairsAtATime, plan_.size.pairs);
       slice.count((end - pair_) / kPairsPerUnit + 1);
-      for (; pair_ < end; ++pair_) look_at_pair();
+      for (; pair_ < end; ++pair_) take_pair();
       if (pair_ == plan_.size.pairs) end_row();
       if (row_ < count_ && slice.is_over()) return false;
     }
     return true;
   }
 
-  void look_at_pair() {
+  void take_pair() {
     const double lower = lower_[row_ * plan_.size.pairs + pair_];
     const double scale = scale_.of(pair_, travels_, lower, plan_.margins.of(pair_));
     if (scale >= least_) return;

@@ -37,29 +37,29 @@ std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
       kMostMotions);
 }
 
-MotionBlock::MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+MotionBlock::MotionBlock(const MotionQuery& motion_query, const EvaluateOptions& options, std::span<const Aabb> boxes,
                          std::uint64_t most)
-    : motion_query_(question), evaluator_(question.scene, options), poses_(question.plan) {
-  if (question.plan.query.reduce == Reduce::kAny && !options.reference) {
+    : motion_query_(motion_query), evaluator_(motion_query.scene, options), poses_(motion_query.plan) {
+  if (motion_query.plan.query.reduce == Reduce::kAny && !options.reference) {
     EvaluateOptions rough = options;
     rough.limits.rel_tol = std::max(rough.limits.rel_tol, kRough);
-    rough_.emplace(question.scene, rough);
+    rough_.emplace(motion_query.scene, rough);
   }
-  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(question);
-  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(question.scene, question.plan));
-  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(question.scene, question.plan, boxes);
+  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(motion_query);
+  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(motion_query.scene, motion_query.plan));
+  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(motion_query.scene, motion_query.plan, boxes);
   places_.resize(places);
 }
 
 void MotionBlock::begin_searches(std::uint64_t count) {
   assert(count > 0 && count <= searches_.size());
   count_ = count;
-  is_requested_ = false;
+  is_evaluating_ = false;
 }
 
 void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
   motion_query_.bounds.take(motion, searches_[i].moving);
-  poses_.look_at_ends(searches_[i].moving);
+  poses_.find_end_facts(searches_[i].moving);
   searches_[i].begin();
 }
 
@@ -70,35 +70,35 @@ void MotionBlock::count_begun(WorkMeter& meter) const {
 
 bool MotionBlock::advance(WorkMeter& meter) {
   while (true) {
-    if (!is_requested_) {
+    if (!is_evaluating_) {
       if (!collect_pairs(meter)) return true;
-      answers_.resize(std::max(answers_.size(), requested_.size()));
+      answers_.resize(std::max(answers_.size(), to_evaluate_.size()));
       is_rough_ = rough_.has_value();
-      (is_rough_ ? *rough_ : evaluator_).begin(requested_, answers_);
-      is_requested_ = true;
+      (is_rough_ ? *rough_ : evaluator_).begin(to_evaluate_, answers_);
+      is_evaluating_ = true;
     }
     if (!(is_rough_ ? *rough_ : evaluator_).advance(meter)) return false;
-    if (std::exchange(is_rough_, false) && request_again()) continue;
-    for (std::size_t i = 0; i < again_at_.size(); ++i) answers_[again_at_[i]] = again_answers_[i];
-    again_at_.clear();
-    is_requested_ = false;
+    if (std::exchange(is_rough_, false) && refine()) continue;
+    for (std::size_t i = 0; i < undecided_at_.size(); ++i) answers_[undecided_at_[i]] = fine_answers_[i];
+    undecided_at_.clear();
+    is_evaluating_ = false;
     take();
     if (meter.is_over()) return false;
   }
 }
 
 // Selects pairs that the coarse pass could not place on either side of their targets. Returns false if there are none.
-bool MotionBlock::request_again() {
-  again_.clear();
-  for (std::size_t i = 0; i < requested_.size(); ++i) {
+bool MotionBlock::refine() {
+  undecided_.clear();
+  for (std::size_t i = 0; i < to_evaluate_.size(); ++i) {
     const PairAnswer& answer = answers_[i];
     if (!(answer.lower <= requests_[i].target && answer.upper > requests_[i].target)) continue;
-    again_.push_back(requested_[i]);
-    again_at_.push_back(i);
+    undecided_.push_back(to_evaluate_[i]);
+    undecided_at_.push_back(i);
   }
-  if (again_.empty()) return false;
-  again_answers_.resize(again_.size());
-  evaluator_.begin(again_, again_answers_);
+  if (undecided_.empty()) return false;
+  fine_answers_.resize(undecided_.size());
+  evaluator_.begin(undecided_, fine_answers_);
   return true;
 }
 
@@ -118,13 +118,13 @@ bool MotionBlock::collect_pairs(WorkMeter& meter) {
   }
   if (used_ == 0) return false;
   place(meter);
-  requested_.clear();
+  to_evaluate_.clear();
   requests_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->collect_pairs(places_[k].node, {placements_[k], places_[k].twists}, requested_, requests_);
-    places_[k].end = requested_.size();
+    places_[k].search->collect_pairs(places_[k].node, {placements_[k], places_[k].twists}, to_evaluate_, requests_);
+    places_[k].end = to_evaluate_.size();
   }
-  meter.count(requested_.size() / kPairsPerUnit);
+  meter.count(to_evaluate_.size() / kPairsPerUnit);
   return true;
 }
 

@@ -24,7 +24,7 @@ class MotionBlock {
   /// All references must outlive this.
   /// \param boxes of all bodies in the snapshot, or empty
   /// \param most maximum number of motions
-  MotionBlock(const MotionQuery& question, const EvaluateOptions& options, std::span<const Aabb> boxes,
+  MotionBlock(const MotionQuery& motion_query, const EvaluateOptions& options, std::span<const Aabb> boxes,
               std::uint64_t most);
 
   bool has_begun() const { return count_ > 0; }
@@ -60,7 +60,7 @@ class MotionBlock {
   void count_begun(WorkMeter& meter) const;
   bool collect_pairs(WorkMeter& meter);
   void place(WorkMeter& meter);
-  bool request_again();
+  bool refine();
   void take();
 
   const MotionQuery& motion_query_;
@@ -75,13 +75,13 @@ class MotionBlock {
   std::size_t used_ = 0;  // of places_
   std::vector<Instant> instants_;
   std::vector<Mat3d> rotations_;
-  std::vector<PlacedBodies> requested_;
+  std::vector<PlacedBodies> to_evaluate_;
   std::vector<MotionSearch::PairRequest> requests_;
   std::vector<PairAnswer> answers_;
-  std::vector<PlacedBodies> again_;  // pairs that the coarse pass left unresolved
-  std::vector<std::size_t> again_at_;
-  std::vector<PairAnswer> again_answers_;
-  bool is_requested_ = false, is_rough_ = false;
+  std::vector<PlacedBodies> undecided_;  // pairs that the coarse pass left unresolved
+  std::vector<std::size_t> undecided_at_;
+  std::vector<PairAnswer> fine_answers_;
+  bool is_evaluating_ = false, is_rough_ = false;
 };
 
 }  // namespace clearance

@@ -29,10 +29,10 @@ MotionBounds::MotionBounds(const Scene& scene, const Plan& plan) : scene_(scene)
   for (std::size_t i = 0; i < plan.moved.size(); ++i) slot_[plan.moved[i]] = static_cast<std::uint32_t>(i);
   for (const std::uint32_t body : plan.moved)
     if (Chain chain = chain_of(body); !chain.empty()) chain_of_body_[body] = add_chain(std::move(chain));
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   constexpr std::uint64_t kSlice = 4096;
   for (std::uint64_t begin = 0; begin < plan.pairs.size(); begin += kSlice) {
-    const auto pairs = plan.pairs.slice(begin, std::min(kSlice, plan.pairs.size() - begin), room);
+    const auto pairs = plan.pairs.slice(begin, std::min(kSlice, plan.pairs.size() - begin), storage);
     for (std::size_t i = 0; i < pairs.size(); ++i) take_views(begin + i, pairs[i]);
   }
 }

@@ -30,22 +30,22 @@ void MotionPoses::take_rows(const Instant& instant, double* row) const {
   }
 }
 
-void MotionPoses::look_at_ends(MovingBodies& moving) {
+void MotionPoses::find_end_facts(MovingBodies& moving) {
   moving.end_facts.clear();
   const std::size_t joints = plan_.joints.size(), links = plan_.bodies.size() - plan_.given_bodies;
   const auto ends = plan_.positions.subspan(2 * moving.motion * joints, 2 * joints);
   poses_.resize(2 * links);
   facts_.assign(2 * links, 0);
   std::size_t at = 0;
-  bool strange = false;
+  bool has_facts = false;
   for (const LinkMotion& motion : plan_.motions) {
     for (const LinkMotion::Moving& m : motion.moving())
       for (const double position : {ends[m.at], ends[joints + m.at]})
-        strange |= position_fact(motion.robot().model.columns[m.column], position) != 0;
-    if (strange) motion.make(ends, 2, poses_.data() + at, facts_.data() + at, links, scratch_);
+        has_facts |= position_fact(motion.robot().model.columns[m.column], position) != 0;
+    if (has_facts) motion.make(ends, 2, poses_.data() + at, facts_.data() + at, links, scratch_);
     at += motion.links().size();
   }
-  if (!strange) return;
+  if (!has_facts) return;
   for (std::size_t i = 0; i < links; ++i) moving.end_facts.push_back(facts_[i] | facts_[links + i]);
 }
 

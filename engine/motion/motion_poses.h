@@ -23,7 +23,7 @@ class MotionPoses {
   explicit MotionPoses(const Plan& plan);
 
   /// Sets MovingBodies::end_facts.
-  void look_at_ends(MovingBodies& moving);
+  void find_end_facts(MovingBodies& moving);
   /// Poses and facts, without errors, at some instants; valid until the next call.
   ConfigurationPoses::PoseBlock at(std::span<const Instant> instants);
   /// Velocities of bodies at instant k of the last at().

@@ -130,7 +130,7 @@ void MotionSearch::give_up() {
   spans_.clear();
 }
 
-void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
+void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                                  std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
@@ -139,7 +139,7 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
   const auto request_about = [&](BodyPair pair, const PairRequest& q) {
-    requested.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
+    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
     requests.push_back(q);
   };
   if (node.seeds) {
@@ -171,18 +171,18 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
 }
 
 // Most others do not come near along the direction between their boxes, at their present speeds.
-bool MotionSearch::leaves_along_boxes(const PairRequest& requested, const Node& node, BodyPair pair,
+bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& node, BodyPair pair,
                                       const Moment& moment) {
   const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
-  if (!a || !b || requested.way == 0) return false;
+  if (!a || !b || request.way == 0) return false;
   const Vec3d n = way_between(*a, *b);
   const double length = norm(n);
-  if (!(length > requested.target)) return false;
-  const HalfSpans gaps = half_spans(pair, requested.rates, n, 0, moment, node.half(), true);
+  if (!(length > request.target)) return false;
+  const HalfSpans gaps = half_spans(pair, request.rates, n, 0, moment, node.half(), true);
   const double low = std::min(gaps.before, gaps.after);
-  Goal& goal = goal_of(node.open[requested.open]);
-  if (!(low > target_of(node.open[requested.open], goal, 0))) return false;
-  leave(goal, node.open[requested.open], std::max(low, node.low[requested.open]), node.begin);
+  Goal& goal = goal_of(node.open[request.open]);
+  if (!(low > target_of(node.open[request.open], goal, 0))) return false;
+  leave(goal, node.open[request.open], std::max(low, node.low[request.open]), node.begin);
   return true;
 }
 
@@ -248,25 +248,25 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
 }
 
 // Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
-void MotionSearch::divide(const PairRequest& requested, const PairAnswer& answer, const Moment& moment,
-                          const Node& node, Half (&halves)[2]) {
-  const std::uint64_t position = node.open[requested.open];
+void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
+                          Half (&halves)[2]) {
+  const std::uint64_t position = node.open[request.open];
   Goal& goal = goal_of(position);
-  const double inner = requested.inner;
-  const double by_speed = difference_below(answer.lower, requested.way);
-  double low = std::max(node.low[requested.open], by_speed);
+  const double inner = request.inner;
+  const double by_speed = difference_below(answer.lower, request.way);
+  double low = std::max(node.low[request.open], by_speed);
   const bool beyond = answer.status == Status::kBeyond;
-  if (beyond) low = std::max(low, std::nextafter(requested.target, kInf));
+  if (beyond) low = std::max(low, std::nextafter(request.target, kInf));
   HalfSpans gaps{low, low, -kInf};
   const Vec3d& n = answer.normal;
   const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
-  if (!beyond && !is_proved(position, goal, low, inner) && requested.way > 0 && has_normal)
-    gaps = half_spans(motion_query_.plan.pairs.at(position), requested.rates, n, inner, moment, node.half(), false);
+  if (!beyond && !is_proved(position, goal, low, inner) && request.way > 0 && has_normal)
+    gaps = half_spans(motion_query_.plan.pairs.at(position), request.rates, n, inner, moment, node.half(), false);
   const double target = target_of(position, goal, inner);
   for (Half& half : halves) {
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(position, goal, gap, inner);
-    if (proved || requested.way == 0 || node.half() <= kLeastHalf) {
+    if (proved || request.way == 0 || node.half() <= kLeastHalf) {
       goal.forced |= !proved && !decides();
       leave(goal, position, gap, half.node.begin);
     } else {

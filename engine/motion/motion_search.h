@@ -87,7 +87,7 @@ class MotionSearch {
   /// Fetches the most promising span. Returns false if there is none at present.
   bool next(Node& node);
   /// Appends the pairs to evaluate in the middle of a span, and their requests in the same order.
-  void collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& requested,
+  void collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                      std::vector<PairRequest>& requests);
   /// Processes the answers to those requests. The node must not be used afterwards.
   void take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
@@ -140,7 +140,7 @@ class MotionSearch {
   void leave(Goal& goal, std::uint64_t position, double low, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const BodyPoses& placed);
   bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
-  void divide(const PairRequest& requested, const PairAnswer& answer, const Moment& moment, const Node& node,
+  void divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
   void push_rest(Half& half, double middle);
   HalfSpans half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner, const Moment& moment,
@@ -152,7 +152,7 @@ class MotionSearch {
   }
   std::size_t nearest_of(const Node& node, const BodyPoses& placed) const;
   bool leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);
-  bool leaves_along_boxes(const PairRequest& requested, const Node& node, BodyPair pair, const Moment& moment);
+  bool leaves_along_boxes(const PairRequest& request, const Node& node, BodyPair pair, const Moment& moment);
   PairRequest request_for(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed);
   void push(Node&& node);
   void give_up();

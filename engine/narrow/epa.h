@@ -61,7 +61,7 @@ class Epa {
 
  public:
   CLEARANCE_HD Epa() {}
-  CLEARANCE_HD explicit Epa(const Polytope& room) : p_(room) {}
+  CLEARANCE_HD explicit Epa(const Polytope& polytope) : p_(polytope) {}
 
   /// \param cso as for gjk()
   /// \param seed vertices to begin from, any number
@@ -147,7 +147,7 @@ class Epa {
   bool spread_out(const Cso& cso, const Simplex<T>& seed) {
     using std::abs;
     std::vector<CsoVertex<T>> found(seed.vertex, seed.vertex + seed.size);
-    const auto look = [&](const Vec3<T>& d) {
+    const auto try_direction = [&](const Vec3<T>& d) {
       T reach;
       found.push_back(probe(cso, d, reach));
     };
@@ -155,7 +155,7 @@ class Epa {
       for (const double s : {1.0, -1.0}) {
         Vec3<T> d{T(0), T(0), T(0)};
         d[k] = T(s);
-        look(d);
+        try_direction(d);
       }
     CsoVertex<T> t[4];
     T best = T(-1);
@@ -173,7 +173,7 @@ class Epa {
       if (round == 1) {  // everything so far is on a line, so try sideways
         const Vec3<T> side =
             unit(cross(edge, abs(edge.x) < T(0.6) ? Vec3<T>{T(1), T(0), T(0)} : Vec3<T>{T(0), T(1), T(0)}));
-        for (const Vec3<T>& d : {side, -side, cross(edge, side), -cross(edge, side)}) look(d);
+        for (const Vec3<T>& d : {side, -side, cross(edge, side), -cross(edge, side)}) try_direction(d);
       }
       for (const CsoVertex<T>& p : found)
         if (const T d = norm(cross(edge, p.w - t[0].w)); d > best) {
@@ -183,8 +183,8 @@ class Epa {
     }
     if (!(best > noise_)) return false;
     const Vec3<T> n = unit(cross(t[1].w - t[0].w, t[2].w - t[0].w));
-    look(n);
-    look(-n);
+    try_direction(n);
+    try_direction(-n);
     best = T(-1);
     for (const CsoVertex<T>& p : found)
       if (const T d = abs(dot(n, p.w - t[0].w)); d > best) {
@@ -310,7 +310,7 @@ class Epa {
   // Edges are found the same way below.
   CLEARANCE_HD void find_seen(std::uint32_t apex) {
     const std::size_t count = p_.faces.size();
-    p_.make_room();
+    p_.reserve();
     const Vec3<T> p = w(apex);
     const T noise = noise_;
     const CsoFace<T>* faces = p_.faces.data();
@@ -369,7 +369,7 @@ class Epa {
 
   // Plans one triangle for each edge of the outline, without its plane. False if the outline is not one loop.
   CLEARANCE_HD bool plan_fan(std::uint32_t apex, std::uint32_t count) {
-    if (count < 3 || !p_.make_room_for_fan(count, seen_count_)) return false;
+    if (count < 3 || !p_.reserve_fan(count, seen_count_)) return false;
     // Places of the new faces: those of the seen ones, then after the last.
     std::uint32_t* places = p_.seen.data();
     for (std::uint32_t i = seen_count_; i < count; ++i)
@@ -445,15 +445,15 @@ class Epa {
   // with the nearest computed plane, so all faces with a plane near enough are tried.
   CLEARANCE_HD void find_nearest() {
     const std::uint32_t first = nearest_face();
-    T best = look_at(first, T(__builtin_inf()));
+    T best = try_face(first, T(__builtin_inf()));
     for (std::uint32_t f = 0; f < p_.faces.size(); ++f)
       if (const T& offset = p_.offsets[f]; f != first && !(offset > T(0) && offset * offset >= best))
-        best = look_at(f, best);
+        best = try_face(f, best);
   }
 
   // Takes the point of a face that is nearest to the origin, if its squared distance is less than `best`. Returns the
   // least squared distance so far.
-  CLEARANCE_HD T look_at(std::uint32_t face, const T& best) {
+  CLEARANCE_HD T try_face(std::uint32_t face, const T& best) {
     const CsoFace<T>& f = p_.faces[face];
     const Vec3<T>&a = w(f.vertex[0]), &b = w(f.vertex[1]), &c = w(f.vertex[2]);
     // Barycentric coordinates of the origin's projection, clamped into the triangle: good enough to propose.

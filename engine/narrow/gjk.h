@@ -338,8 +338,8 @@ struct Gjk {
 
   /// The same for a single run, in two parts: its end, if any, and the state to continue with. No state of a continuing
   /// run is written at the end, so that a GPU thread need not select between both. After the end comes close().
-  CLEARANCE_INLINE GjkEnd look(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
-                               Nearest<T>& next) {
+  CLEARANCE_INLINE GjkEnd try_step(const CsoVertex<T>& vertex, const T& support_gap, const GjkLimits<T>& limits,
+                                   Nearest<T>& next) {
     last = vertex;
     gap = support_gap;
     if (simplex.size == 0) {  // as reduce() does for a first vertex
@@ -440,7 +440,7 @@ CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& s
   for (int i = 0; i < limits.max_iterations && end == GjkEnd::kRunning; ++i) {
     const CsoSupport<T> s = cso(g.v);
     Nearest<T> next;
-    end = g.look(s.vertex, s.gap, limits, next);
+    end = g.try_step(s.vertex, s.gap, limits, next);
     if (end == GjkEnd::kRunning) g.go_on(next);
   }
   g.close(end == GjkEnd::kRunning ? GjkEnd::kLimit : end);

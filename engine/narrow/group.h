@@ -38,10 +38,10 @@ CLEARANCE_HD inline Status decided_status(double lower, double upper) {
 
 /// Distance beyond which a pair can neither win its group nor lower the interval, if another pair has this upper bound:
 /// within the tolerance such a pair has a lower bound of no less than `upper`. Metres.
-CLEARANCE_HD inline double loser_beyond(double upper, const NarrowLimits& requested) {
-  if (!(requested.rel_tol < 0.5)) return __builtin_inf();
+CLEARANCE_HD inline double loser_beyond(double upper, const NarrowLimits& limits) {
+  if (!(limits.rel_tol < 0.5)) return __builtin_inf();
   const double least = upper > 0 ? upper : 0;
-  return (least + requested.abs_tol) * (1 + 4 * requested.rel_tol);
+  return (least + limits.abs_tol) * (1 + 4 * limits.rel_tol);
 }
 
 /// Answer for a group without pairs, as if infinitely far apart.

@@ -38,11 +38,11 @@ void PartBatch::begin(std::span<const PartTask> tasks) {
   group_ = next_ = 0;
   in_group_ = false;
   paused_.reset();
-  deal();
+  group_tasks();
 }
 
 // Groups pairs of the same two parts if they fill the lanes. The other lanes take any pairs.
-void PartBatch::deal() {
+void PartBatch::group_tasks() {
   const std::span<const PartTask> tasks = tasks_;
   order_.clear();
   groups_.clear();
@@ -176,13 +176,13 @@ NarrowAnswer PartBatch::answer_alone(const PartTask& task, const Gjk<double>* do
   const NarrowAnswer answer = options_.reference
                                   ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
                                   : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done, &meter, &paused_);
-  return answer.bounds.is_possible() ? answer : answer_anew(task);
+  return answer.bounds.is_possible() ? answer : answer_again(task);
 }
 
 // Answers a pair with contradictory bounds again, in the most independent way: alone, in double-double from the first
 // step, vertices without a table, new rotations, no warm state. If that contradicts itself too, nothing is proved:
 // [-inf, inf].
-NarrowAnswer PartBatch::answer_anew(const PartTask& task) const {
+NarrowAnswer PartBatch::answer_again(const PartTask& task) const {
   if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
   if (task.warm) *task.warm = {};
   const ConvexPart a = without_table(*task.a), b = without_table(*task.b);

@@ -35,7 +35,7 @@ struct PartTask {
 };
 
 /// Each worker has its own. The bits of an answer do not depend on the rest of the batch. Every interval is checked
-/// before it is returned: an empty one proves a malfunction, and its pair is answered again (answer_anew()).
+/// before it is returned: an empty one proves a malfunction, and its pair is answered again (answer_again()).
 class PartBatch {
  public:
   explicit PartBatch(const NarrowOptions& options) : options_(options) {}
@@ -62,7 +62,7 @@ class PartBatch {
         const PartTask& task = tasks_[at(next_)];
         const std::size_t place = next_ - group.begin;
         if (group.in_lanes && !is_possible(answers_[place])) {
-          take(task, answer_anew(task));
+          take(task, answer_again(task));
         } else if (group.in_lanes && answers_[place].converged) {
           converged(task, answers_[place], witnesses_[place]);
           continue;
@@ -101,14 +101,14 @@ class PartBatch {
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
   std::uint32_t kind_of(const PartTask& task);
-  void deal();
+  void group_tasks();
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
   static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PartTask& task) const;
   NarrowAnswer answer_alone(const PartTask& task, const Gjk<double>* done, WorkMeter& meter);
-  NarrowAnswer answer_anew(const PartTask& task) const;
+  NarrowAnswer answer_again(const PartTask& task) const;
 
   NarrowOptions options_;
   std::span<const PartTask> tasks_;

@@ -39,7 +39,7 @@ struct PartSearch {
     return least < max_distance ? least : max_distance;
   }
   /// Whether a pair belongs to a round with this cut-off. If not, nor do those after it.
-  CLEARANCE_HD bool asks(double gap, double cut_off) const { return round == 1 || !(gap > cut_off); }
+  CLEARANCE_HD bool belongs_to_round(double gap, double cut_off) const { return round == 1 || !(gap > cut_off); }
   /// Whether a pair and all after it are farther than one that was taken.
   CLEARANCE_HD bool ends_before(double gap) const { return gap > 0 && gap > upper; }
   /// Ends the search: the boxes of this pair and all after it are at least this far apart.
@@ -117,23 +117,23 @@ class NearestConvexParts {
 enum class PartEnd { kApart, kOverlap, kOpen };
 
 /// Runs a search to its end, one part pair after another.
-/// \param look answers one pair with this cut-off: kApart if the search has taken it; kOverlap if an overlap is proved,
-/// which ends the search without depth; kOpen if it is unresolved, which also ends it
+/// \param evaluate answers one pair with this cut-off: kApart if the search has taken it; kOverlap if an overlap is
+/// proved, which ends the search without depth; kOpen if it is unresolved, which also ends it
 /// \param stop_below upper bound that is low enough to stop
-template <class Nearest, class Look>
-CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance, Nearest& nearest, const Look& look,
-                                         double stop_below = -__builtin_inf()) {
+template <class Nearest, class Evaluate>
+CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance, Nearest& nearest,
+                                         const Evaluate& evaluate, double stop_below = -__builtin_inf()) {
   PartPair p;
   bool there = nearest.next(p);
   while (there) {
     const double cut_off = search.cut_off(max_distance);
-    std::size_t requested = 0;
-    for (; there && requested < search.round && search.asks(p.gap, cut_off); ++requested) {
+    std::size_t answered = 0;
+    for (; there && answered < search.round && search.belongs_to_round(p.gap, cut_off); ++answered) {
       if (search.ends_before(p.gap)) {
         search.leave_out(p.gap);
         return PartEnd::kApart;
       }
-      if (const PartEnd end = look(p, cut_off); end != PartEnd::kApart) return end;
+      if (const PartEnd end = evaluate(p, cut_off); end != PartEnd::kApart) return end;
       const double gap = p.gap;
       there = nearest.next(p);
       if (search.upper <= stop_below && there && !(p.gap > max_distance)) {
@@ -141,7 +141,7 @@ CLEARANCE_HD inline PartEnd search_parts(PartSearch& search, double max_distance
         return PartEnd::kApart;
       }
     }
-    if (there && requested == 0) {
+    if (there && answered == 0) {
       search.leave_out(p.gap);
       return PartEnd::kApart;
     }

@@ -37,7 +37,7 @@ struct GrowingPolytope {
   std::vector<FanFace<T>> fan;
 
   /// Reserves enough for all that the last vertex can see.
-  void make_room() {
+  void reserve() {
     const std::size_t count = faces.size();
     if (is_seen.size() < count) {
       is_seen.resize(2 * count);
@@ -48,7 +48,7 @@ struct GrowingPolytope {
   }
   /// Reserves the faces of a fan. Returns false if there is no space.
   /// \param count number of faces, which replace `gone`
-  bool make_room_for_fan(std::size_t count, [[maybe_unused]] std::size_t gone) {
+  bool reserve_fan(std::size_t count, [[maybe_unused]] std::size_t gone) {
     if (fan.size() < count) fan.resize(2 * count);
     return true;
   }

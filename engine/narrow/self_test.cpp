@@ -151,9 +151,9 @@ std::vector<KnownPair> make_known_pairs() {
 
 // Queries all pairs in a number of their places at once. Pairs of the same two parts run in parallel if they fill the
 // lanes.
-void run(SelfTest& test, const NarrowOptions& requested, int places) {
+void run(SelfTest& test, const NarrowOptions& given, int places) {
   std::atomic<std::uint64_t> contradictions{0};
-  NarrowOptions options = requested;
+  NarrowOptions options = given;
   options.contradictions = &contradictions;
   const std::vector<KnownPair>& pairs = known_pairs();
   std::vector<std::pair<PoseMatrix, PoseMatrix>> placed;
@@ -178,8 +178,8 @@ void run(SelfTest& test, const NarrowOptions& requested, int places) {
   if (contradictions > 0) test.count(std::to_string(contradictions) + " pairs of bounds contradict each other");
 }
 
-template <class Ask>
-SelfTest timed(std::string_view name, Ask evaluate) {
+template <class Evaluate>
+SelfTest timed(std::string_view name, Evaluate evaluate) {
   const FpEnvironment environment;
   const auto begin = std::chrono::steady_clock::now();
   SelfTest test{std::string(name)};

@@ -157,7 +157,7 @@ class PyEngine {
     const std::uint32_t own = size.fields & ~out.fields();
     const Layout layout = layout_of(own, size.rows, size.joints);
     Answer answer;
-    answer.owner = room_for(layout.bytes);
+    answer.owner = allocate(layout.bytes);
     answer.base = static_cast<const std::byte*>(answer.owner.get());
     answer.bytes = layout.bytes;
     answer.offset = layout.offset;
@@ -300,7 +300,7 @@ class PyEngine {
     return engine_->prepare(view);
   }
 
-  std::shared_ptr<void> room_for(std::size_t bytes) const {
+  std::shared_ptr<void> allocate(std::size_t bytes) const {
     const std::string_view backend = engine_->backend();
     return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);
   }

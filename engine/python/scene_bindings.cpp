@@ -104,7 +104,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_hull(name, vertices, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_mesh",
           [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int mesh_as,
@@ -117,7 +117,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
           },
           nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("mesh_as"),
           nb::arg("y_up"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("doubts"))
+          nb::arg("uncertainties"))
       .def(
           "add_mesh_of",
           [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int mesh_as, double radius,
@@ -129,7 +129,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_mesh(name, vertices, triangles, static_cast<MeshAs>(mesh_as), o);
           },
           nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("mesh_as"), nb::arg("radius"),
-          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_points",
           [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool requires_pose, double radius,
@@ -141,7 +141,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_points(name, points, voxel, o);
           },
           nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("requires_pose"), nb::arg("radius"),
-          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_box",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
@@ -149,7 +149,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_sphere",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
@@ -157,7 +157,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("doubts"))
+          nb::arg("uncertainties"))
       .def(
           "add_capsule",
           [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
@@ -165,7 +165,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_cone",
           [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
@@ -173,7 +173,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_ellipsoid",
           [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
@@ -181,7 +181,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"))
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_half_space",
           [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
@@ -189,7 +189,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("doubts"))
+          nb::arg("uncertainties"))
       .def(
           "add_cylinder",
           [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
@@ -197,7 +197,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
             return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"));
+          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"));
 }
 
 }  // namespace

@@ -86,10 +86,10 @@ class DenseJob final : public ParallelJob {
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
   struct WorkerScratch {
     std::uint64_t next = kNowhere;  // first pair of the current block, or kNowhere
-    bool is_requested = false;      // whether that block has begun
+    bool is_evaluating = false;     // whether that block has begun
     std::vector<BodyPair> pairs;
-    std::vector<PlacedBodies> requested;
-    std::vector<PairPlace> places;  // of `requested`
+    std::vector<PlacedBodies> to_evaluate;
+    std::vector<PairPlace> places;  // of `to_evaluate`
     std::vector<PairAnswer> answers;
     std::vector<std::uint32_t> near;  // in a configuration of a block
     std::vector<std::uint16_t> flags;
@@ -107,16 +107,16 @@ class DenseJob final : public ParallelJob {
     const std::uint64_t step = std::max<std::uint64_t>(layout_.block / configurations, 1);
     if (scratch.next == kNowhere) scratch.next = begin;
     while (scratch.next < end) {
-      if (!std::exchange(scratch.is_requested, true)) {
+      if (!std::exchange(scratch.is_evaluating, true)) {
         const auto pairs = plan_.pairs.slice(scratch.next, std::min(step, end - scratch.next), scratch.pairs);
         take(pairs, scratch.next, placed, first, worker);
         meter.count(pairs.size() * configurations / kBoxesPerUnit);
-        scratch.answers.resize(std::max(scratch.answers.size(), scratch.requested.size()));
-        evaluator.begin(scratch.requested, scratch.answers);
+        scratch.answers.resize(std::max(scratch.answers.size(), scratch.to_evaluate.size()));
+        evaluator.begin(scratch.to_evaluate, scratch.answers);
       }
       if (!evaluator.advance(meter)) return false;
       write_block(scratch, first);
-      scratch.is_requested = false;
+      scratch.is_evaluating = false;
       scratch.next += step;
       if (scratch.next < end && meter.is_over()) return false;
     }
@@ -127,10 +127,10 @@ class DenseJob final : public ParallelJob {
   // Writes the rows of a block.
   void write_block(const WorkerScratch& scratch, std::uint64_t first) {
     std::uint64_t evaluated = 0;
-    for (std::size_t i = 0; i < scratch.requested.size(); ++i) {
+    for (std::size_t i = 0; i < scratch.to_evaluate.size(); ++i) {
       const auto [k, at] = scratch.places[i];
       write((first + k) * plan_.size.pairs + scratch.next + at, static_cast<std::uint32_t>(first + k),
-            scratch.requested[i], scratch.answers[i]);
+            scratch.to_evaluate[i], scratch.answers[i]);
       evaluated += reached_narrow_phase(scratch.answers[i]);
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
@@ -140,11 +140,11 @@ class DenseJob final : public ParallelJob {
   void take(std::span<const BodyPair> pairs, std::uint64_t begin, std::span<const BodyPoses> placed,
             std::uint64_t first, int worker) {
     WorkerScratch& scratch = scratch_[static_cast<std::size_t>(worker)];
-    scratch.requested.clear();
+    scratch.to_evaluate.clear();
     scratch.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto evaluate = [&](std::size_t i, std::size_t k) {
-      scratch.requested.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
+      scratch.to_evaluate.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
       scratch.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
     };
     if (culls_.empty()) {
@@ -159,7 +159,7 @@ class DenseJob final : public ParallelJob {
           gaps_within(gaps.data() + k * pairs.size(), pairs.size(), plan_.query.max_distance, scratch.near.data());
       for (std::size_t i = 0; i < count; ++i) evaluate(scratch.near[i], k);
     }
-    if (scratch.requested.size() == gaps.size()) return;
+    if (scratch.to_evaluate.size() == gaps.size()) return;
     // Writes the rows of rejected pairs. Other rows of the block are overwritten later.
     for (std::size_t k = 0; k < placed.size(); ++k)
       write_beyond_rows(reply_, (first + k) * plan_.size.pairs + begin, pairs, static_cast<std::uint32_t>(first + k),

@@ -10,15 +10,15 @@ namespace clearance {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  const bool may_be_kept = plan.question && JobCache::keeps(plan.size);
+  const bool is_cacheable = plan.question && JobCache::keeps(plan.size);
   const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job : make_reduced_job;
   std::unique_ptr<Job::State> job = make(context, std::move(plan), reply);
-  if (may_be_kept) job->keeper = context.kept;
+  if (is_cacheable) job->keeper = context.job_cache;
   return job;
 }
 
 PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
-PreparedQuery::PreparedQuery(Job::StatePtr again) : cached_(std::move(again)) {}
+PreparedQuery::PreparedQuery(Job::StatePtr cached) : cached_(std::move(cached)) {}
 PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
 PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
 PreparedQuery::~PreparedQuery() = default;

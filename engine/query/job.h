@@ -70,7 +70,7 @@ class PreparedQuery {
  private:
   friend class Engine;
   explicit PreparedQuery(std::unique_ptr<Planner> planner);
-  explicit PreparedQuery(Job::StatePtr again);
+  explicit PreparedQuery(Job::StatePtr cached);
   const Plan& plan() const;
   std::unique_ptr<Planner> planner_;
   Job::StatePtr cached_;  // instead of a planner, a job of the same query

@@ -41,13 +41,13 @@ std::vector<Aabb> boxes_of_bodies(const Scene& scene, const Plan& plan) {
 
 ReplyInfo snapshot_info(const Plan& plan, bool reference) {
   const PoseSnapshot& snapshot = *plan.snapshot;
-  const std::uint64_t requested = plan.query.scene_revision;
+  const std::uint64_t query_revision = plan.query.scene_revision;
   ReplyInfo info;
   info.backend = reference ? "reference" : "cpu";
   info.snapshot_revision = snapshot.revision;
   info.snapshot_stamp_ns = snapshot.newest_stamp_ns;
   info.snapshot_sequence = snapshot.newest_sequence;
-  info.scene_revision = requested ? requested : snapshot.scene_revision;  // the answer is the same for both
+  info.scene_revision = query_revision ? query_revision : snapshot.scene_revision;  // the answer is the same for both
   info.oldest_receipt_ns = snapshot.oldest_receipt_ns;
   if (snapshot.oldest_receipt_ns != 0) info.pose_age_ns = plan.begun_ns - snapshot.oldest_receipt_ns;
   return info;

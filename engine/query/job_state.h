@@ -35,7 +35,7 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone
-  JobCache* kept = nullptr;                     ///< keeps jobs that may be reused
+  JobCache* job_cache = nullptr;                ///< keeps jobs that may be reused
   std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
 };
 

@@ -58,26 +58,26 @@ SceneCost::SelectorCost SceneCost::side(std::uint32_t selector) const {
 }
 
 /// \param are_same both sides are the same bodies, so that each pair counts once
-void SceneCost::add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same) {
+void SceneCost::add_pairs(QueryCost& cost, const SelectorCost& a, const SelectorCost& b, bool are_same) {
   const std::uint64_t ordered = times(a.bodies, b.bodies);
-  extent.pairs = plus(extent.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
-  extent.part_pairs = plus(extent.part_pairs, times(a.parts, b.parts));
-  extent.units = plus(extent.units, plus(times(a.units, b.parts), times(b.units, a.parts)));
+  cost.pairs = plus(cost.pairs, are_same ? (ordered - a.bodies) / 2 : ordered);
+  cost.part_pairs = plus(cost.part_pairs, times(a.parts, b.parts));
+  cost.units = plus(cost.units, plus(times(a.units, b.parts), times(b.units, a.parts)));
 }
 
 QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) const {
-  QueryCost extent;
+  QueryCost cost;
   std::set<std::shared_ptr<const SceneRobot>> robots;
   for (const std::uint32_t joint : query.joints)
     if (joint < scene_->joints().size()) robots.insert(scene_->robots()[scene_->joints()[joint].robot]);
-  for (const auto& robot : robots) extent.links += robot->bodies.size();
+  for (const auto& robot : robots) cost.links += robot->bodies.size();
   const bool moves = !query.bodies.empty() || !query.joints.empty();
   if (!query.all_pairs) {
     for (const BodyPair pair : query.pairs) {
       const SelectorCost a = side(pair.a), b = side(pair.b);
-      add_pairs(extent, a, b, pair.a == pair.b && a.bodies > 1);
+      add_pairs(cost, a, b, pair.a == pair.b && a.bodies > 1);
     }
-    extent.listed = extent.pairs;
+    cost.listed = cost.pairs;
   } else {
     SelectorCost moved;
     std::vector<std::uint32_t> known;
@@ -87,16 +87,16 @@ QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) co
       for (const std::uint32_t body : robot->bodies) known.push_back(body);
     if (!known.empty())
       for (const std::uint32_t body : snapshot.with_followers(known)) moved.add(bodies_[body]);
-    add_pairs(extent, moves ? moved : all_, all_);
-    extent.pairs = std::min(extent.pairs, snapshot.pairs->size());
-    extent.listed = moves ? extent.pairs : 0;
+    add_pairs(cost, moves ? moved : all_, all_);
+    cost.pairs = std::min(cost.pairs, snapshot.pairs->size());
+    cost.listed = moves ? cost.pairs : 0;
   }
   for (const MarginEntry& entry : query.margins)
-    extent.listed = plus(extent.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
+    cost.listed = plus(cost.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
   if (query.max_evaluations > 0) configurations = times(configurations / 2, query.max_evaluations);
-  return {times(extent.pairs, configurations), times(extent.part_pairs, configurations),
-          times(extent.units, configurations), times(extent.links, configurations), extent.listed};
+  return {times(cost.pairs, configurations), times(cost.part_pairs, configurations), times(cost.units, configurations),
+          times(cost.links, configurations), cost.listed};
 }
 
 }  // namespace clearance

@@ -34,7 +34,7 @@ class SceneCost {
     void add(const SelectorCost& other);
   };
   SelectorCost side(std::uint32_t selector) const;
-  static void add_pairs(QueryCost& extent, const SelectorCost& a, const SelectorCost& b, bool are_same = false);
+  static void add_pairs(QueryCost& cost, const SelectorCost& a, const SelectorCost& b, bool are_same = false);
 
   const Scene* scene_;
   std::vector<SelectorCost> bodies_, groups_;

@@ -22,7 +22,7 @@ class WorkerPoses {
   std::span<const BodyPoses> at(std::uint64_t first, std::uint64_t count) {
     assert(count > 0 && first + count <= plan_.size.configurations);
     while (placed_.size() < count) placed_.emplace_back(scene_, plan_, boxes_);
-    if (placed_[0].stands_at(first) && placed_[count - 1].stands_at(first + count - 1)) return {placed_.data(), count};
+    if (placed_[0].is_at(first) && placed_[count - 1].is_at(first + count - 1)) return {placed_.data(), count};
     const std::size_t moved = plan_.bodies.size();
     const ConfigurationPoses::PoseBlock given = given_.at(first, count);
     rotations_.resize(count * moved);

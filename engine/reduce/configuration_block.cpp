@@ -42,45 +42,45 @@ void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::uint64_t 
   placed_ = placed;
   first_ = first;
   gaps_ = {};
-  is_requested_ = false;
+  is_evaluating_ = false;
   for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
 }
 
 bool ConfigurationBlock::advance(WorkMeter& meter) {
   while (true) {
-    if (!is_requested_) {
+    if (!is_evaluating_) {
       if (!collect_pairs(meter)) return true;
-      answers_.resize(std::max(answers_.size(), requested_.size()));
-      evaluator_.begin(requested_, answers_);
-      is_requested_ = true;
+      answers_.resize(std::max(answers_.size(), to_evaluate_.size()));
+      evaluator_.begin(to_evaluate_, answers_);
+      is_evaluating_ = true;
     }
     if (!evaluator_.advance(meter)) return false;
-    is_requested_ = false;
+    is_evaluating_ = false;
     take();
     if (meter.is_over()) return false;
   }
 }
 
-// Collects the next pairs of all configurations in requested_. Returns false if there are none.
+// Collects the next pairs of all configurations in to_evaluate_. Returns false if there are none.
 bool ConfigurationBlock::collect_pairs(WorkMeter& meter) {
   if (compares_boxes_ && gaps_.empty()) {
-    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), room_), placed_);
+    gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), pairs_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }
-  requested_.clear();
-  requested_end_.clear();
+  to_evaluate_.clear();
+  evaluated_end_.clear();
   for (std::size_t i = 0; i < placed_.size(); ++i) {
     while (reductions_[i].stage() != Reduction::kDone && !collect_pairs(i, meter)) reductions_[i].end_stage();
-    requested_end_.push_back(requested_.size());
+    evaluated_end_.push_back(to_evaluate_.size());
   }
-  return !requested_.empty();
+  return !to_evaluate_.empty();
 }
 
 // Collects the next pairs of a configuration's stage. Returns false if the stage is over.
 bool ConfigurationBlock::collect_pairs(std::size_t i, WorkMeter& meter) {
   Reduction& r = reductions_[i];
   if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates)
-    return r.collect_pairs(placed_[i], requested_);
+    return r.collect_pairs(placed_[i], to_evaluate_);
   const std::uint64_t pairs = plan_.pairs.size();
   if (compares_boxes_)
     r.scan(gaps_.subspan(i * pairs, pairs), placed_[i]);
@@ -92,8 +92,8 @@ bool ConfigurationBlock::collect_pairs(std::size_t i, WorkMeter& meter) {
 void ConfigurationBlock::take() {
   std::size_t begin = 0;
   for (std::size_t i = 0; i < placed_.size(); ++i) {
-    if (requested_end_[i] > begin) reductions_[i].take(std::span(answers_).subspan(begin, requested_end_[i] - begin));
-    begin = requested_end_[i];
+    if (evaluated_end_[i] > begin) reductions_[i].take(std::span(answers_).subspan(begin, evaluated_end_[i] - begin));
+    begin = evaluated_end_[i];
   }
 }
 

@@ -45,11 +45,11 @@ class ConfigurationBlock {
   std::span<const BodyPoses> placed_;
   std::uint64_t first_ = 0;
   std::span<const double> gaps_;  // (configurations, pairs)
-  std::vector<BodyPair> room_;
-  bool is_requested_ = false;
-  std::vector<PlacedBodies> requested_;
-  std::vector<std::size_t> requested_end_;  // by configuration: end in requested_
-  std::vector<PairAnswer> answers_;         // (requested_.size(),) and more
+  std::vector<BodyPair> pairs_;
+  bool is_evaluating_ = false;
+  std::vector<PlacedBodies> to_evaluate_;
+  std::vector<std::size_t> evaluated_end_;  // by configuration: end in to_evaluate_
+  std::vector<PairAnswer> answers_;         // (to_evaluate_.size(),) and more
 };
 
 }  // namespace clearance

@@ -75,7 +75,7 @@ NearPairs::NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb>
   // In the tree's order, a probe finds in the caches the data that the one before it read.
   std::vector<std::uint32_t> in_order;
   for (const std::uint32_t b : tree_->order())
-    if (b != kNone && asks_[b]) in_order.push_back(b);
+    if (b != kNone && is_probe_[b]) in_order.push_back(b);
   probes_ = std::move(in_order);
 }
 
@@ -87,10 +87,10 @@ NearPairs::~NearPairs() {
 
 // Selects the body with more pairs as the probe of a pair. Returns false if no tree contains the pairs or pays.
 bool NearPairs::find_probes(const Plan& plan, bool always) {
-  asks_.assign(bodies_, 0);
+  is_probe_.assign(bodies_, 0);
   if (plan.pairs.is_whole_table() && plan.query.configuration_count == 0) {
     table_ = plan.pairs.table();
-    asks_.assign(bodies_, 1);
+    is_probe_.assign(bodies_, 1);
     if (always || tree_pays(bodies_, plan.pairs.size(), bodies_)) return true;
     table_ = nullptr;
     return false;
@@ -108,7 +108,7 @@ bool NearPairs::find_probes(const Plan& plan, bool always) {
   row_begin_.assign(bodies_ + 1, 0);
   std::uint64_t probes = 0;
   for (const auto [a, b] : list_) {
-    std::uint8_t& one = asks_[pairs_of[a] >= pairs_of[b] ? a : b];
+    std::uint8_t& one = is_probe_[pairs_of[a] >= pairs_of[b] ? a : b];
     probes += !one;
     one = 1;
     ++row_begin_[a + 1];
@@ -133,7 +133,7 @@ std::uint64_t NearPairs::first_position(std::uint32_t body) const {
   return kNowhere;
 }
 
-void TreeSearch::stand(const BodyPoses& placement) {
+void TreeSearch::place(const BodyPoses& placement) {
   const bool there = placement_ && stood_at_ == placement.number(), first = !placement_;
   placement_ = &placement;
   stood_at_ = placement.number();
@@ -181,15 +181,15 @@ TreeSearch::Seed TreeSearch::nearest(std::uint32_t body, Seed best) const {
 
 void TreeSearch::around(std::uint32_t body, double margin, bool all, std::vector<std::uint64_t>& positions) const {
   evaluate(body, margin, [&](double, std::uint64_t position, std::uint32_t other) {
-    if (all || other > body || !near_pairs_.asks(other)) positions.push_back(position);
+    if (all || other > body || !near_pairs_.is_probe(other)) positions.push_back(position);
     return margin;
   });
 }
 
 void TreeSearch::pairs(std::uint32_t first, std::uint32_t last, double margin, std::vector<std::uint64_t>& positions) {
-  room_.clear();
-  near_pairs_.tree().pairs_within(first, last, margin, room_);
-  for (const auto [a, b] : room_)
+  found_pairs_.clear();
+  near_pairs_.tree().pairs_within(first, last, margin, found_pairs_);
+  for (const auto [a, b] : found_pairs_)
     if (const std::uint64_t position = near_pairs_.position(a, b); position != NearPairs::kNowhere)
       positions.push_back(position);
 }

@@ -62,7 +62,7 @@ class NearPairs {
   bool whole_table() const { return table_ != nullptr; }
   const BoxTree& tree() const { return *tree_; }                     ///< of bodies that stay
   std::span<const std::uint32_t> probes() const { return probes_; }  ///< spatial neighbours are near each other
-  bool asks(std::uint32_t body) const { return asks_[body]; }
+  bool is_probe(std::uint32_t body) const { return is_probe_[body]; }
   /// Position of a pair, in either order, in the query, or kNowhere.
   std::uint64_t position(std::uint32_t a, std::uint32_t b) const;
   /// Position of a body's first pair in a whole table, or kNowhere.
@@ -77,7 +77,7 @@ class NearPairs {
   std::span<const BodyPair> list_;
   std::vector<std::uint64_t> row_begin_;  // (N + 1,) of list_
   std::vector<std::uint32_t> probes_;
-  std::vector<std::uint8_t> asks_;
+  std::vector<std::uint8_t> is_probe_;
   std::unique_ptr<BoxTree> tree_;
   std::uint64_t builds_before_ = 0;
 };
@@ -89,7 +89,7 @@ class TreeSearch {
       : scene_(scene), plan_(plan), near_pairs_(near_pairs) {}
 
   /// Sets the configuration. Call this before any search in it.
-  void stand(const BodyPoses& placement);
+  void place(const BodyPoses& placement);
   /// Bodies without a usable pose, which no tree contains.
   std::span<const std::uint32_t> unplaced() const { return unplaced_; }
 
@@ -120,7 +120,7 @@ class TreeSearch {
   std::size_t staying_unplaced_ = 0;  // first entries of unplaced_
   std::vector<Aabb> boxes_;           // of plan_.moved
   BoxTree moving_;
-  std::vector<BodyPair> room_;
+  std::vector<BodyPair> found_pairs_;
 };
 
 }  // namespace clearance

@@ -53,7 +53,7 @@ void Reduction::begin() {
   candidates_.clear();
   candidate_pairs_.clear();
   decided_by_ = kNoPair;
-  stage_ = stands_alone() ? kScan : kSeedScan;
+  stage_ = needs_no_seed() ? kScan : kSeedScan;
 }
 
 std::uint64_t Reduction::evaluated() const {
@@ -119,9 +119,9 @@ bool Reduction::run(std::uint64_t unit, int worker, const BodyPoses& placement, 
 // Evaluates a unit's pairs.
 bool Reduction::answer(std::uint64_t unit, WorkerState& w, const BodyPoses& placement, WorkMeter& meter) {
   const auto begin_next = [&] {
-    w.requested.clear();
-    collect_pairs(w, placement, w.requested);
-    w.evaluator.begin(w.requested, std::span(answers()).subspan(w.first, w.requested.size()));
+    w.to_evaluate.clear();
+    collect_pairs(w, placement, w.to_evaluate);
+    w.evaluator.begin(w.to_evaluate, std::span(answers()).subspan(w.first, w.to_evaluate.size()));
   };
   const std::atomic_ref<std::uint64_t> decided_by(decided_by_);
   if (w.step == 0) {
@@ -151,7 +151,7 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 }
 
 // Appends the pairs of the next step.
-void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
+void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
   const double far = loser_beyond(w.cut_off, options_.limits);
@@ -159,7 +159,7 @@ void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::v
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
     const double cut = std::min(cut_off(positions[i]), far);
-    requested.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
+    to_evaluate.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
   }
 }
 
@@ -204,16 +204,16 @@ bool Reduction::take(WorkerState& w) {
   return decided;
 }
 
-bool Reduction::collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& requested) {
+bool Reduction::collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate) {
   assert(stage_ == kSeeds || stage_ == kCandidates);
   WorkerState& w = workers_[0];
   if (w.step == 0) {
     if (stage_ == kCandidates && stops_at_overlap()) sort_candidates(placement);
     begin_answers(0, ~std::uint64_t{0}, kAtFirstOfMany, w);
   }
-  const std::size_t before = requested.size();
-  collect_pairs(w, placement, requested);
-  if (requested.size() > before) return true;
+  const std::size_t before = to_evaluate.size();
+  collect_pairs(w, placement, to_evaluate);
+  if (to_evaluate.size() > before) return true;
   w.step = 0;
   return false;
 }

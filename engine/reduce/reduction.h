@@ -56,7 +56,7 @@ class Reduction {
   void scan(std::span<const double> gaps, const BodyPoses& placement);
   /// Appends the seeds or candidates to evaluate next; take() receives their answers in that order. Returns false if
   /// none are left.
-  bool collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& requested);
+  bool collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate);
   void take(std::span<const PairAnswer> answers);
   /// The rows, once the stage is kDone.
   std::vector<Row> rows(std::uint32_t configuration, const BodyPoses& placement);
@@ -73,8 +73,8 @@ class Reduction {
     std::vector<std::uint64_t> candidates;  // positions
     std::vector<Seed> order;
     std::uint64_t evaluated = 0;  // pairs
-    std::vector<BodyPair> room;
-    std::vector<PlacedBodies> requested;
+    std::vector<BodyPair> pairs;  // storage for PairList::slice()
+    std::vector<PlacedBodies> to_evaluate;
     std::uint64_t first = 0, end = 0, step = 0;  // of the positions being evaluated; step is 0 between units
     double cut_off = 0;                          // of the next pairs
     std::vector<double> gaps;
@@ -93,7 +93,7 @@ class Reduction {
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
   bool any() const { return plan_.query.reduce == Reduce::kAny; }
   /// Whether the cut-offs are known before the scan.
-  bool stands_alone() const { return within() || any() || options_.reference; }
+  bool needs_no_seed() const { return within() || any() || options_.reference; }
   double cut_off(std::uint64_t position) const { return any() ? plan_.margins.of(position) : plan_.query.max_distance; }
   /// Whether pairs after an overlapping one neither win nor lower the interval.
   bool stops_at_overlap() const {
@@ -112,7 +112,7 @@ class Reduction {
   }
   bool answer(std::uint64_t unit, WorkerState& worker, const BodyPoses& placement, WorkMeter& meter);
   void begin_answers(std::uint64_t begin, std::uint64_t end, std::uint64_t at_first, WorkerState& worker) const;
-  void collect_pairs(WorkerState& worker, const BodyPoses& placement, std::vector<PlacedBodies>& requested);
+  void collect_pairs(WorkerState& worker, const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate);
   bool take(WorkerState& worker);
   std::vector<PairAnswer>& answers() { return stage_ == kSeeds ? seed_answers_ : candidate_answers_; }
   void collect_seeds();

@@ -61,12 +61,12 @@ Row Reduction::decision(std::uint32_t configuration, const BodyPoses& placement)
 }
 
 void Reduction::widen(Row& row, double lower, const BodyPoses& placement) const {
-  const NarrowLimits& requested = options_.limits;
+  const NarrowLimits& limits = options_.limits;
   const auto slack_of = [&](BodyPair p) {
     const bool is_placed = p.a < scene_.bodies().size() && p.b < scene_.bodies().size();
     return is_placed ? pair_slack(placement, p) : Slack();
   };
-  widen_to_group(row.answer, lower, requested.max_distance, requested.abs_tol, requested.rel_tol, slack_of(row.pair),
+  widen_to_group(row.answer, lower, limits.max_distance, limits.abs_tol, limits.rel_tol, slack_of(row.pair),
                  slack_of(row.pair_lower));
 }
 

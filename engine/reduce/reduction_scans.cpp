@@ -24,7 +24,7 @@ std::span<const double> Reduction::gaps(std::span<const BodyPair> pairs, WorkerS
 
 void Reduction::scan_block(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
   const std::uint64_t begin = block * kBlock, count = std::min(kBlock, plan_.pairs.size() - begin);
-  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.room);
+  const std::span<const BodyPair> pairs = plan_.pairs.slice(begin, count, worker.pairs);
   offer(begin, pairs, gaps(pairs, worker, placement), worker, placement);
 }
 
@@ -32,7 +32,7 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
   assert(gaps.size() == plan_.pairs.size());
   WorkerState& w = workers_[0];
   gaps_ = gaps;
-  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.room), gaps, w, placement);
+  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.pairs), gaps, w, placement);
   if (stage_ == kSeedScan) {
     const auto least = std::min_element(gaps.begin(), gaps.end());
     if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
@@ -58,7 +58,7 @@ void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerS
                       const BodyPoses& placement) const {
   bool wanted = false;
   if (gap == kInf && is_unusable(scene_, placement, pair)) {
-    wanted = stands_alone();
+    wanted = needs_no_seed();
     for_groups(pair, [&](std::uint32_t g) { worker.unusable[g] = std::min(worker.unusable[g], position); });
   } else {
     for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });
@@ -68,7 +68,7 @@ void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerS
 }
 
 void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
-  worker.search.stand(placement);
+  worker.search.place(placement);
   const std::span<const std::uint32_t> probes = near_pairs_.probes();
   for (std::uint64_t i = block * kProbes; i < std::min<std::uint64_t>(probes.size(), (block + 1) * kProbes); ++i) {
     Seed& seed = worker.seed[per_body() ? probes[i] : 0];
@@ -80,7 +80,7 @@ void Reduction::seed_scan_by_tree(std::uint64_t block, WorkerState& worker, cons
 }
 
 void Reduction::scan_by_tree(std::uint64_t block, WorkerState& worker, const BodyPoses& placement) const {
-  worker.search.stand(placement);
+  worker.search.place(placement);
   if (block == 0) scan_unplaced(worker, placement);
   if (near_pairs_.whole_table() && !per_body()) {
     const auto first = static_cast<std::uint32_t>(block * kTreeBlocks);
@@ -104,7 +104,7 @@ void Reduction::scan_unplaced(WorkerState& worker, const BodyPoses& placement) c
       const BodyPair pair = plan_.pairs.list()[i];
       if (!is_unusable(scene_, placement, pair)) continue;
       for_groups(pair, [&](std::uint32_t g) { add(g, i); });
-      if (stands_alone()) worker.candidates.push_back(i);
+      if (needs_no_seed()) worker.candidates.push_back(i);
     }
     return;
   }
@@ -116,7 +116,7 @@ void Reduction::scan_unplaced(WorkerState& worker, const BodyPoses& placement) c
   };
   for (const std::uint32_t bad : unplaced) {
     add(per_body() ? bad : 0, near_pairs_.first_position(bad));
-    if (!stands_alone()) continue;
+    if (!needs_no_seed()) continue;
     for (std::uint32_t b = 0; b < n; ++b)
       if (has_pair(bad, b) && (b > bad || placement[b].status == Status::kOk))
         worker.candidates.push_back(near_pairs_.position(bad, b));

@@ -48,7 +48,7 @@ class PairSearch {
     // One sample suffices for two links without a relative motion.
     const std::uint32_t samples = is_rigid() ? 1 : std::max(options_.samples, 1u);
     std::uint32_t overlaps = 0, apart = 0;
-    look_at_samples(samples, &overlaps, &apart);
+    evaluate_samples(samples, &overlaps, &apart);
     if (overlaps && apart) return {PairFinding::kSometimes, 0};
     if (overlaps < samples && apart < samples) return {PairFinding::kSometimes, 0};  // some were undecided
     Found found;
@@ -80,7 +80,7 @@ class PairSearch {
     box_.half.push_back(moves ? std::max(upper - middle, middle - lower) * (1 + 0x1p-50) : 0);
   }
 
-  void look_at_samples(std::uint32_t samples, std::uint32_t* overlaps, std::uint32_t* apart) {
+  void evaluate_samples(std::uint32_t samples, std::uint32_t* overlaps, std::uint32_t* apart) {
     std::mt19937_64 random(options_.seed);
     std::vector<double> positions;
     for (std::uint32_t n = 0; n < samples; ++n)

@@ -72,14 +72,14 @@ void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* pos
   scratch.positions.resize(count * columns);
   scratch.poses.resize(count * links);
   scratch.status.resize(count);
-  scratch.strange.assign(count, 0);
+  scratch.has_facts.assign(count, 0);
   for (std::size_t k = 0; k < count; ++k) {
     double* const row = scratch.positions.data() + k * columns;
     std::copy(positions_.begin(), positions_.end(), row);
     for (const Moving& m : moving_) {
       const double position = rows[k * width + m.at];
       const std::uint8_t fact = position_fact(robot_->model.columns[m.column], position);
-      scratch.strange[k] |= fact;
+      scratch.has_facts[k] |= fact;
       row[m.column] = fact & kLinkBad ? 0 : position;
     }
   }
@@ -87,9 +87,9 @@ void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* pos
   kinematics.place(scratch.positions, roots, scratch.poses, scratch.status);
   for (std::size_t k = 0; k < count; ++k) {
     std::vector<std::uint8_t> own;
-    if (scratch.strange[k]) own = row_facts(rows.subspan(k * width, width));
+    if (scratch.has_facts[k]) own = row_facts(rows.subspan(k * width, width));
     for (std::size_t i = 0; i < links_.size(); ++i) {
-      const std::uint8_t fact = scratch.strange[k] ? own[links_[i]] : link_facts_[i];
+      const std::uint8_t fact = scratch.has_facts[k] ? own[links_[i]] : link_facts_[i];
       poses[k * stride + i] = fact & kLinkBad ? kBadPose : scratch.poses[k * links + links_[i]];
       facts[k * stride + i] = fact;
     }

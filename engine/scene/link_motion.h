@@ -28,8 +28,8 @@ class LinkMotion {
     std::vector<double> positions;
     std::vector<Pose> poses;
     std::vector<Status> status;
-    std::vector<std::uint8_t> strange;  // rows with facts of their own
-    std::vector<double> travels;        // of all links
+    std::vector<std::uint8_t> has_facts;  // rows with facts of their own
+    std::vector<double> travels;          // of all links
   };
 
   /// Places all links at the given positions.

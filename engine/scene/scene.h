@@ -41,7 +41,7 @@ struct Body : Geometry {
   double reach = 0;       ///< bound on the distance of the parts from the origin, in metres; set by Scene
   /// The exact body, if convex parts are proxies for its meshes (Scene::by_parts()), else null. `model_inner` and
   /// `model_error` bound their distance from it.
-  std::shared_ptr<const Body> stands_for;
+  std::shared_ptr<const Body> exact_body;
 };
 
 /// Whether the body's shape or place is uncertain.

@@ -39,7 +39,7 @@ Body body_by_parts(const Body& body) {
   }
   made.model_inner = sum_above(body.model_inner, inner);
   made.model_error = sum_above(body.model_error, outer);
-  made.stands_for = std::make_shared<const Body>(body);
+  made.exact_body = std::make_shared<const Body>(body);
   return made;
 }
 

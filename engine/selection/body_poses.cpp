@@ -42,8 +42,8 @@ Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
   if (placement.has_uncertainties()) {
     const PoseUncertainty &a = placement.uncertainty(pair.a), &b = placement.uncertainty(pair.b);
     if (const double joints = joints_between(a, b); joints < kInf)
-      return slack_beside(a.beside + placement.beside_chains(pair.a), b.beside + placement.beside_chains(pair.b),
-                          joints);
+      return slack_between_links(a.relative + placement.chain_slack(pair.a), b.relative + placement.chain_slack(pair.b),
+                                 joints);
   }
   return placement.slack(pair.a) + placement.slack(pair.b);
 }
@@ -78,7 +78,7 @@ BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb>
 
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
                           std::span<const Mat3d> rotations) {
-  if (stands_at(k)) return;
+  if (is_at(k)) return;
   const std::size_t count = plan_.bodies.size();
   assert(rotations.size() == count && given.poses.size() == count &&
          (given.facts.empty() || given.facts.size() == count));

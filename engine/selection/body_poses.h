@@ -29,7 +29,7 @@ class BodyPoses {
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// Plan::number() of the present configuration; constant if nothing moves.
   std::uint64_t number() const { return number_; }
-  bool stands_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
+  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
@@ -42,10 +42,10 @@ class BodyPoses {
   }
   Slack slack(std::uint32_t body) const {
     const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
-    return errors_.empty() ? known : known + beside_chains(body);
+    return errors_.empty() ? known : known + chain_slack(body);
   }
   /// The part of slack() from ConfigurationPoses::PoseBlock::errors.
-  Slack beside_chains(std::uint32_t body) const {
+  Slack chain_slack(std::uint32_t body) const {
     if (errors_.empty() || !moves(body)) return {};
     return {errors_[moved_slot_[body]], errors_[moved_slot_[body]]};
   }

@@ -15,13 +15,13 @@ namespace {
 constexpr std::uint64_t kWorkPerUnit = 16;
 constexpr std::uint64_t kSlice = 4096;  // pairs matched together
 
-[[noreturn]] void refuse(const std::string& what, QueryErrorCode code = QueryErrorCode::kBadQuery) {
+[[noreturn]] void reject(const std::string& what, QueryErrorCode code = QueryErrorCode::kBadQuery) {
   throw QueryError(code, what);
 }
 
 void check(double margin, const std::string& place) {
   if (!(margin >= 0) || std::isinf(margin))
-    refuse(place + ": expected a finite number of metres >= 0, got " + std::to_string(margin));
+    reject(place + ": expected a finite number of metres >= 0, got " + std::to_string(margin));
 }
 
 std::string name_of(std::uint32_t selector, const Scene& scene) {
@@ -69,7 +69,7 @@ std::uint64_t count_named(std::uint32_t selector, const Scene& scene, const std:
   const std::uint32_t index = selector & ~kGroupBit;
   const bool is_group = selector & kGroupBit;
   if (index >= (is_group ? scene.groups().size() : scene.bodies().size()))
-    refuse(place + ": unknown " + name_of(selector, scene));
+    reject(place + ": unknown " + name_of(selector, scene));
   return is_group ? scene.groups()[index].bodies.size() : 1;
 }
 
@@ -85,7 +85,7 @@ std::vector<double> from_entries(const QueryView& query, const Scene& scene, con
     check(margin, place);
   }
   if (entries.size() > Margins::kMostEntries || work > Margins::kMostWork)
-    refuse("margins: " + std::to_string(entries.size()) + " entries for " + std::to_string(pairs.size()) +
+    reject("margins: " + std::to_string(entries.size()) + " entries for " + std::to_string(pairs.size()) +
                " pairs are too many for one query: list the pairs explicitly, or use fewer entries",
            QueryErrorCode::kTooLarge);
   NamedBy first(bodies, entries.size()), second(bodies, entries.size());
@@ -94,9 +94,9 @@ std::vector<double> from_entries(const QueryView& query, const Scene& scene, con
     second.add(i, entries[i].b, scene);
   }
   std::vector<double> each(pairs.size(), query.margin);
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kSlice) {
-    const auto slice = pairs.slice(begin, std::min(kSlice, pairs.size() - begin), room);
+    const auto slice = pairs.slice(begin, std::min(kSlice, pairs.size() - begin), storage);
     for (std::size_t i = 0; i < slice.size(); ++i) {
       if (slice[i].a >= bodies || slice[i].b >= bodies) continue;
       if (const auto entry = last_entry(slice[i], first, second); entry >= 0)
@@ -113,11 +113,11 @@ Margins::Margins(const QueryView& query, const Scene& scene, const PairList& pai
     : least_(query.margin), most_(query.margin) {
   check(query.margin, "margin");
   if (!query.margins.empty() && !query.pair_margins.empty())
-    refuse("margins: either entries or one for each pair, not both");
+    reject("margins: either entries or one for each pair, not both");
   if (!query.margins.empty()) each_ = from_entries(query, scene, pairs);
   if (!query.pair_margins.empty()) {
     if (query.pair_margins.size() != pairs.size())
-      refuse("pair_margins: expected one for each of " + std::to_string(pairs.size()) + " pairs, got " +
+      reject("pair_margins: expected one for each of " + std::to_string(pairs.size()) + " pairs, got " +
              std::to_string(query.pair_margins.size()));
     for (std::size_t i = 0; i < query.pair_margins.size(); ++i)
       check(query.pair_margins[i], "pair_margins[" + std::to_string(i) + "]");

@@ -43,7 +43,7 @@ bool has(const std::vector<std::uint32_t>& ascending, std::uint32_t body) {
   return std::binary_search(ascending.begin(), ascending.end(), body);
 }
 
-[[noreturn]] void refuse(std::uint64_t position, const std::string& what) {
+[[noreturn]] void reject(std::uint64_t position, const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, "pairs[" + std::to_string(position) + "]: " + what);
 }
 
@@ -68,11 +68,11 @@ PairLister::PairLister(const QueryView& query, const Scene& scene, std::shared_p
 
 bool PairLister::advance(WorkMeter& meter) {
   while (!is_done()) {
-    const std::uint64_t looked_at = step_ == ListingStep::kCompare ? compare_some()
-                                    : step_ == ListingStep::kCount ? count_some()
-                                    : step_ == ListingStep::kList  ? list_some()
-                                                                   : expand_some();
-    meter.count(looked_at / kPairsPerUnit);
+    const std::uint64_t visited = step_ == ListingStep::kCompare ? compare_some()
+                                  : step_ == ListingStep::kCount ? count_some()
+                                  : step_ == ListingStep::kList  ? list_some()
+                                                                 : expand_some();
+    meter.count(visited / kPairsPerUnit);
     if (!is_done() && meter.is_over()) return false;
   }
   return true;
@@ -124,10 +124,10 @@ std::uint64_t PairLister::list_some() {
       ++next_;
       return next_ - begin + both_.size();
     }
-    if (p.a == p.b) refuse(next_, "body " + std::to_string(p.a) + " with itself");
+    if (p.a == p.b) reject(next_, "body " + std::to_string(p.a) + " with itself");
     for (const std::uint32_t body : {p.a, p.b})
       if (body < scene_.bodies().size() && scene_.bodies()[body].parts.empty())
-        refuse(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
+        reject(next_, "'" + scene_.bodies()[body].name + "' is a frame without geometry");
     pairs_.push_back(p);
     ++next_;
   }
@@ -144,7 +144,7 @@ std::vector<std::uint32_t> PairLister::members(std::uint32_t selector) const {
   } else if (selector & kGroupBit) {
     const std::uint32_t group = selector & ~kGroupBit;
     if (group >= scene_.groups().size())
-      refuse(next_,
+      reject(next_,
              "unknown group " + std::to_string(group) + "; the scene has " + std::to_string(scene_.groups().size()));
     all = scene_.groups()[group].bodies;
   } else if (selector < scene_.bodies().size()) {
@@ -173,20 +173,20 @@ void PairLister::begin_expanding(std::vector<std::uint32_t> as, std::vector<std:
 // Lists the enabled pairs of a body in as_ and one in bs_, each once, in lexicographic order: each body with later ones
 // of the other side.
 std::uint64_t PairLister::expand_some() {
-  std::uint64_t looked_at = 0;
-  for (; body_ < both_.size() && looked_at < kPairsPerTurn; ++body_, other_ = 0) {
+  std::uint64_t visited = 0;
+  for (; body_ < both_.size() && visited < kPairsPerTurn; ++body_, other_ = 0) {
     const std::uint32_t body = both_[body_];
     const std::vector<std::uint32_t>& others = !has(as_, body) ? as_ : !has(bs_, body) ? bs_ : both_;
     if (other_ == 0)
       other_ = static_cast<std::size_t>(std::upper_bound(others.begin(), others.end(), body) - others.begin());
-    ++looked_at;
+    ++visited;
     for (; other_ < others.size(); ++other_) {
-      if (looked_at++ == kPairsPerTurn) return looked_at;
+      if (visited++ == kPairsPerTurn) return visited;
       if (table_->enabled(body, others[other_])) pairs_.push_back({body, others[other_]});
     }
   }
   if (body_ == both_.size()) step_ = named_.empty() ? ListingStep::kDone : ListingStep::kList;
-  return looked_at;
+  return visited;
 }
 
 }  // namespace clearance

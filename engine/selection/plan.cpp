@@ -13,14 +13,14 @@ namespace clearance {
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& what) {
+[[noreturn]] void reject(const std::string& what) {
   throw QueryError(QueryErrorCode::kBadQuery, what);
 }
 
 void check_motions(const QueryView& q) {
   if (q.max_evaluations == 0) {
     if (q.fields & kMotionFields)
-      refuse("fields: time, first_contact and steps are only for motions (max_evaluations)");
+      reject("fields: time, first_contact and steps are only for motions (max_evaluations)");
     return;
   }
   const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
@@ -29,42 +29,42 @@ void check_motions(const QueryView& q) {
   if (q.signed_distance) unsupported("signed_distance: motions have no depths");
   if (q.fields & (kFieldGradient | kFieldGradientJoints)) unsupported("fields: motions have no gradient");
   if (q.configuration_count == 0 || q.configuration_count % 2 != 0)
-    refuse("configurations: motions have two each, got " + std::to_string(q.configuration_count));
+    reject("configurations: motions have two each, got " + std::to_string(q.configuration_count));
 }
 
 void check_free_scale(const QueryView& q) {
   if (!(q.fields & kFieldFreeScale)) {
-    if (!q.weights.empty()) refuse("weights: only for the column free_scale");
+    if (!q.weights.empty()) reject("weights: only for the column free_scale");
     return;
   }
-  if (q.reduce != Reduce::kAny) refuse("fields: free_scale needs reduce any");
+  if (q.reduce != Reduce::kAny) reject("fields: free_scale needs reduce any");
   if (q.max_evaluations > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
   if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
-    refuse("fields: free_scale can be combined only with pair, in the format full");
+    reject("fields: free_scale can be combined only with pair, in the format full");
 }
 
 void check_numbers(const QueryView& q) {
-  if (!(q.max_distance >= 0)) refuse("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
+  if (!(q.max_distance >= 0)) reject("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
   if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
-    refuse("abs_tol: expected metres >= 0, got " + std::to_string(q.abs_tol));
+    reject("abs_tol: expected metres >= 0, got " + std::to_string(q.abs_tol));
   if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
-    refuse("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
-  if (q.precision > Precision::kF32) refuse("precision: unknown value " + std::to_string(int(q.precision)));
-  if (q.model > Model::kPieces) refuse("model: unknown value " + std::to_string(int(q.model)));
-  if (q.reduce > Reduce::kAny) refuse("reduce: unknown value " + std::to_string(int(q.reduce)));
-  if (q.format > Format::kCompact) refuse("format: unknown value " + std::to_string(int(q.format)));
-  if (q.fields & ~kKnownFields) refuse("fields: unknown bits in " + std::to_string(q.fields));
+    reject("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
+  if (q.precision > Precision::kF32) reject("precision: unknown value " + std::to_string(int(q.precision)));
+  if (q.model > Model::kPieces) reject("model: unknown value " + std::to_string(int(q.model)));
+  if (q.reduce > Reduce::kAny) reject("reduce: unknown value " + std::to_string(int(q.reduce)));
+  if (q.format > Format::kCompact) reject("format: unknown value " + std::to_string(int(q.format)));
+  if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
-    refuse("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+    reject("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
   const bool any = q.reduce == Reduce::kAny;
   const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
   if (has_margins && !any && q.max_evaluations == 0)
-    refuse("margin: only for reduce any and motions; use max_distance for other queries");
+    reject("margin: only for reduce any and motions; use max_distance for other queries");
   if (any && q.max_distance < std::numeric_limits<double>::infinity())
-    refuse("max_distance: reduce any uses its margins instead");
-  if (any && q.signed_distance) refuse("signed_distance: reduce any computes no depth");
+    reject("max_distance: reduce any uses its margins instead");
+  if (any && q.signed_distance) reject("signed_distance: reduce any computes no depth");
   if ((q.fields & kFieldGradientJoints) && q.joints.empty())
-    refuse("fields: gradient_joints is for a query with joints");
+    reject("fields: gradient_joints is for a query with joints");
   check_motions(q);
   check_free_scale(q);
 }
@@ -72,9 +72,9 @@ void check_numbers(const QueryView& q) {
 // A depth is the length of a shift that separates bodies, and points have no inside.
 void reject_depths_of_clouds(const PairList& pairs, const Scene& scene) {
   constexpr std::uint64_t kAtATime = 1024;
-  std::vector<BodyPair> room;
+  std::vector<BodyPair> storage;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
-    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), room))
+    for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), storage))
       for (const std::uint32_t body : {pair.a, pair.b})
         if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
           throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
@@ -112,11 +112,11 @@ void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
   for (std::size_t i = 0; i < query.bodies.size(); ++i) {
     const std::uint32_t b = query.bodies[i];
     const std::string place = "bodies[" + std::to_string(i) + "]: ";
-    if (b >= scene.bodies().size()) refuse(place + "unknown body " + std::to_string(b));
+    if (b >= scene.bodies().size()) reject(place + "unknown body " + std::to_string(b));
     const Body& body = scene.bodies()[b];
-    if (body.is_static) refuse(place + "'" + body.name + "' is static and cannot be moved");
-    if (body.robot != kNone) refuse(place + placed_by_joints(body));
-    if (seen[b]++) refuse(place + "'" + body.name + "' is named twice");
+    if (body.is_static) reject(place + "'" + body.name + "' is static and cannot be moved");
+    if (body.robot != kNone) reject(place + placed_by_joints(body));
+    if (seen[b]++) reject(place + "'" + body.name + "' is named twice");
   }
   plan.bodies.assign(query.bodies.begin(), query.bodies.end());
   plan.given_bodies = plan.bodies.size();
@@ -134,9 +134,9 @@ void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
     const std::uint32_t j = query.joints[i];
     const std::string place = "joints[" + std::to_string(i) + "]: ";
     if (j >= scene.joints().size())
-      refuse(place + "unknown joint " + std::to_string(j) + "; the scene has " + std::to_string(seen.size()));
+      reject(place + "unknown joint " + std::to_string(j) + "; the scene has " + std::to_string(seen.size()));
     const SceneJoint& joint = scene.joints()[j];
-    if (seen[j]++) refuse(place + "'" + joint.name + "' is named twice");
+    if (seen[j]++) reject(place + "'" + joint.name + "' is named twice");
     of_robots[joint.robot].push_back({joint.column, i});
   }
   for (std::size_t r = 0; r < of_robots.size(); ++r) {
@@ -155,7 +155,7 @@ void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
 void check_count(const char* what, const char* of, std::size_t got, std::uint64_t configurations, std::size_t each) {
   const std::uint64_t wanted = configurations * each;
   if (got != wanted)
-    refuse(std::string(what) + ": expected " + std::to_string(wanted) + " " + of + " (" +
+    reject(std::string(what) + ": expected " + std::to_string(wanted) + " " + of + " (" +
            std::to_string(configurations) + " x " + std::to_string(each) + "), got " + std::to_string(got));
 }
 
@@ -178,7 +178,7 @@ Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<con
   take_joints(query, scene, plan);
   if (is_older && !ids_valid_since(query, plan.bodies, *plan.snapshot, scene)) reject_scene(query, *plan.snapshot);
   if (query.configuration_count > 0 && query.bodies.empty() && query.joints.empty())
-    refuse("configurations without bodies or joints that they move");
+    reject("configurations without bodies or joints that they move");
   plan.query.bodies = plan.bodies;
   plan.query.joints = plan.joints;
   plan.weights.assign(query.weights.begin(), query.weights.end());
@@ -204,11 +204,11 @@ bool Planner::advance(WorkMeter& meter) {
     plan_.margins = Margins(plan_.query, scene_, plan_.pairs);
   plan_.query.margins = {};
   plan_.query.pair_margins = {};
-  settle_size();
+  compute_size();
   return true;
 }
 
-void Planner::settle_size() {
+void Planner::compute_size() {
   const QueryView& query = plan_.query;
   QuerySize& size = plan_.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);

@@ -62,7 +62,7 @@ class Planner {
   const Plan& plan() const { return plan_; }
 
  private:
-  void settle_size();
+  void compute_size();
 
   Plan plan_;
   const Scene& scene_;

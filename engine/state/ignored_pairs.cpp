@@ -23,17 +23,17 @@ std::vector<BodyPair> pairs_of(const Scene& scene) {
 
 // The bodies that a selector names, as a mask.
 std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
-  const auto refuse = [](const std::string& what) {
+  const auto reject = [](const std::string& what) {
     throw QueryError(QueryErrorCode::kBadQuery, "allow, forbid: unknown " + what);
   };
   std::vector<std::uint8_t> is_named(scene.bodies().size(), selector == kEveryBody);
   if (selector == kEveryBody) return is_named;
   const std::uint32_t index = selector & ~kGroupBit;
   if (selector & kGroupBit) {
-    if (index >= scene.groups().size()) refuse("group " + std::to_string(index));
+    if (index >= scene.groups().size()) reject("group " + std::to_string(index));
     for (const std::uint32_t body : scene.groups()[index].bodies) is_named[body] = 1;
   } else {
-    if (index >= scene.bodies().size()) refuse("body " + std::to_string(index));
+    if (index >= scene.bodies().size()) reject("body " + std::to_string(index));
     is_named[index] = 1;
   }
   return is_named;

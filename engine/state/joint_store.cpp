@@ -98,7 +98,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
     std::vector<std::uint32_t> placed = next->with_followers(moved);
     next->place_again(placed);
     ++next->revision;
-    remember(std::move(placed));
+    record_changes(std::move(placed));
     publish(next);
   }
   result.revision = next->revision;

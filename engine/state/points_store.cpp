@@ -26,16 +26,16 @@ void PoseStore::note_points(PoseSnapshot& next, ReceivedPoints received) {
 PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const CloudPoint> points,
                                        std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence,
                                        std::uint64_t publisher) {
-  const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "points: " + why); };
+  const auto reject = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "points: " + why); };
   check_stamp(stamp_ns);
-  if (body >= scene_.bodies().size()) refuse("unknown body " + std::to_string(body));
+  if (body >= scene_.bodies().size()) reject("unknown body " + std::to_string(body));
   const Body& of = scene_.bodies()[body];
-  if (!is_cloud(of)) refuse("'" + of.name + "' is not a point cloud");
+  if (!is_cloud(of)) reject("'" + of.name + "' is not a point cloud");
   ConvexPartPtr cloud;
   try {
     if (!points.empty()) cloud = make_cloud_part(points, of.voxel, radius.value_or(of.cloud_radius));
   } catch (const std::invalid_argument& e) {
-    refuse("'" + of.name + "': " + e.what());
+    reject("'" + of.name + "': " + e.what());
   }
 
   const std::lock_guard one_at_a_time(points_writers_);
@@ -54,7 +54,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   std::vector<std::uint32_t> placed = next->with_followers(changed);
   next->place_again(placed);
   ++next->revision;
-  remember(std::move(placed));
+  record_changes(std::move(placed));
   publish(next);
   PoseUpdateResult result;
   result.revision = next->revision;

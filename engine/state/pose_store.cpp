@@ -35,11 +35,11 @@ void PoseSnapshot::place_again(std::span<const std::uint32_t> bodies) {
 
 std::int64_t PoseSnapshot::receipt_of_chain(std::uint32_t body) const {
   std::int64_t oldest = 0;
-  const auto look = [&](std::int64_t receipt) {
+  const auto take_oldest = [&](std::int64_t receipt) {
     if (receipt != 0 && (oldest == 0 || receipt < oldest)) oldest = receipt;
   };
-  for (std::uint32_t b = body; b != kNone; b = parent[b]) look(receipt_ns[b]);
-  if (const ReceivedPoints* own = points_of(body)) look(own->receipt_ns);
+  for (std::uint32_t b = body; b != kNone; b = parent[b]) take_oldest(receipt_ns[b]);
+  if (const ReceivedPoints* own = points_of(body)) take_oldest(own->receipt_ns);
   return oldest;
 }
 
@@ -191,10 +191,10 @@ bool PoseStore::catch_up(PoseSnapshot& old, const PoseSnapshot& current) {
 }
 
 // Records the changes of the next published revision.
-void PoseStore::remember(std::vector<std::uint32_t> changed) {
-  if (changed.size() > scene_.bodies().size() / kWorthRemembering) return changes_.clear();
+void PoseStore::record_changes(std::vector<std::uint32_t> changed) {
+  if (changed.size() > scene_.bodies().size() / kLargestRecordedShare) return changes_.clear();
   changes_.push_back(std::move(changed));
-  if (changes_.size() > kRemembered) changes_.pop_front();
+  if (changes_.size() > kRecordedRevisions) changes_.pop_front();
 }
 
 namespace {
@@ -290,7 +290,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     std::vector<std::uint32_t> changed = next->with_followers(moved);
     next->place_again(changed);
     ++next->revision;
-    remember(std::move(changed));
+    record_changes(std::move(changed));
     publish(next);
   }
   result.revision = next->revision;
@@ -351,21 +351,21 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   const std::lock_guard lock(writers_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const auto& bodies = scene_.bodies();
-  const auto refuse = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
-  if (child >= bodies.size()) refuse("unknown child, body " + std::to_string(child));
-  if (parent != kNone && parent >= bodies.size()) refuse("unknown parent, body " + std::to_string(parent));
-  if (bodies[child].is_static) refuse("'" + bodies[child].name + "' is static");
-  if (bodies[child].robot != kNone) refuse(placed_by_joints(bodies[child]));
+  const auto reject = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
+  if (child >= bodies.size()) reject("unknown child, body " + std::to_string(child));
+  if (parent != kNone && parent >= bodies.size()) reject("unknown parent, body " + std::to_string(parent));
+  if (bodies[child].is_static) reject("'" + bodies[child].name + "' is static");
+  if (bodies[child].robot != kNone) reject(placed_by_joints(bodies[child]));
   for (std::uint32_t b = parent; b != kNone; b = next->parent[b])
-    if (b == child) refuse("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
-  if (X_pc && check(*X_pc) == PoseQuality::kBad) refuse("the pose of '" + bodies[child].name + "' is not usable");
-  if (parent == kNone && !allow.empty()) refuse("allow is only for a body with a parent");
+    if (b == child) reject("'" + bodies[child].name + "' would follow itself through '" + bodies[parent].name + "'");
+  if (X_pc && check(*X_pc) == PoseQuality::kBad) reject("the pose of '" + bodies[child].name + "' is not usable");
+  if (parent == kNone && !allow.empty()) reject("allow is only for a body with a parent");
   IgnoredPairs ignored = *next->ignored;
   ignored.release(child);
   ignored.allow_attached(child, allow, scene_);
   if (!X_pc) {
     for (const std::uint32_t b : {child, parent})
-      if (b != kNone && next->placed[b].status != Status::kOk) refuse("'" + bodies[b].name + "' has no usable pose");
+      if (b != kNone && next->placed[b].status != Status::kOk) reject("'" + bodies[b].name + "' has no usable pose");
     const Pose X_wc = next->placed[child].pose.X_wb;
     next->local[child] = parent == kNone ? X_wc : compose(inverse(next->placed[parent].pose.X_wb), X_wc);
   } else {

@@ -113,15 +113,15 @@ class PoseStore {
   PoseUpdateResult allow(std::uint32_t a, std::uint32_t b, bool allow);
 
  private:
-  static constexpr std::size_t kSpares = 2, kRemembered = 8;
-  static constexpr std::size_t kWorthRemembering = 8;  // recorded changes concern at most one body in so many
+  static constexpr std::size_t kSpares = 2, kRecordedRevisions = 8;
+  static constexpr std::size_t kLargestRecordedShare = 8;  // recorded changes concern at most one body in so many
   struct Spares {
     std::mutex mutex;
     std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
   };
   std::shared_ptr<PoseSnapshot> copy();
   bool catch_up(PoseSnapshot& old, const PoseSnapshot& current);
-  void remember(std::vector<std::uint32_t> changed);
+  void record_changes(std::vector<std::uint32_t> changed);
   void enable_pairs(PoseSnapshot& snapshot) const;  // enables the pairs that its parents imply
   void publish(std::shared_ptr<PoseSnapshot> next);
   void check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name, std::int64_t stamp_ns,

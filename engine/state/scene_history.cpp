@@ -52,7 +52,7 @@ void SceneHistory::begin_change(std::uint64_t revision) {
 }
 
 void SceneHistory::forget_old() {
-  while (order_.size() > kRemembered || pairs_.size() > kRemembered) {
+  while (order_.size() > kMostRecords || pairs_.size() > kMostRecords) {
     const auto [revision, change] = order_.front();
     order_.pop_front();
     const auto seen = seen_.find(revision);
@@ -157,17 +157,17 @@ bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes
          });
 }
 
-bool SceneHistory::ids_valid_since(const RevisionCheck& question, std::uint64_t changes, const Scene& scene) const {
+bool SceneHistory::ids_valid_since(const RevisionCheck& check, std::uint64_t changes, const Scene& scene) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0, of_groups = 0;
-  if (!find(question.revision, changes, since)) return false;
-  if (question.a_row_for_each_body && bodies_changed_ > since) return false;
-  for (const std::uint32_t body : question.bodies)
+  if (!find(check.revision, changes, since)) return false;
+  if (check.a_row_for_each_body && bodies_changed_ > since) return false;
+  for (const std::uint32_t body : check.bodies)
     if (!unchanged(body, since, true)) return false;
-  for (const MarginEntry& entry : question.margins)
+  for (const MarginEntry& entry : check.margins)
     for (const std::uint32_t selector : {entry.a, entry.b})
       if (selector != kEveryBody && !unchanged(selector, since, false)) return false;
-  for (const BodyPair pair : question.pairs) {
+  for (const BodyPair pair : check.pairs) {
     if (!unchanged(pair.a, since, false) || !unchanged(pair.b, since, false)) return false;
     if (!((pair.a | pair.b) & kGroupBit)) continue;
     of_groups += pairs_.size();

@@ -18,7 +18,7 @@ namespace clearance {
 class SceneHistory {
  public:
   /// Number of revisions, and of changed pairs, that are kept; older ones count as unknown.
-  static constexpr std::size_t kRemembered = 4096;
+  static constexpr std::size_t kMostRecords = 4096;
 
   SceneHistory() = default;
   SceneHistory(const SceneHistory&) = delete;
@@ -55,7 +55,7 @@ class SceneHistory {
   };
   /// Returns whether a query has the same bodies and pairs, in the same order.
   /// \param scene the one after the changes
-  bool ids_valid_since(const RevisionCheck& question, std::uint64_t changes, const Scene& scene) const;
+  bool ids_valid_since(const RevisionCheck& check, std::uint64_t changes, const Scene& scene) const;
 
  private:
   struct ChangedPair {

@@ -18,7 +18,7 @@ void StampMarks::note(std::uint32_t body, std::uint64_t publisher, std::int64_t 
     return;
   }
   if (known == marks.end()) {
-    if (marks.size() < kRemembered) marks.emplace_back();
+    if (marks.size() < kMostMarks) marks.emplace_back();
     known = marks.end() - 1;
   }
   std::rotate(marks.begin(), known, known + 1);

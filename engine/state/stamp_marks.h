@@ -9,7 +9,7 @@ namespace clearance {
 class StampMarks {
  public:
   /// Maximum number of publishers per body; beyond it, the least recently active one is evicted.
-  static constexpr std::size_t kRemembered = 8;
+  static constexpr std::size_t kMostMarks = 8;
 
   explicit StampMarks(std::size_t bodies) : marks_(bodies) {}
 

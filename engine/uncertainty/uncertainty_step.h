@@ -39,7 +39,7 @@ struct PlacedUncertainty {
   FrameUncertainty placed;  ///< from the rounding of joints and of chained poses
   Slack slack;              ///< of its parts
   SlackParts parts;         ///< without the contribution of its shape: Body::model_inner, model_error
-  Slack beside;             ///< for a link: excludes motion common to all links on its root, and the joints' rounding
+  Slack relative;           ///< for a link: excludes motion common to all links on its root, and the joints' rounding
 };
 
 namespace detail {
@@ -90,13 +90,13 @@ CLEARANCE_HD inline PlacedUncertainty uncertainty_below(const UncertaintySource&
   uncertainty.parts = {
       own,  body.turn * body.reach, above.shift + above.turn * (along + own) + above.turn * body.reach, placed, step,
       age_s};
-  uncertainty.beside = {up(own + body.turn * body.reach + step + body.model_inner), up(step + body.model_error)};
+  uncertainty.relative = {up(own + body.turn * body.reach + step + body.model_inner), up(step + body.model_error)};
   return uncertainty;
 }
 
 /// Slack of the distance between two bodies that share a source of uncertainty. The shared source cancels and `joints`,
 /// the rounding between the two, replaces it.
-CLEARANCE_HD inline Slack slack_beside(const Slack& a, const Slack& b, double joints) {
+CLEARANCE_HD inline Slack slack_between_links(const Slack& a, const Slack& b, double joints) {
   return a + b + Slack{joints, joints};
 }
 

@@ -60,11 +60,11 @@ Taken take(int listener, sockaddr* address, socklen_t* length, int flags) {
 
 }  // namespace
 
-int accept_or_reject(int listener, const std::function<void(int)>& refuse) {
+int accept_or_reject(int listener, const std::function<void(int)>& reject) {
   Taken taken = take(listener, nullptr, nullptr, SOCK_CLOEXEC | SOCK_NONBLOCK);
   if (taken.unwanted) {
-    refuse(taken.unwanted.get());
-    turn_away(std::move(taken.unwanted), &close_into_reserve);
+    reject(taken.unwanted.get());
+    close_detached(std::move(taken.unwanted), &close_into_reserve);
   }
   return taken.socket;
 }
@@ -83,12 +83,12 @@ extern "C" __attribute__((visibility("default"))) int accept4(int listener, sock
                                                               int flags) {
   clearance::Taken taken = clearance::take(listener, address, length, flags);
   if (taken.socket >= 0) {
-    const int inner = clearance::let_in(clearance::shm::UniqueFd(taken.socket)).release();
+    const int inner = clearance::without_descriptors(clearance::shm::UniqueFd(taken.socket)).release();
     if (inner < 0) errno = ECONNABORTED;
     return inner;
   }
   const int error = errno;
-  if (taken.unwanted) clearance::turn_away(std::move(taken.unwanted), &clearance::close_into_reserve);
+  if (taken.unwanted) clearance::close_detached(std::move(taken.unwanted), &clearance::close_into_reserve);
   errno = error;
   return -1;
 }
@@ -99,7 +99,7 @@ extern "C" __attribute__((visibility("default"))) int getsockopt(int socket, int
   const long failed = ::syscall(SYS_getsockopt, socket, level, name, value, length);
   ucred who;
   if (!failed && level == SOL_SOCKET && name == SO_PEERCRED && *length == sizeof who &&
-      clearance::credentials_behind(socket, who))
+      clearance::credentials_of_proxied(socket, who))
     std::memcpy(value, &who, sizeof who);
   return static_cast<int>(failed);
 }

@@ -75,18 +75,18 @@ std::string rights_text(Rights rights) {
 }
 
 gid_t group_named(const std::string& name) {
-  std::vector<char> room(64 * 1024);
+  std::vector<char> buffer(64 * 1024);
   struct group entry{};
   struct group* found = nullptr;
-  if (getgrnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->gr_gid;
+  if (getgrnam_r(name.c_str(), &entry, buffer.data(), buffer.size(), &found) == 0 && found) return found->gr_gid;
   return number_or_throw(name, "group");
 }
 
 uid_t user_named(const std::string& name) {
-  std::vector<char> room(64 * 1024);
+  std::vector<char> buffer(64 * 1024);
   struct passwd entry{};
   struct passwd* found = nullptr;
-  if (getpwnam_r(name.c_str(), &entry, room.data(), room.size(), &found) == 0 && found) return found->pw_uid;
+  if (getpwnam_r(name.c_str(), &entry, buffer.data(), buffer.size(), &found) == 0 && found) return found->pw_uid;
   return number_or_throw(name, "user");
 }
 
@@ -103,7 +103,7 @@ std::optional<Rights> rights_of_user(uid_t user, bool is_in_group, const Access&
   return std::nullopt;
 }
 
-std::optional<ucred> process_behind(int socket) {
+std::optional<ucred> peer_process(int socket) {
   ucred peer{};
   socklen_t length = sizeof peer;
   if (getsockopt(socket, SOL_SOCKET, SO_PEERCRED, &peer, &length) != 0) return std::nullopt;
@@ -111,7 +111,7 @@ std::optional<ucred> process_behind(int socket) {
 }
 
 std::optional<Rights> rights_of_peer(int socket, const Access& access, std::string& why) {
-  const std::optional<ucred> peer = process_behind(socket);
+  const std::optional<ucred> peer = peer_process(socket);
   if (!peer) {
     why = std::string("SO_PEERCRED: ") + std::strerror(errno);
     return std::nullopt;

@@ -63,7 +63,7 @@ uid_t user_named(const std::string& name);
 std::optional<Rights> rights_of_user(uid_t user, bool is_in_group, const Access& access);
 
 /// Process at the other end of a Unix socket, by SO_PEERCRED. Sets errno if it returns nothing.
-std::optional<ucred> process_behind(int socket);
+std::optional<ucred> peer_process(int socket);
 
 /// Rights of the process at the other end of a Unix socket, by SO_PEERCRED and SO_PEERGROUPS. If it may not connect,
 /// returns nothing and sets `why`.

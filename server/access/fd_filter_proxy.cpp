@@ -25,8 +25,8 @@ namespace {
 using shm::UniqueFd;
 
 /// Proxies of all endpoints, including those whose threads still close a peer's descriptors.
-constexpr std::uint64_t kMostDoors = 1024;
-constexpr std::size_t kStackBytes = 256 << 10;
+constexpr std::uint64_t kMostProxies = 1024;
+constexpr std::size_t kThreadStackBytes = 256 << 10;
 constexpr std::size_t kBufferBytes = 16 << 10;
 
 bool set_passrights(int socket, int value) {
@@ -34,19 +34,19 @@ bool set_passrights(int socket, int value) {
 }
 
 /// State shared by the proxies. Never freed, as their threads may end after everything else.
-struct House {
+struct ProxyRegistry {
   std::mutex mutex;
-  Places doors{kMostDoors};
-  std::unordered_map<ino_t, ucred> behind;  // by the daemon's end
-  struct Leaving {
-    UniqueFd stranger;
+  Places proxies{kMostProxies};
+  std::unordered_map<ino_t, ucred> credentials;  // by the daemon's end
+  struct PendingClose {
+    UniqueFd peer;
     void (*close)(UniqueFd);
   };
-  std::deque<Leaving> leaving;
-  bool is_seeing_out = false;  // a thread closes those in `leaving`
+  std::deque<PendingClose> closing;
+  bool is_closing = false;  // a thread closes those in `closing`
 };
-House& house() {
-  static House* one = new House;
+ProxyRegistry& registry() {
+  static ProxyRegistry* one = new ProxyRegistry;
   return *one;
 }
 
@@ -59,7 +59,7 @@ ino_t inode_of(int socket) {
 bool run_detached(void* (*work)(void*), void* with) {
   pthread_attr_t attributes;
   pthread_attr_init(&attributes);
-  pthread_attr_setstacksize(&attributes, kStackBytes);
+  pthread_attr_setstacksize(&attributes, kThreadStackBytes);
   pthread_attr_setdetachstate(&attributes, PTHREAD_CREATE_DETACHED);
   sigset_t all, before;
   sigfillset(&all);
@@ -72,30 +72,30 @@ bool run_detached(void* (*work)(void*), void* with) {
 }
 
 /// Bytes or one message on their way from one end to the other.
-struct Way {
-  Way(int from_end, int to_end, bool descriptors) : from(from_end), to(to_end), with_descriptors(descriptors) {}
+struct Direction {
+  Direction(int from_end, int to_end, bool descriptors) : from(from_end), to(to_end), passes_descriptors(descriptors) {}
 
   int from, to;
-  bool with_descriptors;  ///< pass on the daemon's; the kernel drops a peer's
+  bool passes_descriptors;  ///< pass on the daemon's; the kernel drops a peer's
   std::size_t size = 0, sent = 0;
-  bool ended = false, deaf = false;  ///< end of input; the other end has hung up
+  bool ended = false, has_hung_up = false;  ///< end of input; the other end has hung up
   std::array<UniqueFd, shm::kMaxPassedFds> fds;
   std::byte data[kBufferBytes];
 
   bool is_full() const { return sent < size; }
-  bool has_room() const { return !is_full() && !ended; }
+  bool has_space() const { return !is_full() && !ended; }
   void take();
   void pass();
 };
 
 /// Receives bytes, or the first message. A message larger than the buffer is longer than any valid one and cut off.
-void Way::take() {
-  iovec room{data, sizeof data};
+void Direction::take() {
+  iovec buffer{data, sizeof data};
   alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)];
   msghdr header{};
-  header.msg_iov = &room;
+  header.msg_iov = &buffer;
   header.msg_iovlen = 1;
-  if (with_descriptors) {
+  if (passes_descriptors) {
     header.msg_control = control;
     header.msg_controllen = sizeof control;
   }
@@ -105,7 +105,7 @@ void Way::take() {
   ended = got <= 0;
   sent = 0;
   size = ended ? 0 : static_cast<std::size_t>(got);
-  if (ended || !with_descriptors) return;
+  if (ended || !passes_descriptors) return;
   std::size_t next = 0;
   for (cmsghdr* c = CMSG_FIRSTHDR(&header); c; c = CMSG_NXTHDR(&header, c)) {
     if (c->cmsg_level != SOL_SOCKET || c->cmsg_type != SCM_RIGHTS) continue;
@@ -119,8 +119,8 @@ void Way::take() {
 }
 
 /// Sends as much as possible.
-void Way::pass() {
-  while (is_full() && !deaf) {
+void Direction::pass() {
+  while (is_full() && !has_hung_up) {
     iovec rest{data + sent, size - sent};
     alignas(cmsghdr) std::byte control[CMSG_SPACE(sizeof(int) * shm::kMaxPassedFds)] = {};
     msghdr header{};
@@ -142,19 +142,19 @@ void Way::pass() {
     const ssize_t now = ::sendmsg(to, &header, MSG_DONTWAIT | MSG_NOSIGNAL);
     if (now < 0 && errno == EINTR) continue;
     if (now < 0 && errno == EAGAIN) return;
-    deaf = now < 0;
+    has_hung_up = now < 0;
     for (UniqueFd& fd : fds) fd.reset();
-    sent += deaf ? 0 : static_cast<std::size_t>(now);
+    sent += has_hung_up ? 0 : static_cast<std::size_t>(now);
   }
-  if (deaf) sent = size;
+  if (has_hung_up) sent = size;
   if (ended) ::shutdown(to, SHUT_WR);
 }
 
 /// Both directions of one unauthenticated peer.
-struct Door {
-  UniqueFd stranger, inner;
+struct Proxy {
+  UniqueFd peer, inner;
   ino_t inode;
-  Places::Share place = {};  // guarded by the mutex of House
+  Places::Share place = {};  // guarded by the mutex of ProxyRegistry
 
   void serve() const;
   static void* run(void* self);
@@ -162,51 +162,51 @@ struct Door {
 
 /// Runs until the daemon has closed its end, even if the peer has gone before, as the peer's credentials must remain
 /// known.
-void Door::serve() const {
-  Way in{stranger.get(), inner.get(), false}, out{inner.get(), stranger.get(), true};
+void Proxy::serve() const {
+  Direction in{peer.get(), inner.get(), false}, out{inner.get(), peer.get(), true};
   for (;;) {
     // An end without expected events is left out, except the daemon's, whose hang-up ends the proxy.
-    const auto requested = [](const Way& from_here, const Way& to_here) {
-      return static_cast<short>((from_here.has_room() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
+    const auto poll_events = [](const Direction& from_here, const Direction& to_here) {
+      return static_cast<short>((from_here.has_space() ? POLLIN : 0) | (to_here.is_full() ? POLLOUT : 0));
     };
-    const short of_stranger = requested(in, out);
-    pollfd ends[] = {{of_stranger ? stranger.get() : -1, of_stranger, 0}, {inner.get(), requested(out, in), 0}};
+    const short of_peer = poll_events(in, out);
+    pollfd ends[] = {{of_peer ? peer.get() : -1, of_peer, 0}, {inner.get(), poll_events(out, in), 0}};
     if (::poll(ends, 2, -1) < 0) continue;
     const bool hung_up = ends[1].revents & (POLLHUP | POLLERR);
-    if (in.has_room() && ends[0].revents) in.take();
-    if (out.has_room() && ends[1].revents) out.take();
+    if (in.has_space() && ends[0].revents) in.take();
+    if (out.has_space() && ends[1].revents) out.take();
     in.pass();
     out.pass();
     if (out.ended || (hung_up && out.is_full())) return;
   }
 }
 
-void* Door::run(void* self) {
-  const std::unique_ptr<Door> door(static_cast<Door*>(self));
-  door->serve();
-  House& h = house();
+void* Proxy::run(void* self) {
+  const std::unique_ptr<Proxy> proxy(static_cast<Proxy*>(self));
+  proxy->serve();
+  ProxyRegistry& r = registry();
   {
-    const std::lock_guard lock(h.mutex);
-    h.behind.erase(door->inode);
+    const std::lock_guard lock(r.mutex);
+    r.credentials.erase(proxy->inode);
   }
-  door->inner.reset();
-  door->stranger.reset();  // may take long, if the peer likes
-  const std::lock_guard lock(h.mutex);
-  door->place = {};
+  proxy->inner.reset();
+  proxy->peer.reset();  // may take long, if the peer likes
+  const std::lock_guard lock(r.mutex);
+  proxy->place = {};
   return nullptr;
 }
 
-void* see_out(void*) {
-  House& h = house();
-  std::unique_lock lock(h.mutex);
-  while (!h.leaving.empty()) {
-    House::Leaving first = std::move(h.leaving.front());
-    h.leaving.pop_front();
+void* close_pending(void*) {
+  ProxyRegistry& r = registry();
+  std::unique_lock lock(r.mutex);
+  while (!r.closing.empty()) {
+    ProxyRegistry::PendingClose first = std::move(r.closing.front());
+    r.closing.pop_front();
     lock.unlock();
-    first.close(std::move(first.stranger));
+    first.close(std::move(first.peer));
     lock.lock();
   }
-  h.is_seeing_out = false;
+  r.is_closing = false;
   return nullptr;
 }
 
@@ -227,59 +227,58 @@ void reject_descriptors(int listener) {
     throw std::runtime_error(std::string("SO_PASSRIGHTS: ") + std::strerror(errno));
 }
 
-UniqueFd let_in(UniqueFd stranger) {
-  if (!stranger || kernel_rejects_descriptors()) return stranger;
+UniqueFd without_descriptors(UniqueFd peer) {
+  if (!peer || kernel_rejects_descriptors()) return peer;
   ucred who{};
   int domain = 0, type = 0, ends[2];
   socklen_t who_bytes = sizeof who, domain_bytes = sizeof domain, type_bytes = sizeof type;
-  if (::getsockopt(stranger.get(), SOL_SOCKET, SO_DOMAIN, &domain, &domain_bytes) == 0 && domain != AF_UNIX)
-    return stranger;
-  if (::getsockopt(stranger.get(), SOL_SOCKET, SO_PEERCRED, &who, &who_bytes) != 0 ||
-      ::getsockopt(stranger.get(), SOL_SOCKET, SO_TYPE, &type, &type_bytes) != 0 ||
+  if (::getsockopt(peer.get(), SOL_SOCKET, SO_DOMAIN, &domain, &domain_bytes) == 0 && domain != AF_UNIX) return peer;
+  if (::getsockopt(peer.get(), SOL_SOCKET, SO_PEERCRED, &who, &who_bytes) != 0 ||
+      ::getsockopt(peer.get(), SOL_SOCKET, SO_TYPE, &type, &type_bytes) != 0 ||
       ::socketpair(AF_UNIX, type | SOCK_CLOEXEC | SOCK_NONBLOCK, 0, ends) != 0) {
-    turn_away(std::move(stranger));
+    close_detached(std::move(peer));
     return {};
   }
   UniqueFd outer(ends[0]);
   const ino_t inode = inode_of(outer.get());
-  auto door = std::make_unique<Door>(Door{std::move(stranger), UniqueFd(ends[1]), inode});
-  House& h = house();
-  std::unique_lock lock(h.mutex);
-  if (h.doors.why_not(who, "doors").empty()) {
-    door->place = h.doors.take(who);
-    h.behind[inode] = who;
-    if (run_detached(&Door::run, door.get())) {
-      door.release();  // owned by the thread
+  auto proxy = std::make_unique<Proxy>(Proxy{std::move(peer), UniqueFd(ends[1]), inode});
+  ProxyRegistry& r = registry();
+  std::unique_lock lock(r.mutex);
+  if (r.proxies.why_not(who, "proxies").empty()) {
+    proxy->place = r.proxies.take(who);
+    r.credentials[inode] = who;
+    if (run_detached(&Proxy::run, proxy.get())) {
+      proxy.release();  // owned by the thread
       return outer;
     }
-    door->place = {};
-    h.behind.erase(inode);
+    proxy->place = {};
+    r.credentials.erase(inode);
   }
   lock.unlock();
-  turn_away(std::move(door->stranger));
+  close_detached(std::move(proxy->peer));
   return {};
 }
 
-void turn_away(UniqueFd stranger, void (*close)(UniqueFd)) {
+void close_detached(UniqueFd peer, void (*close)(UniqueFd)) {
   if (kernel_rejects_descriptors()) {
-    close(std::move(stranger));
+    close(std::move(peer));
     return;
   }
-  House& h = house();
-  const std::lock_guard lock(h.mutex);
-  h.leaving.push_back({std::move(stranger), close});
+  ProxyRegistry& r = registry();
+  const std::lock_guard lock(r.mutex);
+  r.closing.push_back({std::move(peer), close});
   // Without a thread the socket stays open until the next one is turned away.
-  if (!h.is_seeing_out) h.is_seeing_out = run_detached(&see_out, nullptr);
+  if (!r.is_closing) r.is_closing = run_detached(&close_pending, nullptr);
 }
 
-bool credentials_behind(int socket, ucred& who) {
+bool credentials_of_proxied(int socket, ucred& who) {
   if (kernel_rejects_descriptors()) return false;
-  House& h = house();
+  ProxyRegistry& r = registry();
   const ino_t inode = inode_of(socket);
-  const std::lock_guard lock(h.mutex);
-  const auto found = h.behind.find(inode);
-  if (found != h.behind.end()) who = found->second;
-  return found != h.behind.end();
+  const std::lock_guard lock(r.mutex);
+  const auto found = r.credentials.find(inode);
+  if (found != r.credentials.end()) who = found->second;
+  return found != r.credentials.end();
 }
 
 }  // namespace clearance

@@ -23,12 +23,12 @@ void reject_descriptors(int listener);
 /// without descriptors, and the daemon's with them, and closes the peer's socket. Returns the connection itself for
 /// other families or if the kernel rejects descriptors, and nothing, closing the connection, if there is no thread or
 /// descriptor for it or its user has too many proxies.
-shm::UniqueFd let_in(shm::UniqueFd stranger);
+shm::UniqueFd without_descriptors(shm::UniqueFd peer);
 
 /// Closes an unauthenticated peer's connection by `close`, on a detached thread.
-void turn_away(shm::UniqueFd stranger, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
+void close_detached(shm::UniqueFd peer, void (*close)(shm::UniqueFd) = +[](shm::UniqueFd) {});
 
-/// Credentials of the peer behind a socket of let_in() (SO_PEERCRED). Returns false for any other socket.
-bool credentials_behind(int socket, ucred& who);
+/// Credentials of the peer of a socket from without_descriptors() (SO_PEERCRED). Returns false for any other socket.
+bool credentials_of_proxied(int socket, ucred& who);
 
 }  // namespace clearance

@@ -180,7 +180,7 @@ void check_backend(const Engine::Options& options) {
 }
 
 /// Reports readiness to the log, the readiness descriptor and the supervisor.
-void say_ready(const Loop& loop, const DaemonOptions& options, const Supervisor& supervisor, double load_seconds) {
+void log_ready(const Loop& loop, const DaemonOptions& options, const Supervisor& supervisor, double load_seconds) {
   std::vector<std::string> urls;
   for (const auto& transport : loop.transports()) urls.push_back(transport->url());
   std::string all;
@@ -236,7 +236,7 @@ int serve(DaemonOptions options) {
   });
   if (options.real_time)  // once other threads, which do not get it, have started
     become_real_time(options.loop_cpu >= 0 ? std::optional(options.loop_cpu) : std::nullopt);
-  say_ready(loop, options, supervisor, load_seconds);
+  log_ready(loop, options, supervisor, load_seconds);
 
   loop.run();
   metrics.reset();

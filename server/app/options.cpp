@@ -107,7 +107,7 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
   app.add_option("--backend", o.backend, "auto, cpu, cuda, reference (slow brute force, for comparison)")
       ->type_name("NAME")
       ->capture_default_str();
-  app.add_option("--threads", o.threads, "threads of the cpu backend; 0: one for each core")
+  app.add_option("--threads", o.threads, "threads of the cpu backend; 0 for one per core")
       ->check(quiet(CLI::Range(0, 4096)))
       ->type_name("N")
       ->capture_default_str();
@@ -158,7 +158,7 @@ constexpr Limit kLimits[] = {
      "points that one client has set or is sending"},
     {"max-points", &DaemonOptions::max_points, 0, kManyPoints, "points of all clients"},
     {"max-client-plans", &DaemonOptions::max_client_plans, 0, 100'000'000,
-     "plans of one client in a GPU's memory (docs/cuda.md); 0: none"},
+     "plans of one client in a GPU's memory (docs/cuda.md); 0 for none"},
     {"max-plans", &DaemonOptions::max_plans, 0, 100'000'000, "plans of all clients"},
     {"max-client-plan-mib", &DaemonOptions::max_client_plan_mib, 0, 100'000'000, "MiB of one client's plans"},
     {"max-plan-mib", &DaemonOptions::max_plan_mib, 0, 100'000'000, "MiB of all clients' plans"},
@@ -172,11 +172,11 @@ constexpr Limit kLimits[] = {
     {"gateway-mib", &DaemonOptions::gateway_mib, 64, 1'000'000,
      "MiB of each gateway process for TCP and LCM beyond this machine; one that needs more is\n"
      "restarted. A request or reply may use an eighth of it"},
-    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0: all of it"},
+    {"device-memory-mib", &DaemonOptions::device_memory_mib, 0, 0xFFFF'FFFF, "MiB of each GPU; 0 for all of it"},
     {"pinned-mib", &DaemonOptions::pinned_mib, 0, 0xFFFF'FFFF,
-     "MiB of clients' shared memory that a GPU writes large replies to; 0: they are copied"},
+     "MiB of clients' shared memory that a GPU writes large replies to; 0 to copy them"},
     {"slice-us", &DaemonOptions::slice_us, 1, 1'000'000, "microseconds of one query before other queries run"},
-    {"spin-us", &DaemonOptions::spin_us, 0, 1'000'000, "microseconds to poll before going to sleep; 0: none"},
+    {"spin-us", &DaemonOptions::spin_us, 0, 1'000'000, "microseconds to poll before going to sleep; 0 for none"},
 };
 
 /// The limits with their defaults, for --help.

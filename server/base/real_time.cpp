@@ -19,7 +19,8 @@ namespace clearance {
 namespace {
 
 /// Bytes touched of the stack below the loop's frame, and of the heap.
-constexpr std::size_t kStackBytes = 256 << 10, kHeapBytes = std::size_t{32} << 20, kBlockBytes = 64 << 10;
+constexpr std::size_t kPrefaultedStackBytes = 256 << 10, kPrefaultedHeapBytes = std::size_t{32} << 20,
+                      kBlockBytes = 64 << 10;
 constexpr std::size_t kPage = 4096;
 constexpr int kCapIpcLock = 14;  // linux/capability.h
 
@@ -36,11 +37,11 @@ void touch(volatile std::byte* begin, std::size_t bytes) {
 }
 
 [[gnu::noinline]] void prefault_stack() {
-  volatile std::byte room[kStackBytes];
-  touch(room, sizeof room);
+  volatile std::byte stack[kPrefaultedStackBytes];
+  touch(stack, sizeof stack);
 }
 
-void say(const char* step, const std::string& what, const std::string& rejected) {
+void log_step(const char* step, const std::string& what, const std::string& rejected) {
   if (rejected.empty())
     log::info("event=real_time step={} text=\"{}\"", step, what);
   else
@@ -63,7 +64,7 @@ std::string lock_memory() {
 void prefault() {
   prefault_stack();
   // In blocks that the C library takes from the heap and keeps.
-  std::vector<std::unique_ptr<std::byte[]>> blocks(kHeapBytes / kBlockBytes);
+  std::vector<std::unique_ptr<std::byte[]>> blocks(kPrefaultedHeapBytes / kBlockBytes);
   for (auto& block : blocks) {
     block.reset(new std::byte[kBlockBytes]);
     touch(block.get(), kBlockBytes);
@@ -96,15 +97,15 @@ void run_behind() {
 }
 
 void become_real_time(std::optional<int> cpu) {
-  say("lock_memory", "pages stay in memory once they were touched", lock_memory());
+  log_step("lock_memory", "pages stay in memory once they were touched", lock_memory());
   prefault();
-  say("prefault",
-      std::to_string(kStackBytes >> 10) + " KiB of stack and " + std::to_string(kHeapBytes >> 20) +
-          " MiB of heap are in memory",
-      "");
-  if (cpu) say("pin", "the loop runs on CPU " + std::to_string(*cpu), pin_to(*cpu));
-  say("priority", "the loop runs at SCHED_FIFO " + std::to_string(kRealTimePriority) + ", and does not spin",
-      run_first());
+  log_step("prefault",
+           std::to_string(kPrefaultedStackBytes >> 10) + " KiB of stack and " +
+               std::to_string(kPrefaultedHeapBytes >> 20) + " MiB of heap are in memory",
+           "");
+  if (cpu) log_step("pin", "the loop runs on CPU " + std::to_string(*cpu), pin_to(*cpu));
+  log_step("priority", "the loop runs at SCHED_FIFO " + std::to_string(kRealTimePriority) + ", and does not spin",
+           run_first());
 }
 
 }  // namespace clearance

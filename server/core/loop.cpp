@@ -21,7 +21,7 @@ namespace {
 constexpr int kWakesForNothing = 100;
 /// Interval between polls by system call while the loop is busy. It is the latency that such a transport may add; the
 /// poll itself delays requests in memory by a microsecond or two.
-constexpr auto kLookEvery = std::chrono::microseconds(50);
+constexpr auto kPollInterval = std::chrono::microseconds(50);
 /// Time after its last frame for which a transport that is polled in memory counts as in use.
 constexpr auto kInUse = std::chrono::milliseconds(100);
 
@@ -73,12 +73,12 @@ std::optional<Stats::MetricsSnapshot> Loop::read_metrics(std::chrono::nanosecond
 void Loop::run() {
   while (!stopping_) {
     if (turn() || spin()) continue;
-    if (!looked_at_all_) {  // no request that has arrived may wait for the end of a sleep
-      next_look_ = {};
+    if (!polled_all_) {  // no request that has arrived may wait for the end of a sleep
+      next_poll_ = {};
       if (turn()) continue;
     }
     sleep();
-    next_look_ = {};
+    next_poll_ = {};
   }
 }
 
@@ -101,7 +101,7 @@ bool Loop::spin() {
 bool Loop::turn() {
   section_began_ = turn_began_ = Clock::now();
   units_before_ = units_of_this_thread;
-  bool worked = workers_.settle_done(turn_began_);
+  bool worked = workers_.advance_returned(turn_began_);
   take_new_scene();
   if (stats().are_wanted()) stats().hand_out(router_.counters());
   worked |= poll_in_memory();
@@ -140,14 +140,14 @@ bool Loop::poll_in_memory() {
 
 bool Loop::poll_by_system_call() {
   // Poses that a query waits for may come by any transport.
-  looked_at_all_ = turn_began_ >= next_look_ || !router_.queries.deferred().empty();
-  if (!looked_at_all_) return false;
+  polled_all_ = turn_began_ >= next_poll_ || !router_.queries.deferred().empty();
+  if (!polled_all_) return false;
   turn_began_ = Clock::now();  // arrival of these requests, after the work
   int frames = 0;
   for (std::size_t i = 0; i < transports_.size(); ++i)
     if (transports_[i]->polls_by_system_call()) frames += poll_transport(i);
   // More may have arrived.
-  next_look_ = frames > 0 ? Clock::time_point() : turn_began_ + kLookEvery;
+  next_poll_ = frames > 0 ? Clock::time_point() : turn_began_ + kPollInterval;
   return frames > 0;
 }
 
@@ -169,7 +169,7 @@ int Loop::poll_transport(std::size_t i) {
 bool Loop::work_for_a_slice() {
   bool worked = router_.queries.work();
   if (!options_.worker_thread && workers_.work()) {
-    workers_.settle_done(turn_began_);
+    workers_.advance_returned(turn_began_);
     worked = true;
   }
   if (worked) warn_of_contradictions();

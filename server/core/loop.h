@@ -119,8 +119,8 @@ class Loop final : public RequestHandler {
   RequestRouter router_;
   bool contradiction_logged_ = false;
   Clock::time_point turn_began_, section_began_, next_tick_, next_warning_;
-  Clock::time_point next_look_;             // poll of transports that need system calls
-  bool looked_at_all_ = false;              // in the last turn
+  Clock::time_point next_poll_;             // poll of transports that need system calls
+  bool polled_all_ = false;                 // in the last turn
   Clock::time_point last_frame_in_memory_;  // from a transport that needs none
   SpinGate spins_;
   int wakes_for_nothing_ = 0;

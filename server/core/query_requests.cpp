@@ -51,14 +51,14 @@ void QueryRequests::start(Request& request) {
   if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
     return begin(request, parts);
   const QueryView query = view_of(parts, header.scene_revision);
-  if (is_small(engine.extent(query))) engine.size(query);  // throws for a bad query before it waits
+  if (is_small(engine.cost(query))) engine.size(query);  // throws for a bad query before it waits
   defer(header, context_.class_for(*request.sink, options), options, request.take_payload()(), request.sink,
         request.received);
 }
 
 /// Begins a query whose poses have arrived.
 void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
-  const QueryCost cost = context_.engine->extent(view_of(parts, request.header.scene_revision));
+  const QueryCost cost = context_.engine->cost(view_of(parts, request.header.scene_revision));
   // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
   const bool is_here =
       is_small(cost) && !context_.has_pose_updates(request.sink->client()) && !(parts.options.fields & kFieldFreeScale);
@@ -67,12 +67,12 @@ void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
                          due(is_here ? request.received : Clock::now(), cost.pairs));
   query->take_options(parts.options, cost);
   if (!is_here) return begin_on_worker(std::move(query), request, cost);
-  query->begin_here(parts, request.bytes, request.sink);
+  query->begin_on_loop(parts, request.bytes, request.sink);
   small_.add(std::move(query));
 }
 
 void QueryRequests::begin_on_worker(std::unique_ptr<QueryTask> query, Request& request, const QueryCost& cost) {
-  query->begin_elsewhere(request.take_payload(), request.bytes, cost.listed, request.sink);
+  query->begin_on_worker(request.take_payload(), request.bytes, cost.listed, request.sink);
   context_.workers.of(query->service_class()).add(std::move(query));
 }
 
@@ -89,7 +89,7 @@ bool QueryRequests::is_small(const QueryCost& cost) const {
 
 bool QueryRequests::work() {
   if (small_.empty()) return false;
-  small_.work(Clock::now(), [this](Worker::QueryPtr query) { context_.workers.settle(std::move(query)); });
+  small_.work(Clock::now(), [this](Worker::QueryPtr query) { context_.workers.advance_on_loop(std::move(query)); });
   return true;
 }
 
@@ -108,12 +108,11 @@ bool QueryRequests::begin_deferred(Clock::time_point now) {
 }
 
 void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
-  const FrameHeader& header = deferred.requested.header;
+  const FrameHeader& header = deferred.pending.header;
   const OwnPayload& payload = deferred.payload;
-  Request request{header,           payload.span(), nullptr, payload.bytes, std::move(deferred.requested.sink),
-                  deferred.received};
+  Request request{header, payload.span(), nullptr, payload.bytes, std::move(deferred.pending.sink), deferred.received};
   ReplySink& sink = *request.sink;  // lives on with the query
-  deferred.requested.share.give_back();
+  deferred.pending.share.give_back();
   context_.answers.guard(sink, header, [&] {
     if (!DeferredQueries::poses_are_there(*context_.engine, header, deferred.query))
       throw poses_late(deferred.query, true);

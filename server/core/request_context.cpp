@@ -27,12 +27,12 @@ void RequestContext::submit(Request& request, std::uint64_t bytes, BackgroundReq
   const ServiceClass service = class_for(*request.sink);
   const RunsOn where = request.type->runs_on;
   const bool is_light = where == RunsOn::kPlanWorker || where == RunsOn::kRunWorker;
-  PendingRequest requested{nullptr, request.header, quotas.take(request.sink->client(), service, bytes)};
-  requested.sink = std::move(request.sink);
+  PendingRequest pending{nullptr, request.header, quotas.take(request.sink->client(), service, bytes)};
+  pending.sink = std::move(request.sink);
   workers.of(where, service)
       .add(std::make_unique<BackgroundRequest>(
-          answers, std::move(requested), service, request.type->reply, request.received, std::move(make),
-          std::move(done), is_light ? BackgroundRequest::Weight::kLight : BackgroundRequest::Weight::kHeavy));
+          answers, std::move(pending), service, request.type->reply, request.received, std::move(make), std::move(done),
+          is_light ? BackgroundRequest::Weight::kLight : BackgroundRequest::Weight::kHeavy));
 }
 
 ServiceClass RequestContext::class_for(const ReplySink& sink, const QueryOptions& options) const {
@@ -41,7 +41,7 @@ ServiceClass RequestContext::class_for(const ReplySink& sink, const QueryOptions
 }
 
 void RequestContext::begin_pose_update(std::uint64_t client, ServiceClass service) {
-  ++pose_updates_.try_emplace(client, Away{0, service}).first->second.count;
+  ++pose_updates_.try_emplace(client, PendingUpdates{0, service}).first->second.count;
 }
 
 void RequestContext::end_pose_update(std::uint64_t client) {

@@ -52,11 +52,11 @@ class RequestContext {
   void end_pose_update(std::uint64_t client);
 
  private:
-  struct Away {
+  struct PendingUpdates {
     std::uint32_t count = 0;
     ServiceClass service;
   };
-  std::unordered_map<std::uint64_t, Away> pose_updates_;  // by client
+  std::unordered_map<std::uint64_t, PendingUpdates> pose_updates_;  // by client
 };
 
 }  // namespace clearance

@@ -175,7 +175,7 @@ Stats::Named RequestRouter::counters() const {
 }
 
 void RequestRouter::drop_gone() {
-  context.workers.look();
+  context.workers.check_clients();
   plans.drop_gone();
   queries.drop_gone();
   context.stats.dropped += scenes.drop_gone();

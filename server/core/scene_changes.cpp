@@ -132,17 +132,17 @@ bool SceneChanges::reload() noexcept {
 // --- requests
 
 void SceneChanges::let_wait(Request& request, Waiter waiter) {
-  waiter.requested.header = request.header;
-  waiter.requested.share = quotas_.take(request.sink->client(), request.sink->service_class(), 0);
+  waiter.pending.header = request.header;
+  waiter.pending.share = quotas_.take(request.sink->client(), request.sink->service_class(), 0);
   waiters_.push_back(std::move(waiter));
-  waiters_.back().requested.sink = std::move(request.sink);  // last, as the caller needs it after an exception
+  waiters_.back().pending.sink = std::move(request.sink);  // last, as the caller needs it after an exception
 }
 
 void SceneChanges::request_reload(Request& request) {
   if (!reloader_) throw RejectedRequest{ErrorCode::kNotSupported, "there is no scene file to reload"};
   quotas_.check_requests(request.sink->client());
   log::info("event=reload_requested client={}", request.sink->client());
-  let_wait(request, {.requested = {}, .load = reloader_->next_load(), .name = ""});
+  let_wait(request, {.pending = {}, .load = reloader_->next_load(), .name = ""});
   reloader_->request();
 }
 
@@ -151,7 +151,7 @@ void SceneChanges::begin_edit(Request& request, const std::string& name, bool re
     throw RejectedRequest{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
   quotas_.check_requests(request.sink->client());
   const std::uint64_t number = reloader_->push(std::move(edit));
-  let_wait(request, {.requested = {}, .edit = number, .name = name, .removes = removes});
+  let_wait(request, {.pending = {}, .edit = number, .name = name, .removes = removes});
 }
 
 void SceneChanges::add_body(Request& request) {
@@ -257,9 +257,9 @@ bool SceneChanges::install(Reloader::Outcome& outcome) {
 }
 
 void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
-  waiter.requested.share.give_back();
-  ReplySink& sink = *waiter.requested.sink;
-  answers_.guard(sink, waiter.requested.header, [&] {
+  waiter.pending.share.give_back();
+  ReplySink& sink = *waiter.pending.sink;
+  answers_.guard(sink, waiter.pending.header, [&] {
     if (!outcome.error.empty())
       throw RejectedRequest{outcome.edit && outcome.bad_input ? ErrorCode::kBadQuery : ErrorCode::kReloadFailed,
                             outcome.error};
@@ -268,13 +268,13 @@ void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
     change.body_count = static_cast<std::uint32_t>(engine_->scene().bodies().size());
     change.body = engine_->scene().find_body(waiter.name);
     change.seconds = outcome.seconds;
-    answers_.reply(sink, waiter.requested.header, wire::FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
+    answers_.reply(sink, waiter.pending.header, wire::FrameType::kSceneChanged, std::as_bytes(std::span(&change, 1)));
   });
 }
 
 std::size_t SceneChanges::drop_gone() {
   return std::erase_if(waiters_, [](const Waiter& waiter) {
-    return !waiter.requested.sink->alive() && !waiter.removes;  // a removal is checked once more: why_not()
+    return !waiter.pending.sink->alive() && !waiter.removes;  // a removal is checked once more: why_not()
   });
 }
 

@@ -52,7 +52,7 @@ class SceneChanges {
  private:
   /// A request answered when the load or edit of this number has ended.
   struct Waiter {
-    PendingRequest requested;
+    PendingRequest pending;
     std::uint64_t load = 0, edit = 0;  ///< one of them is 0
     std::string name;                  ///< of the added or removed body
     bool removes = false;

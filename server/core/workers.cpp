@@ -31,18 +31,18 @@ Worker& Workers::of(RunsOn where, ServiceClass service) {
   }
 }
 
-void Workers::settle(Worker::QueryPtr query) {
-  if (query->settle()) return;
+void Workers::advance_on_loop(Worker::QueryPtr query) {
+  if (query->advance_on_loop()) return;
   Worker& worker = of(query->service_class());
   worker.add(std::move(query));
 }
 
-bool Workers::settle_done(Clock::time_point now) {
+bool Workers::advance_returned(Clock::time_point now) {
   bool any = false;
   for (Worker* worker : all_) {
     worker->expire(now);
     if (!worker->has_done()) continue;
-    for (Worker::QueryPtr& query : worker->take()) settle(std::move(query));
+    for (Worker::QueryPtr& query : worker->take()) advance_on_loop(std::move(query));
     any = true;
   }
   return any;
@@ -52,8 +52,8 @@ bool Workers::work() {
   return std::any_of(all_.begin(), all_.end(), [](Worker* worker) { return worker->work(); });
 }
 
-void Workers::look() {
-  for (Worker* worker : all_) worker->look();
+void Workers::check_clients() {
+  for (Worker* worker : all_) worker->check_clients();
 }
 
 std::size_t Workers::size() const {

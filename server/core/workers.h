@@ -23,20 +23,20 @@ class Workers {
   };
 
   /// @param has_control clients may have the class control, whose worker then has the higher priority
-  /// @param wake called on a worker's thread when settle_done() has something to do
+  /// @param wake called on a worker's thread when advance_returned() has something to do
   Workers(const Options& options, bool has_control, const std::function<void()>& wake);
 
   Worker& of(ServiceClass service) { return service == ServiceClass::kControl ? control_ : planning_; }
   Worker& of(RunsOn where, ServiceClass service);
   /// Does the loop's part of a query, and passes it on to a worker unless it is over.
-  void settle(Worker::QueryPtr query);
+  void advance_on_loop(Worker::QueryPtr query);
   /// Does that for all queries that workers have returned, and rejects those whose deadline has passed. Returns whether
   /// any was returned.
-  bool settle_done(Clock::time_point now);
+  bool advance_returned(Clock::time_point now);
   /// Does a slice of work without threads. Returns whether there was any.
   bool work();
   /// Checks whether the clients are still connected.
-  void look();
+  void check_clients();
   Clock::time_point deadline() const { return std::min(control_.deadline(), planning_.deadline()); }
   std::size_t size() const;
   /// Frees what takes long to free. From any thread.

@@ -13,7 +13,7 @@ namespace {
 
 constexpr int kMessagesPerTurn = 64;
 /// Messages that liblcm keeps between two polls, per channel.
-constexpr int kQueue = 512;
+constexpr int kPacketQueue = 512;
 /// Bytes that may wait for the daemon. Later messages are lost, as in a network.
 constexpr std::uint64_t kMostWaiting = 16 << 20;
 
@@ -24,7 +24,7 @@ void serve_lcm(Link& link, const Message& start) {
   LcmBus bus(parse_lcm_address(start.name));
   std::istringstream channels(start.body.text());
   for (std::string channel; std::getline(channels, channel);)
-    bus.subscribe(channel, kQueue, [&link, channel](std::span<const std::byte> packet) {
+    bus.subscribe(channel, kPacketQueue, [&link, channel](std::span<const std::byte> packet) {
       if (packet.size() <= kLcmDatagramBytes && link.waiting_bytes() < kMostWaiting)
         link.send({Kind::kPacket, 0, channel, {}, Bytes(packet)});
     });

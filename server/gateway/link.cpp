@@ -65,7 +65,7 @@ void Link::send(Message message) {
 void Link::keep(Leaving leaving) {
   const std::uint64_t turn = std::hash<std::string>()(leaving.message.name);
   leaving_.push(turn, std::move(leaving));
-  listen_for_room(true);
+  watch_for_space(true);
 }
 
 /// Sends the next part of a body. Returns false if the socket is full.
@@ -112,7 +112,7 @@ void Link::turn() {
     if (drop_ && next.message.body.bytes > kLarge)
       drop_(std::const_pointer_cast<std::byte>(std::move(next.message.body.begin)));
   }
-  listen_for_room(!leaving_.empty());
+  watch_for_space(!leaving_.empty());
 }
 
 std::optional<Message> Link::receive() {
@@ -181,8 +181,8 @@ std::optional<Message> Link::take_part(Message message, std::uint64_t offset, st
   return whole;
 }
 
-void Link::listen_for_room(bool wanted) {
-  if (wanted == std::exchange(listens_for_room_, wanted)) return;
+void Link::watch_for_space(bool wanted) {
+  if (wanted == std::exchange(watches_for_space_, wanted)) return;
   epoll_event event{};
   event.events = EPOLLIN | (wanted ? EPOLLOUT : 0u);
   ::epoll_ctl(epoll_.get(), EPOLL_CTL_MOD, socket_.get(), &event);

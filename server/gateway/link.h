@@ -31,16 +31,16 @@ enum class Kind : std::uint32_t {
   kAlive,            ///< answers kPing
   kFrame,            ///< name: identity, extra: a frame's header and the client's key or none, body: its payload
   kNoFrame,          ///< name: identity, number: parts and bytes of the first (pack_parts())
-  kHandedOver,       ///< number: of a reply that the gateway holds no longer
+  kReplyReleased,    ///< number: of a reply that the gateway holds no longer
   kGone,             ///< name: an identity without a connection
   kNotDelivered,     ///< name: an identity whose queue is full
-  kAuthenticate,     ///< name: address, extra: key. Answered by kAdmission
+  kAuthenticate,     ///< name: address, extra: key; answered by kAuthenticated
   kHandshakeFailed,  ///< name: endpoint
   // To the gateway.
   kStart,  ///< name: url, number: most bytes of a message, extra: secret key or none, body: channels
   kPing,
-  kReply,  ///< name: identity, extra: a frame's header, body: its payload, number: for kHandedOver, or 0 if not wanted
-  kAdmission,  ///< number: 1 if the connection is accepted
+  kReply,          ///< name: identity, extra: a frame's header, body: its payload, number: for kReplyReleased, or 0
+  kAuthenticated,  ///< number: 1 if the connection is accepted
   // Both ways.
   kPacket,  ///< name: LCM channel, body: a message
 };
@@ -134,7 +134,7 @@ class Link {
   std::optional<Message> take(std::span<const std::byte> datagram);
   std::optional<Message> take_part(Message message, std::uint64_t offset, std::span<const std::byte> part);
   void spend(std::uint64_t bytes) { allowance_ -= std::min(allowance_, bytes + sizeof(Head)); }
-  void listen_for_room(bool wanted);
+  void watch_for_space(bool wanted);
 
   shm::UniqueFd socket_, epoll_;
   Limits limits_;
@@ -143,7 +143,7 @@ class Link {
   std::unordered_map<std::string, Coming> coming_;
   std::uint64_t sequence_ = 0, waiting_bytes_ = 0, coming_bytes_ = 0, allowance_ = kBytesPerTurn;
   bool was_reset_ = false;  ///< the peer closed with unread input
-  bool listens_for_room_ = false;
+  bool watches_for_space_ = false;
   std::function<void(std::shared_ptr<void>)> drop_;
 };
 

@@ -29,7 +29,7 @@ constexpr auto kStartPatience = std::chrono::seconds(30);
 /// A process that has lived this long is restarted at once; otherwise the pause grows.
 constexpr auto kLongLife = std::chrono::seconds(1);
 constexpr auto kFirstPause = milliseconds(50), kLongestPause = milliseconds(400);
-constexpr auto kLookEvery = milliseconds(500);
+constexpr auto kCheckInterval = milliseconds(500);
 /// A process that has not answered for this long is hung.
 constexpr auto kHang = std::chrono::seconds(5);
 constexpr int kSendBuffer = 1 << 20;
@@ -43,16 +43,16 @@ std::string ending_of(int status) {
 
 }  // namespace
 
-Process::Process(Plan plan) : plan_(std::move(plan)) {
+Process::Process(ProcessOptions options) : options_(std::move(options)) {
   try {
     start();
     wait_until_ready();
   } catch (const Broken&) {
     reap(true);
-    throw std::runtime_error(plan_.url + ": " + kProgram + " ended at its start");
+    throw std::runtime_error(options_.url + ": " + kProgram + " ended at its start");
   } catch (const std::runtime_error& error) {
     reap(true);
-    throw std::runtime_error(plan_.url + ": " + error.what());
+    throw std::runtime_error(options_.url + ": " + error.what());
   }
 }
 
@@ -68,18 +68,19 @@ void Process::start() {
   for (const int fd : ends) ::setsockopt(fd, SOL_SOCKET, SO_SNDBUF, &kSendBuffer, sizeof kSendBuffer);
   reject_descriptors(ours.get());
   std::vector<int> descriptors{theirs.get()};
-  if (plan_.listener) descriptors.push_back(plan_.listener.get());
+  if (options_.listener) descriptors.push_back(options_.listener.get());
   const std::string program =
       helper_program(kProgram, "CLEARANCE_OUTSIDE", nullptr, ", which handles network traffic,");
-  pid_ = start_helper(program, {plan_.what, std::to_string(plan_.memory_bytes), std::to_string(plan_.connections)},
+  pid_ = start_helper(program,
+                      {options_.what, std::to_string(options_.memory_bytes), std::to_string(options_.connections)},
                       descriptors);
   // Bodies of several clients may be under way at once. The gateway has the same limits.
   link_.emplace(std::move(ours), Link::Limits{.message_bytes = message_bytes(),
-                                              .coming_bytes = plan_.memory_bytes,
-                                              .waiting_bytes = plan_.memory_bytes});
+                                              .coming_bytes = options_.memory_bytes,
+                                              .waiting_bytes = options_.memory_bytes});
   ready_ = false;
   started_ = last_alive_ = Clock::now();
-  link_->send(plan_.start);
+  link_->send(options_.start);
 }
 
 void Process::wait_until_ready() {
@@ -118,7 +119,7 @@ bool Process::turn(RequestHandler& handler) {
                                       : std::clamp<Clock::duration>(2 * pause_, kFirstPause, kLongestPause);
   next_start_ = now + pause_;
   ++handler.counter("gateway.restarts");
-  log::warn("event=gateway_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(plan_.url), pid_,
+  log::warn("event=gateway_ended url={} pid={} pause_ms={} why=\"{}\"", log_text(options_.url), pid_,
             std::chrono::duration_cast<milliseconds>(pause_).count(), log_text(why_lost_));
   ::kill(pid_, SIGKILL);
   ending_.push_back(std::exchange(pid_, -1));
@@ -145,7 +146,7 @@ std::optional<Message> Process::take_own(Message message) {
     case Kind::kReady:
       ready_ = true;
       if (message.body.bytes && !std::exchange(reported_unfiltered_, true))
-        log::warn("event=gateway_unfiltered url={} text=\"{}\"", log_text(plan_.url),
+        log::warn("event=gateway_unfiltered url={} text=\"{}\"", log_text(options_.url),
                   log_text(message.body.text().substr(0, 200)));
       return std::nullopt;
     case Kind::kAlive:
@@ -181,10 +182,10 @@ void Process::tick(RequestHandler& handler) {
     } catch (const std::runtime_error& error) {
       link_.reset();
       next_start_ = now + kLongestPause;
-      log::error("event=gateway_not_started url={} error=\"{}\"", log_text(plan_.url), log_text(error.what()));
+      log::error("event=gateway_not_started url={} error=\"{}\"", log_text(options_.url), log_text(error.what()));
     }
-  if (now < next_look_) return;
-  next_look_ = now + kLookEvery;
+  if (now < next_check_) return;
+  next_check_ = now + kCheckInterval;
   count_memory(handler, resident_bytes());
   if (!link_) return;
   if (now - last_alive_ > kHang) return lose("it hangs");

@@ -15,7 +15,7 @@
 namespace clearance::gateway {
 
 /// Configuration of a gateway.
-struct Plan {
+struct ProcessOptions {
   std::string url;                             ///< for the log
   std::string what;                            ///< "zmq" or "lcm", as clearance-gateway reads it
   std::uint64_t memory_bytes = kGatewayBytes;  ///< of address space
@@ -30,14 +30,14 @@ class Process {
   using Clock = std::chrono::steady_clock;
 
   /// Starts the gateway and waits until it is ready. Throws std::runtime_error with the url and the cause.
-  explicit Process(Plan plan);
+  explicit Process(ProcessOptions options);
   ~Process();
   Process(const Process&) = delete;
   Process& operator=(const Process&) = delete;
 
   /// Largest message to or from a gateway with so much memory.
   static std::uint64_t message_bytes(std::uint64_t memory_bytes) { return memory_bytes / 8; }
-  std::uint64_t message_bytes() const { return message_bytes(plan_.memory_bytes); }
+  std::uint64_t message_bytes() const { return message_bytes(options_.memory_bytes); }
 
   /// Descriptor that is readable when poll() may have work, or -1 while there is no process.
   int descriptor() const { return link_ ? link_->descriptor() : -1; }
@@ -62,14 +62,14 @@ class Process {
   void count_memory(RequestHandler& handler, std::uint64_t bytes);
   std::uint64_t resident_bytes() const;
 
-  Plan plan_;
+  ProcessOptions options_;
   std::optional<Link> link_;
   pid_t pid_ = -1;
   std::vector<pid_t> ending_;
   bool ready_ = false, lost_ = false, reported_unfiltered_ = false;
   std::string why_lost_;
   std::optional<std::string> failed_;
-  Clock::time_point started_, next_start_, next_look_, last_alive_;
+  Clock::time_point started_, next_start_, next_check_, last_alive_;
   Clock::duration pause_{};
   std::uint64_t memory_counted_ = 0;
 };

@@ -29,8 +29,10 @@ std::vector<zmq::message_t> receive_all(zmq::socket_t& socket) {
 
 }  // namespace
 
-ZapHandler::ZapHandler(zmq::context_t& context, Core core)
-    : core_(std::move(core)), socket_(context, zmq::socket_type::rep), monitor_(context, zmq::socket_type::pair) {
+ZapHandler::ZapHandler(zmq::context_t& context, Callbacks callbacks)
+    : callbacks_(std::move(callbacks)),
+      socket_(context, zmq::socket_type::rep),
+      monitor_(context, zmq::socket_type::pair) {
   socket_.set(zmq::sockopt::linger, 0);
   socket_.bind(kHandlerEndpoint);
 }
@@ -61,14 +63,14 @@ void ZapHandler::read_request() {
   key_.clear();
   waits_ = true;
   if (parts.size() != kRequestParts || parts[5].to_string_view() != "CURVE" || parts[6].size() != 32)
-    return decide(false);
+    return finish(false);
   char text[41];
   zmq_z85_encode(text, parts[6].data<std::uint8_t>(), 32);
   key_ = text;
-  core_.authenticate(parts[3].to_string(), key_);
+  callbacks_.authenticate(parts[3].to_string(), key_);
 }
 
-void ZapHandler::decide(bool admitted) {
+void ZapHandler::finish(bool is_authorized) {
   if (!std::exchange(waits_, false)) return;
   const auto reply = [this](const std::string& text, bool more) {
     zmq::message_t part(text.data(), text.size());
@@ -76,15 +78,15 @@ void ZapHandler::decide(bool admitted) {
   };
   reply("1.0", true);
   reply(request_, true);
-  reply(admitted ? "200" : "400", true);
-  reply(admitted ? "" : "this key is not authorized", true);
-  reply(admitted ? key_ : "", true);  // user id, which the messages of this connection carry
+  reply(is_authorized ? "200" : "400", true);
+  reply(is_authorized ? "" : "this key is not authorized", true);
+  reply(is_authorized ? key_ : "", true);  // user id, which the messages of this connection carry
   reply("", false);
 }
 
 void ZapHandler::read_event() {
   const auto parts = receive_all(monitor_);
-  if (parts.size() >= 2) core_.handshake_failed(parts[1].to_string());
+  if (parts.size() >= 2) callbacks_.handshake_failed(parts[1].to_string());
 }
 
 std::string key_of(const zmq::message_t& message) {

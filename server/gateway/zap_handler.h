@@ -11,11 +11,11 @@ namespace clearance::gateway {
 /// Made before a socket of the same context listens.
 class ZapHandler {
  public:
-  struct Core {
-    std::function<void(const std::string& address, const std::string& key)> authenticate;  ///< answered by decide()
+  struct Callbacks {
+    std::function<void(const std::string& address, const std::string& key)> authenticate;  ///< answered by finish()
     std::function<void(const std::string& endpoint)> handshake_failed;
   };
-  ZapHandler(zmq::context_t& context, Core core);
+  ZapHandler(zmq::context_t& context, Callbacks callbacks);
 
   /// Restricts a socket, before it listens, to encrypted connections, and reports failed handshakes.
   void guard(zmq::socket_t& socket, const std::string& secret_key);
@@ -23,13 +23,13 @@ class ZapHandler {
   zmq::socket_t& events() { return monitor_; }
   /// Handles a bounded number of requests and events. One peer is authenticated at a time.
   void serve();
-  void decide(bool admitted);
+  void finish(bool is_authorized);
 
  private:
   void read_request();
   void read_event();
 
-  Core core_;
+  Callbacks callbacks_;
   zmq::socket_t socket_, monitor_;
   std::string request_, key_;  // of the peer being authenticated
   bool waits_ = false;

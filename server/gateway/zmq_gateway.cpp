@@ -28,9 +28,9 @@ constexpr int kHandshakeMs = 3000;
 constexpr int kMostParts = 65536;
 
 /// Numbers of replies that libzmq has released, from its I/O thread.
-class HandedOver {
+class ReleasedReplies {
  public:
-  HandedOver() : wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
+  ReleasedReplies() : wake_(::eventfd(0, EFD_CLOEXEC | EFD_NONBLOCK)) {
     if (!wake_) throw std::runtime_error(std::string("eventfd: ") + std::strerror(errno));
   }
   int descriptor() const { return wake_.get(); }
@@ -57,28 +57,28 @@ class HandedOver {
 struct Held {
   Bytes bytes;
   std::uint64_t number;
-  HandedOver& handed_over;
+  ReleasedReplies& released;
 
   static void give_back(void*, void* hint) {
     const std::unique_ptr<Held> self(static_cast<Held*>(hint));
-    self->handed_over.add(self->number);
+    self->released.add(self->number);
   }
 };
 
 class ZmqGateway {
  public:
   ZmqGateway(Link& link, const Message& start)
-      : link_(link), room_(start.number), router_(context_, zmq::socket_type::router) {
+      : link_(link), most_waiting_bytes_(start.number), router_(context_, zmq::socket_type::router) {
     set_router_options(router_, start.number);
     router_.set(zmq::sockopt::handshake_ivl, kHandshakeMs);
     if (!start.extra.empty()) {
       guard_connections();
-      zap_.emplace(context_, ZapHandler::Core{[this](const std::string& address, const std::string& key) {
-                                                tell(Kind::kAuthenticate, address, key);
-                                              },
-                                              [this](const std::string& endpoint) {
-                                                if (has_room()) tell(Kind::kHandshakeFailed, endpoint);
-                                              }});
+      zap_.emplace(context_, ZapHandler::Callbacks{[this](const std::string& address, const std::string& key) {
+                                                     send(Kind::kAuthenticate, address, key);
+                                                   },
+                                                   [this](const std::string& endpoint) {
+                                                     if (may_take_more()) send(Kind::kHandshakeFailed, endpoint);
+                                                   }});
       zap_->guard(router_, start.extra);
     }
     const std::string unfiltered = confine_to_connections();
@@ -92,26 +92,26 @@ class ZmqGateway {
     for (;;) {
       wait();
       link_.turn();
-      while (std::optional<Message> message = link_.receive()) obey(std::move(*message));
-      for (const std::uint64_t number : handed_over_.take()) tell(Kind::kHandedOver, {}, {}, number);
+      while (std::optional<Message> message = link_.receive()) handle(std::move(*message));
+      for (const std::uint64_t number : released_.take()) send(Kind::kReplyReleased, {}, {}, number);
       if (zap_) zap_->serve();
-      for (int i = 0; i < kFramesPerTurn && has_room() && take_frame(); ++i) {
+      for (int i = 0; i < kFramesPerTurn && may_take_more() && take_frame(); ++i) {
       }
     }
   }
 
  private:
-  bool has_room() const { return link_.waiting_bytes() <= room_; }
+  bool may_take_more() const { return link_.waiting_bytes() <= most_waiting_bytes_; }
 
-  void tell(Kind kind, std::string name, std::string extra = {}, std::uint64_t number = 0) {
+  void send(Kind kind, std::string name, std::string extra = {}, std::uint64_t number = 0) {
     name.resize(std::min(name.size(), kMaxNameBytes));
     link_.send({kind, number, std::move(name), std::move(extra), {}});
   }
 
   void wait() {
     std::vector<zmq::pollitem_t> items{{nullptr, link_.descriptor(), ZMQ_POLLIN, 0},
-                                       {nullptr, handed_over_.descriptor(), ZMQ_POLLIN, 0}};
-    if (has_room()) items.push_back({router_.handle(), 0, ZMQ_POLLIN, 0});
+                                       {nullptr, released_.descriptor(), ZMQ_POLLIN, 0}};
+    if (may_take_more()) items.push_back({router_.handle(), 0, ZMQ_POLLIN, 0});
     if (zap_) {
       items.push_back({zap_->requests().handle(), 0, ZMQ_POLLIN, 0});
       items.push_back({zap_->events().handle(), 0, ZMQ_POLLIN, 0});
@@ -134,7 +134,7 @@ class ZmqGateway {
     }
     if (parts == 0) return true;  // a message without a sender
     if (parts != 2 || head.size() != sizeof(wire::FrameHeader)) {
-      tell(Kind::kNoFrame, identity.to_string(), key_of(head),
+      send(Kind::kNoFrame, identity.to_string(), key_of(head),
            pack_parts(static_cast<std::uint64_t>(parts), head.size()));
       return true;
     }
@@ -144,12 +144,12 @@ class ZmqGateway {
     return true;
   }
 
-  void obey(Message message) {
+  void handle(Message message) {
     switch (message.kind) {
       case Kind::kPing:
-        return tell(Kind::kAlive, {});
-      case Kind::kAdmission:
-        if (zap_) zap_->decide(message.number == 1);
+        return send(Kind::kAlive, {});
+      case Kind::kAuthenticated:
+        if (zap_) zap_->finish(message.number == 1);
         return;
       case Kind::kReply:
         return reply(std::move(message));
@@ -164,7 +164,7 @@ class ZmqGateway {
     const std::uint64_t bytes = message.body.bytes;
     if (message.number) {
       auto* const data = const_cast<std::byte*>(message.body.begin.get());
-      auto* hint = new Held{std::move(message.body), message.number, handed_over_};
+      auto* hint = new Held{std::move(message.body), message.number, released_};
       payload.rebuild(data, bytes, &Held::give_back, hint);
     } else {
       payload.rebuild(message.body.begin.get(), bytes);
@@ -172,18 +172,18 @@ class ZmqGateway {
     // With ROUTER_MANDATORY the first part fails if the client is gone (EHOSTUNREACH) or its queue is full.
     try {
       if (!clearance::send(router_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
-        return tell(Kind::kNotDelivered, message.name);
+        return send(Kind::kNotDelivered, message.name);
       clearance::send(router_, head, zmq::send_flags::sndmore);
       clearance::send(router_, payload, zmq::send_flags::none);
     } catch (const zmq::error_t& error) {
       if (error.num() != EHOSTUNREACH) throw;
-      tell(Kind::kGone, message.name);
+      send(Kind::kGone, message.name);
     }
   }
 
   Link& link_;
-  std::uint64_t room_;  // bytes that may wait for the daemon before no more is taken from clients
-  HandedOver handed_over_;
+  std::uint64_t most_waiting_bytes_;  // bytes that may wait for the daemon before no more is taken from clients
+  ReleasedReplies released_;
   zmq::context_t context_;
   std::optional<ZapHandler> zap_;
   zmq::socket_t router_;

@@ -24,7 +24,7 @@ int LcmAnnouncer::serve() {
     next_period_ = now + kPeriod;
   }
   // A dropped request must not end the distances for good.
-  if (requested_distances_ && now - requested_at_ > kLcmSayAgain) requested_distances_ = false;
+  if (distances_pending_ && now - requested_at_ > kLcmRepeatInterval) distances_pending_ = false;
   if (distances_wanted() && now >= next_distances_) {
     pose_revision_ = handler_.engine().pose_revision();
     next_distances_ = now + std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 / distances_hz_));
@@ -88,14 +88,14 @@ void LcmAnnouncer::request_status() {
 }
 
 bool LcmAnnouncer::distances_wanted() const {
-  return distances_hz_ > 0 && !requested_distances_ && handler_.engine().pose_revision() != pose_revision_;
+  return distances_hz_ > 0 && !distances_pending_ && handler_.engine().pose_revision() != pose_revision_;
 }
 
 void LcmAnnouncer::request_distances() {
-  requested_distances_ = true;
+  distances_pending_ = true;
   requested_at_ = Clock::now();
   hand_in(nearest_query_frame(), [this](LcmLink& link, std::span<const std::byte> frame) {
-    requested_distances_ = false;
+    distances_pending_ = false;
     link.push_all(link.outbox, "CLEARANCE_DISTANCES", distances_messages(frame, link.server_id, ++distances_sequence_));
   });
 }

@@ -46,7 +46,7 @@ class LcmAnnouncer {
   int handed_in_ = 0;
   std::uint64_t own_client_ = next_client_id();
   std::uint64_t scene_revision_ = 0, pose_revision_ = 0;
-  bool requested_distances_ = false;
+  bool distances_pending_ = false;
   std::int64_t states_sequence_ = 0, status_sequence_ = 0, distances_sequence_ = 0;
   std::string backend_;
   Clock::time_point opened_ = Clock::now();

@@ -33,7 +33,7 @@ void LcmMetrics::log_rate_limited(const char* kind, const std::string& what) {
   Suppressed& entry = suppressed_[kind];
   ++entry.times;
   const auto now = std::chrono::steady_clock::now();
-  if (entry.times > 1 && now - entry.last < kLcmSayAgain) return;
+  if (entry.times > 1 && now - entry.last < kLcmRepeatInterval) return;
   const std::uint64_t unsaid = entry.times - entry.said - 1;
   log::warn("event=lcm_{} more={} text=\"{}\"", kind, unsaid, log_text(what));
   entry.last = now;

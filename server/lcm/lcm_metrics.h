@@ -11,7 +11,7 @@
 namespace clearance {
 
 /// Interval between equal log messages.
-inline constexpr std::chrono::seconds kLcmSayAgain{5};
+inline constexpr std::chrono::seconds kLcmRepeatInterval{5};
 
 class LcmMetrics {
  public:

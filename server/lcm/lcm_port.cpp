@@ -28,21 +28,22 @@ class LcmBusPort final : public LcmPort {
   LcmBus bus_;
 };
 
-gateway::Plan plan_of(const LcmAddress& address, std::uint64_t memory_bytes) {
-  gateway::Plan plan;
-  plan.url = address.url();
-  plan.what = "lcm";
-  plan.memory_bytes = memory_bytes;
+gateway::ProcessOptions lcm_process_options(const LcmAddress& address, std::uint64_t memory_bytes) {
+  gateway::ProcessOptions options;
+  options.url = address.url();
+  options.what = "lcm";
+  options.memory_bytes = memory_bytes;
   std::string channels;
   for (const char* channel : kLcmChannelsIn) channels += std::string(channel) + "\n";
-  const std::string with_buffer = plan.url + "&recv_buf_size=" + std::to_string(address.recv_buf_size);
-  plan.start = {Kind::kStart, 0, with_buffer, {}, Bytes(std::string_view(channels))};
-  return plan;
+  const std::string with_buffer = options.url + "&recv_buf_size=" + std::to_string(address.recv_buf_size);
+  options.start = {Kind::kStart, 0, with_buffer, {}, Bytes(std::string_view(channels))};
+  return options;
 }
 
 class LcmGatewayPort final : public LcmPort {
  public:
-  LcmGatewayPort(const LcmAddress& address, std::uint64_t memory_bytes) : process_(plan_of(address, memory_bytes)) {}
+  LcmGatewayPort(const LcmAddress& address, std::uint64_t memory_bytes)
+      : process_(lcm_process_options(address, memory_bytes)) {}
 
   void subscribe(const std::string& name, int, Handler handler) override { handlers_[name] = std::move(handler); }
   std::vector<int> descriptors() const override {

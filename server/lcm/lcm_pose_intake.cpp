@@ -5,7 +5,7 @@
 
 namespace clearance {
 
-void LcmPoseIntake::meet(const Scene& scene) {
+void LcmPoseIntake::set_scene(const Scene& scene) {
   owners_.emplace(scene.bodies().size());
   allowed_.assign(scene.bodies().size(), allowed_poses_.any);
   joint_owners_.emplace(scene.joints().size());

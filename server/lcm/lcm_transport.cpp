@@ -37,8 +37,8 @@ using clearance_lcm::query_t;
 
 constexpr int kMessagesPerPoll = 64;
 /// Messages that liblcm keeps between two polls, per channel.
-constexpr int kQueue = 512;
-constexpr std::uint64_t kMaxRequestBytes = std::uint64_t{16} << 20;
+constexpr int kChannelQueue = 512;
+constexpr std::uint64_t kMaxLcmRequestBytes = std::uint64_t{16} << 20;
 
 class LcmTransport final : public Transport {
  public:
@@ -46,11 +46,11 @@ class LcmTransport final : public Transport {
       : url_(address.url()),
         allowed_poses_(allowed_poses),
         link_(std::make_shared<LcmLink>(open_lcm_port(address, gateway_bytes))),
-        assembler_({.frame_bytes = kMaxRequestBytes, .total_bytes = 4 * kMaxRequestBytes, .frames = 256}),
+        assembler_({.frame_bytes = kMaxLcmRequestBytes, .total_bytes = 4 * kMaxLcmRequestBytes, .frames = 256}),
         distances_hz_(std::max(0.0, address.distances_hz)) {
     if (!allowed_poses.any) link_->rights &= ~kMayPose;  // also by frames, whose bodies are not yet known
     const auto listen = [this](const char* name, auto method) {
-      link_->port->subscribe(name, kQueue,
+      link_->port->subscribe(name, kChannelQueue,
                              [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
@@ -76,7 +76,7 @@ class LcmTransport final : public Transport {
   bool prepare_sleep() override { return link_->port->has_work(); }
 
   int poll(RequestHandler& handler) override {
-    meet(handler);
+    attach(handler);
     timer_.clear();
     handed_in_ = 0;
     link_->port->begin_turn(handler);
@@ -86,7 +86,7 @@ class LcmTransport final : public Transport {
   }
 
   void tick(RequestHandler& handler) override {
-    meet(handler);
+    attach(handler);
     link_->port->tick(handler);
     assembler_.expire(Clock::now());
     points_.expire(Clock::now());
@@ -95,7 +95,7 @@ class LcmTransport final : public Transport {
 
  private:
   /// The loop is known from its first call on.
-  void meet(RequestHandler& handler) {
+  void attach(RequestHandler& handler) {
     if (!handler_) {
       handler_ = &handler;
       metrics_.emplace(handler);
@@ -103,7 +103,7 @@ class LcmTransport final : public Transport {
       announcer_.emplace(handler, *metrics_, link_, distances_hz_);
     }
     const Scene* scene = &handler.engine().scene();
-    if (scene != scene_) intake_->meet(*scene);
+    if (scene != scene_) intake_->set_scene(*scene);
     scene_ = scene;
   }
 
@@ -147,21 +147,21 @@ class LcmTransport final : public Transport {
   }
 
   void on_joint_query(std::span<const std::byte> packet) {
-    joint_query_t requested;
-    if (!decode(packet, requested) || !is_named("joint_query_t", requested.query)) return;
-    const query_t& query = requested.query;
-    if (query.body_count != 0 && query.configuration_count != requested.row_count)  // each row needs both
-      return refuse(query, wire::ErrorCode::kBadQuery,
+    joint_query_t message;
+    if (!decode(packet, message) || !is_named("joint_query_t", message.query)) return;
+    const query_t& query = message.query;
+    if (query.body_count != 0 && query.configuration_count != message.row_count)  // each row needs both
+      return reject(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(requested.row_count) + " of joints: expected equal numbers, or no bodies");
+                        std::to_string(message.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
-    for (const std::string& name : requested.joints) {
+    for (const std::string& name : message.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
-        return refuse(query, wire::ErrorCode::kBadQuery,
+        return reject(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
-    hand_in(query, [&] { return query_frame_of(requested, joints); });
+    hand_in(query, [&] { return query_frame_of(message, joints); });
   }
 
   bool is_named(const std::string& type, const query_t& query) {
@@ -180,12 +180,12 @@ class LcmTransport final : public Transport {
     try {
       frame = std::make_shared<std::vector<std::byte>>(make());
     } catch (const wire::WireError& error) {
-      return refuse(query, error.code, error.what());
+      return reject(query, error.code, error.what());
     }
     hand_in(*frame, frame, sink_of(query));
   }
 
-  void refuse(const query_t& query, wire::ErrorCode code, const std::string& why) {
+  void reject(const query_t& query, wire::ErrorCode code, const std::string& why) {
     const wire::FrameHeader header =
         wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), 0, 0,
                           static_cast<std::uint64_t>(query.client_id));

@@ -32,7 +32,7 @@ RejectedRequest late(std::chrono::nanoseconds deadline, const std::string& why) 
 
 }  // namespace
 
-Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& extent) {
+Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& cost) {
   const auto reduce = static_cast<std::uint32_t>(query.reduce);
   const auto kind = query.fields & kFieldFreeScale ? 45u
                     : query.max_evaluations > 0    ? 40 + reduce
@@ -40,7 +40,7 @@ Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& ext
                                                       (query.precision == Precision::kF32 ? 2u : 0u) +
                                                       (std::isfinite(query.max_distance) ? 1u : 0u);
   const auto of_model = query.model == Model::kPieces ? kKinds / 2 : 0u;
-  return {of_model + kind, std::max<std::uint64_t>(extent.part_pairs, 1)};
+  return {of_model + kind, std::max<std::uint64_t>(cost.part_pairs, 1)};
 }
 
 /// Groups queries by size in steps of a factor of four, as the start dominates small ones.

@@ -23,7 +23,7 @@ class Forecast {
     std::uint32_t kind = 0;
     std::uint64_t part_pairs = 0;
   };
-  static Work work_of(const QueryOptions& query, const QueryCost& extent);
+  static Work work_of(const QueryOptions& query, const QueryCost& cost);
 
   /// Learns from a query's computing time, without its waiting time.
   /// @param is_whole false if it was given up

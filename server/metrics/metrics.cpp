@@ -25,20 +25,20 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 
-constexpr std::size_t kMaxRequestBytes = 4096;
+constexpr std::size_t kMaxHttpRequestBytes = 4096;
 constexpr std::chrono::seconds kPatience{1};
 
-[[noreturn]] void fail(const std::string& endpoint, const std::string& cause) {
+[[noreturn]] void fail_metrics(const std::string& endpoint, const std::string& cause) {
   throw std::runtime_error("--metrics " + endpoint + ": " + cause);
 }
 
-shm::UniqueFd listen_at(const std::string& endpoint, int family, const sockaddr* address, socklen_t bytes) {
+shm::UniqueFd listen_on(const std::string& endpoint, int family, const sockaddr* address, socklen_t bytes) {
   shm::UniqueFd listener(::socket(family, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
   const int yes = 1;
   if (!listener ||
       (family != AF_UNIX && ::setsockopt(listener.get(), SOL_SOCKET, SO_REUSEADDR, &yes, sizeof yes) != 0) ||
       ::bind(listener.get(), address, bytes) != 0)
-    fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
+    fail_metrics(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
   if (family == AF_UNIX) reject_descriptors(listener.get());
   return listener;
 }
@@ -52,17 +52,17 @@ shm::UniqueFd listen_on_loopback(const std::string& endpoint, std::string& url) 
   hints.ai_flags = AI_NUMERICHOST | AI_NUMERICSERV | AI_PASSIVE;
   hints.ai_socktype = SOCK_STREAM;
   if (host.empty() || ::getaddrinfo(host.c_str(), endpoint.c_str() + colon + 1, &hints, &found) != 0)
-    fail(endpoint, "expected 127.0.0.1:PORT, [::1]:PORT or the path of a Unix socket");
+    fail_metrics(endpoint, "expected 127.0.0.1:PORT, [::1]:PORT or the path of a Unix socket");
   const bool loopback = found->ai_family == AF_INET
                             ? ntohl(reinterpret_cast<const sockaddr_in*>(found->ai_addr)->sin_addr.s_addr) >> 24 == 127
                             : IN6_IS_ADDR_LOOPBACK(&reinterpret_cast<const sockaddr_in6*>(found->ai_addr)->sin6_addr);
   if (!loopback) {
     ::freeaddrinfo(found);
-    fail(endpoint, "it is for the loopback only, since it has no authentication; put a proxy before it");
+    fail_metrics(endpoint, "it is for the loopback only, since it has no authentication; put a proxy before it");
   }
   shm::UniqueFd listener;
   try {
-    listener = listen_at(endpoint, found->ai_family, found->ai_addr, found->ai_addrlen);
+    listener = listen_on(endpoint, found->ai_family, found->ai_addr, found->ai_addrlen);
   } catch (...) {
     ::freeaddrinfo(found);
     throw;
@@ -79,10 +79,10 @@ shm::UniqueFd listen_on_loopback(const std::string& endpoint, std::string& url) 
 
 shm::UniqueFd listen_on_path(const std::string& path, SocketFile& file) {
   sockaddr_un address;
-  if (!shm::socket_address(path.c_str(), address)) fail(path, "the path of the socket is too long");
+  if (!shm::socket_address(path.c_str(), address)) fail_metrics(path, "the path of the socket is too long");
   const FolderLock lock(path);
   clear_stale_socket(path, "--metrics " + path);
-  shm::UniqueFd listener = listen_at(path, AF_UNIX, reinterpret_cast<const sockaddr*>(&address), sizeof address);
+  shm::UniqueFd listener = listen_on(path, AF_UNIX, reinterpret_cast<const sockaddr*>(&address), sizeof address);
   file = SocketFile(path);
   set_socket_mode(path, "--metrics " + path, {});
   return listener;
@@ -112,7 +112,7 @@ MetricsServer::MetricsServer(const std::string& endpoint, Read read) : read_(std
   }
   stop_.reset(::eventfd(0, EFD_CLOEXEC));
   if (!stop_ || ::listen(listener_.get(), 16) != 0)
-    fail(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
+    fail_metrics(endpoint, std::string("cannot listen there: ") + std::strerror(errno));
   sigset_t all, before;
   sigfillset(&all);
   pthread_sigmask(SIG_SETMASK, &all, &before);  // signals are for the loop
@@ -132,7 +132,7 @@ void MetricsServer::run() {
     pollfd waiting[] = {{stop_.get(), POLLIN, 0}, {listener_.get(), POLLIN, 0}};
     if (::poll(waiting, 2, -1) < 0) continue;
     if (waiting[0].revents) return;
-    const shm::UniqueFd connection = let_in(shm::UniqueFd(accept_or_reject(listener_.get(), [](int) {})));
+    const shm::UniqueFd connection = without_descriptors(shm::UniqueFd(accept_or_reject(listener_.get(), [](int) {})));
     if (connection) serve(connection.get());
   }
 }
@@ -142,7 +142,7 @@ void MetricsServer::serve(int connection) const {
   std::string request;
   while (request.find("\r\n\r\n") == std::string::npos && request.find("\n\n") == std::string::npos) {
     char buffer[1024];
-    if (request.size() > kMaxRequestBytes || !await(connection, POLLIN, deadline)) return;
+    if (request.size() > kMaxHttpRequestBytes || !await(connection, POLLIN, deadline)) return;
     const ssize_t got = ::recv(connection, buffer, sizeof buffer, 0);
     if (got <= 0) return;
     request.append(buffer, static_cast<std::size_t>(got));

@@ -94,7 +94,7 @@ void ReplyWriter::count_query(std::uint64_t server_ns, std::uint64_t rows) {
   stats_.rows += rows;
 }
 
-void ReplyWriter::refuse(ReplySink& sink, const FrameHeader& request, const RejectedRequest& rejection) {
+void ReplyWriter::reject(ReplySink& sink, const FrameHeader& request, const RejectedRequest& rejection) {
   stats_.count_error(std::string(wire::error_name(rejection.code)), rejection.text);
   log::debug("event=rejected client={} request={} error=\"{}\"", sink.client(), wire::type_name(request.type),
              log_text(rejection.text));

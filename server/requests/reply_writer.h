@@ -46,12 +46,12 @@ class ReplyWriter {
   void count_ignored(std::uint64_t records) { stats_.records_ignored += records; }
   /// Counts a published reply of a query.
   void count_query(std::uint64_t server_ns, std::uint64_t rows);
-  void refuse(ReplySink& sink, const wire::FrameHeader& request, const RejectedRequest& rejection);
+  void reject(ReplySink& sink, const wire::FrameHeader& request, const RejectedRequest& rejection);
   /// Runs `work`. Answers an exception with kError and returns false.
   template <class Work>
   bool guard(ReplySink& sink, const wire::FrameHeader& request, Work work) {
     const std::optional<RejectedRequest> rejection = rejection_of(request, work);
-    if (rejection) refuse(sink, request, *rejection);
+    if (rejection) reject(sink, request, *rejection);
     return !rejection;
   }
   /// Runs `work`. Returns its exception as the client's error. From any thread.

@@ -19,8 +19,8 @@ using shm::UniqueFd;
 
 constexpr int kMessagesPerEvent = 8;
 /// Interval between polls of the sockets while requests keep the loop awake, and polls between two reads of the clock.
-constexpr auto kSocketLookEvery = std::chrono::milliseconds(1);
-constexpr int kPollsPerClockLook = 16;
+constexpr auto kSocketPollInterval = std::chrono::milliseconds(1);
+constexpr int kPollsPerClockRead = 16;
 
 shm::Message make_message(MessageKind kind) {
   shm::Message message;
@@ -58,7 +58,7 @@ ShmSessions::~ShmSessions() {
   budget_->drop = nullptr;
 }
 
-void ShmSessions::meet(RequestHandler& handler) {
+void ShmSessions::attach(RequestHandler& handler) {
   if (counters_.connections) return;
   const auto counter = [&](const char* name) { return &handler.counter(name); };
   counters_ = {counter("shm.connections"),  counter("shm.clients"),     counter("shm.rejected"),
@@ -69,12 +69,12 @@ void ShmSessions::meet(RequestHandler& handler) {
 
 void ShmSessions::poll(std::uint64_t polls) {
   polls_ = polls;
-  if (look_ || (polls % kPollsPerClockLook == 0 && Clock::now() >= next_look_)) serve_sockets();
+  if (sockets_due_ || (polls % kPollsPerClockRead == 0 && Clock::now() >= next_poll_)) serve_sockets();
   remove_gone();
 }
 
 void ShmSessions::tick() {
-  look_ = true;
+  sockets_due_ = true;
   const auto now = Clock::now();
   for (const auto& session : sessions_)
     if (session->segments.empty() && now - session->connected > limits_.hello_timeout) drop(*session);
@@ -93,8 +93,8 @@ bool ShmSessions::watch(int fd, std::uint32_t events, std::uint64_t tag) {
 }
 
 void ShmSessions::serve_sockets() {
-  look_ = false;
-  next_look_ = Clock::now() + kSocketLookEvery;
+  sockets_due_ = false;
+  next_poll_ = Clock::now() + kSocketPollInterval;
   epoll_event events[64];
   const int count = ::epoll_wait(epoll_.get(), events, 64, 0);
   for (int i = 0; i < count; ++i) {
@@ -107,20 +107,20 @@ void ShmSessions::serve_sockets() {
       if (session != sessions_.end()) serve_socket(**session);
     }  // else an eventfd, edge-triggered, which has woken the loop
   }
-  if (count == 64) look_ = true;
+  if (count == 64) sockets_due_ = true;
   remove_gone();
 }
 
 void ShmSessions::accept_clients() {
   for (int i = 0; i < kMessagesPerEvent; ++i) {
-    UniqueFd stranger(accept_or_reject(listener_.get(), [this](int unwanted) {
-      refuse(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
+    UniqueFd peer(accept_or_reject(listener_.get(), [this](int unwanted) {
+      reject(unwanted, std::string("this daemon has no descriptor for another client: ") + std::strerror(EMFILE));
     }));
-    if (!stranger) return;
+    if (!peer) return;
     std::string why;
-    const std::optional<ucred> who = process_behind(stranger.get());
-    const std::optional<Rights> rights = rights_of_peer(stranger.get(), access_, why);
-    UniqueFd socket = let_in(std::move(stranger));
+    const std::optional<ucred> who = peer_process(peer.get());
+    const std::optional<Rights> rights = rights_of_peer(peer.get(), access_, why);
+    UniqueFd socket = without_descriptors(std::move(peer));
     if (!socket) {
       ++*counters_.rejected;
       continue;
@@ -128,7 +128,7 @@ void ShmSessions::accept_clients() {
     if (rights && who) why = places_.why_not(*who, "shared-memory clients", class_of(*rights));
     if (!why.empty()) {
       if (rights) ++*counters_.over_quota;
-      refuse(socket.get(), rights ? why + " (limit max-clients)" : why);
+      reject(socket.get(), rights ? why + " (limit max-clients)" : why);
       continue;
     }
     auto session = std::make_shared<ShmSession>();
@@ -137,7 +137,7 @@ void ShmSessions::accept_clients() {
     session->socket = std::move(socket);
     session->connected = Clock::now();
     if (!watch(session->socket.get(), EPOLLIN | EPOLLRDHUP, 2 * session->id)) {
-      refuse(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
+      reject(session->socket.get(), std::string("epoll_ctl: ") + std::strerror(errno));
       continue;
     }
     session->place = places_.take(*who);
@@ -147,7 +147,7 @@ void ShmSessions::accept_clients() {
 }
 
 /// Sends and counts a rejection. The caller decides whether the connection ends.
-void ShmSessions::refuse(int socket, const std::string& why) {
+void ShmSessions::reject(int socket, const std::string& why) {
   shm::Message message = make_message(MessageKind::kRejected);
   std::memcpy(message.text, why.data(), std::min(why.size(), sizeof message.text - 1));
   shm::send_message(socket, message);
@@ -162,14 +162,14 @@ void ShmSessions::serve_socket(ShmSession& session) {
     if (received <= 0) return drop(session);
     serve_message(session, message, static_cast<std::size_t>(received));
   }
-  look_ = true;
+  sockets_due_ = true;
 }
 
 void ShmSessions::serve_message(ShmSession& session, const shm::Message& message, std::size_t received) {
   if (received < shm::kMessagePrefixBytes || message.magic != shm::kMagic)
     return violate(session, "not a message of this protocol");
   if (message.layout_version != shm::kLayoutVersion || message.wire_version != wire::kVersion) {
-    refuse(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
+    reject(session.socket.get(), "the client speaks shared-memory layout " + std::to_string(message.layout_version) +
                                      " and wire version " + std::to_string(message.wire_version) +
                                      "; this daemon speaks " + std::to_string(shm::kLayoutVersion) + " and " +
                                      std::to_string(wire::kVersion));
@@ -184,7 +184,7 @@ void ShmSessions::serve_message(ShmSession& session, const shm::Message& message
     case MessageKind::kGrow:
       if (!greeted) return violate(session, "no hello");
       if (session.segments.size() >= limits_.max_segments_per_client)
-        return refuse(session.socket.get(),
+        return reject(session.socket.get(),
                       "all " + std::to_string(limits_.max_segments_per_client) +
                           " segments of this client still hold requests or replies; release some");
       return give_segment(session, message, false);
@@ -214,7 +214,7 @@ void ShmSessions::give_segment(ShmSession& session, const shm::Message& wanted, 
     }
   }
   if (!segment) {
-    refuse(session.socket.get(), why);
+    reject(session.socket.get(), why);
     if (first) drop(session);
     return;
   }
@@ -230,7 +230,7 @@ void ShmSessions::give_segment(ShmSession& session, const shm::Message& wanted, 
 }
 
 void ShmSessions::violate(ShmSession& session, const char* why) {
-  refuse(session.socket.get(), std::string("disconnected: ") + why);
+  reject(session.socket.get(), std::string("disconnected: ") + why);
   ++*counters_.violations;
   drop(session);
 }

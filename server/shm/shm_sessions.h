@@ -25,7 +25,7 @@ class ShmSessions {
   ~ShmSessions();
 
   /// Sets the loop, which is known from its first call on.
-  void meet(RequestHandler& handler);
+  void attach(RequestHandler& handler);
   const std::vector<std::shared_ptr<ShmSession>>& all() const { return sessions_; }
   /// Descriptor that is readable when serve_sockets() has work.
   int get() const { return epoll_.get(); }
@@ -33,7 +33,7 @@ class ShmSessions {
   /// @param polls of the loop so far
   void poll(std::uint64_t polls);
   /// Serves the sockets in the next poll.
-  void look_soon() { look_ = true; }
+  void poll_sockets_soon() { sockets_due_ = true; }
   void tick();
   /// Disconnects a client that breaks the protocol.
   void violate(ShmSession& session, const char* why);
@@ -42,7 +42,7 @@ class ShmSessions {
   bool watch(int fd, std::uint32_t events, std::uint64_t tag);
   void serve_sockets();
   void accept_clients();
-  void refuse(int socket, const std::string& why);
+  void reject(int socket, const std::string& why);
   void serve_socket(ShmSession& session);
   void serve_message(ShmSession& session, const shm::Message& message, std::size_t received);
   void give_segment(ShmSession& session, const shm::Message& wanted, bool first);
@@ -64,8 +64,8 @@ class ShmSessions {
   std::vector<std::shared_ptr<ShmSession>> sessions_;
   CounterRefs counters_;
   std::uint64_t polls_ = 0;
-  Clock::time_point next_look_;
-  bool look_ = true;
+  Clock::time_point next_poll_;
+  bool sockets_due_ = true;
   bool any_gone_ = false;
 };
 

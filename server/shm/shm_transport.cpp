@@ -26,7 +26,7 @@ class ShmTransport final : public Transport {
   std::vector<int> descriptors() const override { return {sessions_.get()}; }
 
   int poll(RequestHandler& handler) override {
-    sessions_.meet(handler);
+    sessions_.attach(handler);
     int frames = 0;
     std::uint64_t bytes = 0;
     const auto& sessions = sessions_.all();
@@ -56,11 +56,11 @@ class ShmTransport final : public Transport {
 
   void finish_sleep() override {
     set_sleeping(false);
-    sessions_.look_soon();
+    sessions_.poll_sockets_soon();
   }
 
   void tick(RequestHandler& handler) override {
-    sessions_.meet(handler);
+    sessions_.attach(handler);
     scratch_.trim(kScratchKept);
     sessions_.tick();
   }

@@ -16,7 +16,7 @@ constexpr std::uint64_t kBytesAtOnce = 256 << 10;
 bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
   if (step_ == Step::kMake) {
     bool is_made = true;
-    failure_ = ReplyWriter::rejection_of(requested_.header, [&] {
+    failure_ = ReplyWriter::rejection_of(pending_.header, [&] {
       std::optional<std::vector<std::byte>> made = make_(budget, ignored_);
       is_made = made.has_value();
       if (is_made) payload_ = std::move(*made);
@@ -26,7 +26,7 @@ bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_poi
       return false;
     }
     payload_bytes_ = payload_.size();
-    step_ = Step::kRoom;
+    step_ = Step::kReserve;
   } else if (step_ == Step::kCopy) {
     if (!copy(now + budget)) {
       now = Clock::now();
@@ -34,7 +34,7 @@ bool BackgroundRequest::advance(std::chrono::nanoseconds budget, Clock::time_poi
     }
     step_ = Step::kPublish;
   }
-  if (failure_ || step_ != Step::kRoom) let_go();
+  if (failure_ || step_ != Step::kReserve) free_memory();
   now = Clock::now();
   return true;
 }
@@ -50,19 +50,19 @@ bool BackgroundRequest::copy(Clock::time_point end) {
   return true;
 }
 
-void BackgroundRequest::let_go() {
+void BackgroundRequest::free_memory() {
   make_ = nullptr;
   payload_ = {};
 }
 
-void BackgroundRequest::look() {
+void BackgroundRequest::check_client() {
   // Poses are applied even if their client is gone.
-  gone_.store(type_ != wire::FrameType::kPosesDone && !requested_.sink->alive(), std::memory_order_relaxed);
+  gone_.store(type_ != wire::FrameType::kPosesDone && !pending_.sink->alive(), std::memory_order_relaxed);
 }
 
-bool BackgroundRequest::settle() {
+bool BackgroundRequest::advance_on_loop() {
   if (step_ == Step::kOver) return true;
-  if (step_ == Step::kRoom) {
+  if (step_ == Step::kReserve) {
     if (done_ && !done_(!failure_)) {
       step_ = Step::kMake;
       ignored_ = 0;
@@ -71,21 +71,21 @@ bool BackgroundRequest::settle() {
     answers_.count_ignored(ignored_);
   }
   if (failure_) {
-    answers_.refuse(*requested_.sink, requested_.header, *failure_);
+    answers_.reject(*pending_.sink, pending_.header, *failure_);
     return true;
   }
-  if (!requested_.sink->alive()) {
+  if (!pending_.sink->alive()) {
     answers_.count_dropped();
     step_ = Step::kOver;
     return false;
   }
-  const bool went_well = answers_.guard(*requested_.sink, requested_.header, [&] {
+  const bool went_well = answers_.guard(*pending_.sink, pending_.header, [&] {
     if (weight_ == Weight::kLight)
-      answers_.reply(*requested_.sink, requested_.header, type_, payload_);
+      answers_.reply(*pending_.sink, pending_.header, type_, payload_);
     else if (step_ == Step::kPublish)
-      answers_.publish(*requested_.sink, requested_.header, type_, frame_, payload_bytes_);
+      answers_.publish(*pending_.sink, pending_.header, type_, frame_, payload_bytes_);
     else
-      frame_ = answers_.reserve(*requested_.sink, payload_bytes_);
+      frame_ = answers_.reserve(*pending_.sink, payload_bytes_);
   });
   if (step_ == Step::kPublish || weight_ == Weight::kLight) return true;
   step_ = went_well ? Step::kCopy : Step::kOver;

@@ -25,11 +25,11 @@ class BackgroundRequest final : public ScheduledQuery {
   /// The loop copies and sends the short reply of a light request. That of a heavy one is copied and freed on a worker.
   enum class Weight { kHeavy, kLight };
 
-  BackgroundRequest(ReplyWriter& answers, PendingRequest requested, ServiceClass service, wire::FrameType type,
+  BackgroundRequest(ReplyWriter& answers, PendingRequest pending, ServiceClass service, wire::FrameType type,
                     Clock::time_point received, Make make, Done done = nullptr, Weight weight = Weight::kHeavy)
-      : ScheduledQuery(requested.sink->client(), service, received),
+      : ScheduledQuery(pending.sink->client(), service, received),
         answers_(answers),
-        requested_(std::move(requested)),
+        pending_(std::move(pending)),
         type_(type),
         make_(std::move(make)),
         done_(std::move(done)),
@@ -37,17 +37,17 @@ class BackgroundRequest final : public ScheduledQuery {
 
   bool is_wanted() const override { return !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
-  void let_go() override;
-  void look() override;
-  bool settle() override;
+  void free_memory() override;
+  void check_client() override;
+  bool advance_on_loop() override;
 
  private:
-  enum class Step { kMake, kRoom, kCopy, kPublish, kOver };
+  enum class Step { kMake, kReserve, kCopy, kPublish, kOver };
 
   bool copy(Clock::time_point end);
 
   ReplyWriter& answers_;
-  PendingRequest requested_;
+  PendingRequest pending_;
   wire::FrameType type_;
   Make make_;
   Done done_;

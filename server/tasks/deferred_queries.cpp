@@ -42,7 +42,7 @@ bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached,
              DeferredQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
-    return is_reached(reached, engine, held.requested.header, held.query);
+    return is_reached(reached, engine, held.pending.header, held.query);
   } catch (const QueryError&) {  // another scene: reported when the query begins
     return true;
   } catch (const RejectedRequest&) {  // likewise
@@ -81,7 +81,7 @@ void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass servic
   if (held_.empty()) looked_at_revision_ = engine.pose_revision();  // the others are checked at the next revision
   deadline_ = std::min(deadline_, held.deadline);
   held_.push_back(std::move(held));
-  held_.back().requested.sink = std::move(sink);  // last, as the caller needs it after an exception
+  held_.back().pending.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
 /// Moves those whose wait is over to over_.
@@ -99,7 +99,7 @@ void DeferredQueries::part(const Engine& engine, Clock::time_point now) {
 }
 
 std::size_t DeferredQueries::drop_gone() {
-  const auto is_gone = [](const DeferredQuery& held) { return !held.requested.sink->alive(); };
+  const auto is_gone = [](const DeferredQuery& held) { return !held.pending.sink->alive(); };
   const auto dropped = std::erase_if(held_, is_gone) + std::erase_if(over_, is_gone);
   if (held_.empty()) deadline_ = Clock::time_point::max();
   return dropped;

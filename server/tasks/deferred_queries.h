@@ -15,7 +15,7 @@
 namespace clearance {
 
 struct DeferredQuery {
-  PendingRequest requested;
+  PendingRequest pending;
   ServiceClass service;
   QueryOptions query;
   OwnPayload payload;

@@ -24,7 +24,7 @@ struct QueryLimits {
   /// Of the one slice on the loop. Counted in work, not time, so that the machine's load does not matter.
   WorkBudget on_loop{.units = 4096, .pair_units = 1024};
   /// The same for a query of the class planning where clients of the class control exist.
-  WorkBudget on_loop_beside_control{.units = 512, .pair_units = 256};
+  WorkBudget on_loop_with_control{.units = 512, .pair_units = 256};
   bool has_control = false;  ///< clients may have that class
 
   /// Throw RejectedRequest (kTooLarge): before pairs are listed, and afterwards.

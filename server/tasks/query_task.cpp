@@ -26,8 +26,8 @@ void QueryTask::check_deadline(Clock::time_point now) const {
   if (now >= deadline_) throw deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), in_engine_);
 }
 
-void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes,
-                           std::unique_ptr<ReplySink>& sink) {
+void QueryTask::begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes,
+                              std::unique_ptr<ReplySink>& sink) {
   worked_ = Clock::now();
   const auto begun = worked_;
   on_loop_ = true;
@@ -39,25 +39,25 @@ void QueryTask::begin_here(const wire::QueryParts& parts, std::uint64_t payload_
   start();
   worked_ = Clock::now();
   in_engine_ = worked_ - begun;
-  requested_.sink = std::move(sink);  // last, as the caller needs it after an exception
+  pending_.sink = std::move(sink);  // last, as the caller needs it after an exception
 }
 
-void QueryTask::begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
+void QueryTask::begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes,
                                 std::uint64_t listed_pairs, std::unique_ptr<ReplySink>& sink) {
   const std::uint64_t bytes = payload_bytes + std::min(listed_pairs, kMostListed) * sizeof(BodyPair);
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink->unsent_bytes());
   fetch_ = std::move(fetch);
   payload_bytes_ = payload_bytes;
-  requested_.share = daemon_.quotas.take(client(), service_class(), bytes);
-  requested_.sink = std::move(sink);
+  pending_.share = daemon_.quotas.take(client(), service_class(), bytes);
+  pending_.sink = std::move(sink);
 }
 
 bool QueryTask::advance(std::chrono::nanoseconds budget, Clock::time_point& now) {
-  failure_ = ReplyWriter::rejection_of(requested_.header, [&] {
+  failure_ = ReplyWriter::rejection_of(pending_.header, [&] {
     check_deadline(now);
     work(std::min<std::chrono::nanoseconds>(budget, deadline_ - now));
   });
-  if (failure_ || step_ == Step::kPublish || step_ == Step::kOver) let_go();
+  if (failure_ || step_ == Step::kPublish || step_ == Step::kOver) free_memory();
   worked_ = Clock::now();
   in_engine_ += worked_ - now;
   now = worked_;
@@ -84,7 +84,7 @@ void QueryTask::work_on_loop() {
     case Step::kSetOptions:
       return set_options();
     case Step::kReserve:
-      return reserve(*requested_.sink);
+      return reserve(*pending_.sink);
     case Step::kReserveFinal:
       return reserve_final();
     case Step::kPublish:
@@ -94,13 +94,13 @@ void QueryTask::work_on_loop() {
   }
 }
 
-bool QueryTask::settle() {
+bool QueryTask::advance_on_loop() {
   if (step_ == Step::kOver) return true;
   if (is_ended_) {
     end();
     return false;
   }
-  if (!requested_.sink->alive()) {
+  if (!pending_.sink->alive()) {
     ++daemon_.stats.dropped;
     ++daemon_.stats["queries.dropped"];
     end();
@@ -109,8 +109,8 @@ bool QueryTask::settle() {
     return true;
   } else {
     const bool is_last = step_ == Step::kPublish;
-    if (!daemon_.answers.guard(*requested_.sink, requested_.header, [&] { work_on_loop(); })) end();
-    if (is_last || !requested_.sink) return true;  // answered, or deferred
+    if (!daemon_.answers.guard(*pending_.sink, pending_.header, [&] { work_on_loop(); })) end();
+    if (is_last || !pending_.sink) return true;  // answered, or deferred
   }
   if (on_loop_ && step_ == Step::kRun) ++daemon_.stats["queries.handed_over"];
   on_loop_ = false;
@@ -120,7 +120,7 @@ bool QueryTask::settle() {
 void QueryTask::reject(const RejectedRequest& failure) {
   if (failure.code == wire::ErrorCode::kDeadline && in_engine_.count() > 0)
     daemon_.forecast.note(cost_class(), in_engine_, false);
-  daemon_.answers.refuse(*requested_.sink, requested_.header, failure);
+  daemon_.answers.reject(*pending_.sink, pending_.header, failure);
 }
 
 /// Returns the query to a worker once more, which frees its memory.
@@ -129,7 +129,7 @@ void QueryTask::end() {
   step_ = Step::kOver;
 }
 
-void QueryTask::let_go() {
+void QueryTask::free_memory() {
   fetch_ = nullptr;
   prepared_.reset();
   job_.reset();
@@ -143,7 +143,7 @@ void QueryTask::let_go() {
 /// its slice.
 void QueryTask::expire() {
   if (reply_.is_reserved() || is_ended_) return;
-  daemon_.answers.refuse(*requested_.sink, requested_.header,
+  daemon_.answers.reject(*pending_.sink, pending_.header,
                          deadline_passed(std::chrono::nanoseconds(options_.deadline_ns), std::chrono::nanoseconds(0)));
   is_ended_ = true;
   gone_.store(true, std::memory_order_relaxed);
@@ -151,12 +151,12 @@ void QueryTask::expire() {
 
 void QueryTask::read() {
   if (fetch_) payload_ = std::exchange(fetch_, nullptr)();
-  const wire::QueryParts parts = wire::parse_query(requested_.header, aligned(payload_.span(), aligned_));
-  daemon_.answers.check_epoch(requested_.header, parts.epoch);
-  const QueryOptions& requested = parts.options;
-  if (!has_options_ && (requested.min_pose_stamp_ns != 0 || requested.deadline_ns != 0 || requested.as_planning)) {
-    options_ = requested;
-    cost_ = engine_->extent(view_of(parts, requested_.header.scene_revision));
+  const wire::QueryParts parts = wire::parse_query(pending_.header, aligned(payload_.span(), aligned_));
+  daemon_.answers.check_epoch(pending_.header, parts.epoch);
+  const QueryOptions& options = parts.options;
+  if (!has_options_ && (options.min_pose_stamp_ns != 0 || options.deadline_ns != 0 || options.as_planning)) {
+    options_ = options;
+    cost_ = engine_->cost(view_of(parts, pending_.header.scene_revision));
     step_ = Step::kSetOptions;
     return;
   }
@@ -167,20 +167,20 @@ void QueryTask::read() {
 /// Goes on at once if the poses that the query waits for have arrived, else begins again when they have.
 void QueryTask::set_options() {
   if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
-  requested_.share.give_back();  // a deferred query has its own
+  pending_.share.give_back();  // a deferred query has its own
   if (options_.min_pose_stamp_ns != 0 &&
-      daemon_.hold(requested_.header, service_class(), options_, payload_, requested_.sink, received_))
+      daemon_.hold(pending_.header, service_class(), options_, payload_, pending_.sink, received_))
     return;
-  requested_.share = daemon_.quotas.take(client(), service_class(), payload_bytes_);
+  pending_.share = daemon_.quotas.take(client(), service_class(), payload_bytes_);
   take_options(options_, cost_);
   step_ = Step::kRead;
 }
 
 void QueryTask::prepare(const wire::QueryParts& parts) {
-  QueryView query = view_of(parts, requested_.header.scene_revision);
+  QueryView query = view_of(parts, pending_.header.scene_revision);
   if (!has_options_) {
     options_ = parts.options;
-    cost_ = engine_->extent(query);
+    cost_ = engine_->cost(query);
   }
   daemon_.limits.check(cost_);
   wants_warm_ = parts.options.warm;
@@ -204,7 +204,7 @@ void QueryTask::list(const WorkBudget& budget) {
 void QueryTask::reserve(ReplySink& sink) {
   const std::uint64_t bytes =
       reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
-  requested_.share.give_back();
+  pending_.share.give_back();
   const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
   QueryView query;
   query.warm_slot = wants_warm_ ? client() : 0;
@@ -217,7 +217,7 @@ void QueryTask::reserve(ReplySink& sink) {
   }
   if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes the rest
     if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
-  requested_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
+  pending_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
   reply_.reserve(sink);
   step_ = Step::kRun;
 }
@@ -232,8 +232,8 @@ void QueryTask::start() {
 
 void QueryTask::run(std::chrono::nanoseconds budget) {
   if (!job_) start();
-  const bool is_beside = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
-  const WorkBudget& on_loop = is_beside ? daemon_.limits.on_loop_beside_control : daemon_.limits.on_loop;
+  const bool shares_with_control = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
+  const WorkBudget& on_loop = shares_with_control ? daemon_.limits.on_loop_with_control : daemon_.limits.on_loop;
   const bool done = job_->advance(on_loop_ ? on_loop : WorkBudget{.time = budget});
   units_ = job_->units();
   if (!done) return;
@@ -242,7 +242,7 @@ void QueryTask::run(std::chrono::nanoseconds budget) {
 }
 
 void QueryTask::reserve_final() {
-  reply_.reserve_final(*requested_.sink);
+  reply_.reserve_final(*pending_.sink);
   step_ = Step::kCopy;
 }
 
@@ -256,7 +256,7 @@ void QueryTask::publish() {
   check_deadline(worked_);
   daemon_.forecast.note(cost_class(), in_engine_, true);
   const auto in_server = std::chrono::nanoseconds(worked_ - received_);
-  reply_.publish(*requested_.sink, requested_.header, {in_engine_, in_server});
+  reply_.publish(*pending_.sink, pending_.header, {in_engine_, in_server});
   daemon_.answers.count_query(static_cast<std::uint64_t>(in_server.count()), reply_.rows());
 }
 

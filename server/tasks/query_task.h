@@ -2,7 +2,7 @@
 //
 // It alternates between two threads. A worker does what may take long: it parses the request, lists the pairs and runs
 // the job (advance()). The loop does what needs the daemon's state: it takes quota and memory, and sends the reply
-// (settle()). Step has the order.
+// (advance_on_loop()). Step has the order.
 #pragma once
 
 #include <atomic>
@@ -40,7 +40,7 @@ class QueryTask final : public ScheduledQuery {
             std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
       : ScheduledQuery(client, service, due),
         daemon_(daemon),
-        requested_{nullptr, request, {}},
+        pending_{nullptr, request, {}},
         engine_(std::move(engine)),
         received_(received) {}
 
@@ -48,20 +48,18 @@ class QueryTask final : public ScheduledQuery {
   /// cannot be met.
   void take_options(const QueryOptions& options, const QueryCost& cost);
   /// Begins a small query on the loop, up to Step::kRun. Takes the sink unless it throws.
-  void begin_here(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
+  void begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
   /// Takes a large query, whose payload a worker fetches. Throws RejectedRequest (kBusy).
-  void begin_elsewhere(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
+  void begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
                        std::unique_ptr<ReplySink>& sink);
 
-  bool is_wanted() const override {
-    return on_loop_ ? requested_.sink->alive() : !gone_.load(std::memory_order_relaxed);
-  }
+  bool is_wanted() const override { return on_loop_ ? pending_.sink->alive() : !gone_.load(std::memory_order_relaxed); }
   bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override;
-  void let_go() override;
-  void look() override { gone_.store(is_ended_ || !requested_.sink->alive(), std::memory_order_relaxed); }
+  void free_memory() override;
+  void check_client() override { gone_.store(is_ended_ || !pending_.sink->alive(), std::memory_order_relaxed); }
   Clock::time_point deadline() const override { return is_ended_ ? Clock::time_point::max() : deadline_; }
   void expire() override;
-  bool settle() override;
+  bool advance_on_loop() override;
   /// Units of work so far.
   std::uint64_t units() const { return units_; }
 
@@ -97,7 +95,7 @@ class QueryTask final : public ScheduledQuery {
   Forecast::Work cost_class() const { return Forecast::work_of(options_, cost_); }
 
   const Daemon& daemon_;
-  PendingRequest requested_;
+  PendingRequest pending_;
   std::shared_ptr<Engine> engine_;
   Clock::time_point received_, worked_;  // end of the last slice
   std::chrono::nanoseconds in_engine_{0};
@@ -110,7 +108,7 @@ class QueryTask final : public ScheduledQuery {
   std::optional<RejectedRequest> failure_;
   std::uint64_t payload_bytes_ = 0, units_ = 0;
 
-  // Of the request. let_go() frees large memory on the worker.
+  // Of the request. free_memory() frees large memory on the worker.
   std::function<OwnPayload()> fetch_;
   std::vector<std::uint64_t> aligned_;
   OwnPayload payload_;

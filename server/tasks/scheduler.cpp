@@ -32,7 +32,7 @@ void Scheduler::work(Clock::time_point now, const Over& over) {
   while (!empty()) {
     QueryPtr query = next();
     const bool is_wanted = query->is_wanted();
-    if (!is_wanted) query->let_go();
+    if (!is_wanted) query->free_memory();
     if (!is_wanted || query->advance(slice_, now)) {
       over(std::move(query));
     } else {

@@ -29,17 +29,17 @@ class ScheduledQuery {
   /// @param now the time, updated to the end of the work
   virtual bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) = 0;
   /// Frees large memory of a query that is no longer needed.
-  virtual void let_go() {}
+  virtual void free_memory() {}
 
   // On the loop's thread.
   /// Checks whether its client is still connected.
-  virtual void look() {}
+  virtual void check_client() {}
   /// Time after which the reply is useless.
   virtual Clock::time_point deadline() const { return Clock::time_point::max(); }
   /// Rejects it after its deadline, if a worker that may have it allows that.
   virtual void expire() {}
   /// Does the loop's part, after advance() has returned true. Returns true if the query is over. Does not throw.
-  virtual bool settle() { return true; }
+  virtual bool advance_on_loop() { return true; }
 
   std::uint64_t client() const { return client_; }
   ServiceClass service_class() const { return service_; }

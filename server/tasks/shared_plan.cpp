@@ -31,8 +31,8 @@ auto on_device(Work work) {
   try {
     return work();
   } catch (const cuda::DeviceError& error) {
-    const bool no_room = error.kind == cuda::DeviceError::kNoRoom;
-    throw RejectedRequest{no_room ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
+    const bool is_out_of_memory = error.kind == cuda::DeviceError::kNoMemory;
+    throw RejectedRequest{is_out_of_memory ? wire::ErrorCode::kTooLarge : wire::ErrorCode::kNotSupported,
                           std::string("a plan on a device: ") + error.what()};
   }
 }
@@ -45,7 +45,7 @@ SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& qu
       share_(std::move(share)),
       bodies_(static_cast<std::uint32_t>(query.bodies.size())),
       joints_(static_cast<std::uint32_t>(query.joints.size())) {
-  limits.check(engine_->extent(query));
+  limits.check(engine_->cost(query));
   using Wide = unsigned __int128;
   const Wide poses = Wide(query.configuration_count) * bodies_ * sizeof(Pose),
              positions = Wide(query.configuration_count) * joints_ * sizeof(double);

@@ -35,27 +35,27 @@ void Worker::wake() noexcept {
 }
 
 void Worker::add(QueryPtr query) {
-  away_.push_back(query.get());
+  with_workers_.push_back(query.get());
   deadline_ = std::min(deadline_, query->deadline());
   if (added_.put(std::move(query))) wake();
 }
 
 std::vector<Worker::QueryPtr> Worker::take() {
   std::vector<QueryPtr> taken = done_.take();
-  std::erase_if(away_, [&](const ScheduledQuery* query) {
+  std::erase_if(with_workers_, [&](const ScheduledQuery* query) {
     return std::any_of(taken.begin(), taken.end(), [&](const QueryPtr& one) { return one.get() == query; });
   });
   return taken;
 }
 
-void Worker::look() {
-  for (ScheduledQuery* query : away_) query->look();
+void Worker::check_clients() {
+  for (ScheduledQuery* query : with_workers_) query->check_client();
 }
 
 void Worker::expire(ScheduledQuery::Clock::time_point now) {
   if (now < deadline_) return;
   deadline_ = ScheduledQuery::Clock::time_point::max();
-  for (ScheduledQuery* query : away_)
+  for (ScheduledQuery* query : with_workers_)
     if (query->deadline() > now)
       deadline_ = std::min(deadline_, query->deadline());
     else

@@ -38,9 +38,9 @@ class Worker {
   std::vector<QueryPtr> take();
   bool has_done() const { return !done_.empty(); }
   /// Queries added and not yet taken.
-  std::size_t size() const { return away_.size(); }
-  /// Calls ScheduledQuery::look() for each of them.
-  void look();
+  std::size_t size() const { return with_workers_.size(); }
+  /// Calls ScheduledQuery::check_client() for each of them.
+  void check_clients();
   /// No later than the first deadline.
   ScheduledQuery::Clock::time_point deadline() const { return deadline_; }
   /// Calls ScheduledQuery::expire() for those whose deadline has passed.
@@ -57,7 +57,7 @@ class Worker {
   std::function<void()> call_;
   const bool own_thread_;
   const int nice_;
-  std::vector<ScheduledQuery*> away_;
+  std::vector<ScheduledQuery*> with_workers_;
   ScheduledQuery::Clock::time_point deadline_ = ScheduledQuery::Clock::time_point::max();
   // Before the queries, whose destructors may drop something.
   Mailbox<std::shared_ptr<void>> dropped_;

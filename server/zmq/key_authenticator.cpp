@@ -40,8 +40,8 @@ void KeyAuthenticator::rejected(RequestHandler& handler, const std::string& what
 
 void KeyAuthenticator::tick() {
   const auto now = std::chrono::steady_clock::now();
-  if (now < next_look_) return;
-  next_look_ = now + kReadKeysEvery;
+  if (now < next_check_) return;
+  next_check_ = now + kReadKeysEvery;
   refresh();
 }
 

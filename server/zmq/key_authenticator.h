@@ -27,7 +27,7 @@ class KeyAuthenticator {
   void refresh();
 
   std::shared_ptr<AuthorizedKeys> keys_;
-  std::chrono::steady_clock::time_point next_line_{}, next_look_{};
+  std::chrono::steady_clock::time_point next_line_{}, next_check_{};
   std::uint64_t unsaid_ = 0;
 };
 

@@ -23,19 +23,19 @@ constexpr std::size_t kMostNumbered = 65536;
 /// Connections for idle clients and handshakes, in addition to clients with requests under way.
 constexpr std::uint32_t kSpareConnections = 64;
 
-gateway::Plan plan_of(TcpListener listener, const Access& access) {
-  gateway::Plan plan;
-  plan.url = std::move(listener.url);
-  plan.what = "zmq";
-  plan.memory_bytes = access.gateway_bytes;
-  plan.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
-  plan.start = {Kind::kStart,
-                std::min(gateway::Process::message_bytes(access.gateway_bytes), wire::kMaxRequestBytes),
-                plan.url,
-                access.keys ? access.keys->own().secret_key : "",
-                {}};
-  plan.listener = std::move(listener.socket);
-  return plan;
+gateway::ProcessOptions zmq_process_options(TcpListener listener, const Access& access) {
+  gateway::ProcessOptions options;
+  options.url = std::move(listener.url);
+  options.what = "zmq";
+  options.memory_bytes = access.gateway_bytes;
+  options.connections = std::min(4 * access.max_clients + kSpareConnections, 60'000u);
+  options.start = {Kind::kStart,
+                   std::min(gateway::Process::message_bytes(access.gateway_bytes), wire::kMaxRequestBytes),
+                   options.url,
+                   access.keys ? access.keys->own().secret_key : "",
+                   {}};
+  options.listener = std::move(listener.socket);
+  return options;
 }
 
 class ZmqGatewayPort final : public ZmqPort {
@@ -44,7 +44,7 @@ class ZmqGatewayPort final : public ZmqPort {
     if (access.keys) keys_.emplace(access.keys);
     TcpListener listener = listen_tcp(endpoint, access.keys != nullptr);
     url_ = listener.url;
-    process_.emplace(plan_of(std::move(listener), access));
+    process_.emplace(zmq_process_options(std::move(listener), access));
   }
 
   std::string url() const override { return url_; }
@@ -73,8 +73,8 @@ class ZmqGatewayPort final : public ZmqPort {
     return false;
   }
 
-  Sent send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
-            const UnsentBytes& unsent) override {
+  SendResult send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
+                  const UnsentBytes& unsent) override {
     Message message{Kind::kReply, 0, identity, {}, {}};
     message.extra.assign(reinterpret_cast<const char*>(frame.get()), sizeof(wire::FrameHeader));
     const std::uint64_t bytes = frame_bytes - sizeof(wire::FrameHeader);
@@ -83,14 +83,14 @@ class ZmqGatewayPort final : public ZmqPort {
     if (bytes > kZmqCopyBytes) {
       // Replies that clients do not read must leave the gateway its memory.
       const bool fits = unsent_ == 0 || unsent_ + bytes <= 2 * process_->message_bytes();
-      if (!fits || numbered_.size() >= kMostNumbered) return Sent::kNoRoom;
+      if (!fits || numbered_.size() >= kMostNumbered) return SendResult::kQueueFull;
       message.number = ++last_number_;
       numbered_.emplace(message.number, Numbered{unsent, bytes});
       *unsent += bytes;
       unsent_ += bytes;
     }
     process_->send(std::move(message));
-    return Sent::kYes;
+    return SendResult::kSent;
   }
 
   void tick(RequestHandler& handler) override {
@@ -127,8 +127,8 @@ class ZmqGatewayPort final : public ZmqPort {
       case Kind::kNotDelivered:
         arrival.what = What::kNotDelivered;
         return true;
-      case Kind::kHandedOver:
-        return hand_over(message.number), false;
+      case Kind::kReplyReleased:
+        return release_reply(message.number), false;
       case Kind::kAuthenticate:
         return authenticate(arrival.identity, message.extra), false;
       case Kind::kHandshakeFailed:
@@ -150,9 +150,9 @@ class ZmqGatewayPort final : public ZmqPort {
     return is;
   }
 
-  void hand_over(std::uint64_t number) {
+  void release_reply(std::uint64_t number) {
     const auto found = numbered_.find(number);
-    if (found == numbered_.end()) return process_->lose("it hands over a message that it did not receive");
+    if (found == numbered_.end()) return process_->lose("it releases a reply that it did not receive");
     *found->second.unsent -= found->second.bytes;
     unsent_ -= found->second.bytes;
     numbered_.erase(found);
@@ -160,7 +160,7 @@ class ZmqGatewayPort final : public ZmqPort {
 
   void authenticate(const std::string& address, const std::string& key) {
     if (!keys_ || !is_key(key)) return process_->lose("it reports a client without a valid key");
-    process_->send({Kind::kAdmission, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
+    process_->send({Kind::kAuthenticated, keys_->admits(*handler_, address, key) ? 1u : 0u, {}, {}, {}});
   }
 
   std::string url_;

@@ -52,10 +52,10 @@ class ZmqPort {
   /// Largest frame that can be sent to a client.
   virtual std::uint64_t max_reply_bytes() const { return wire::kMaxFrameBytes; }
 
-  enum class Sent { kYes, kNoRoom, kNobody };
+  enum class SendResult { kSent, kQueueFull, kNoPeer };
   /// Counts a large payload in `unsent` until it has left.
-  virtual Sent send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
-                    const UnsentBytes& unsent) = 0;
+  virtual SendResult send(const std::string& identity, AlignedBytes frame, std::uint64_t frame_bytes,
+                          const UnsentBytes& unsent) = 0;
   virtual void tick(RequestHandler&) {}
 };
 

@@ -18,14 +18,14 @@
 namespace clearance {
 namespace {
 
-/// Called by ZeroMQ's I/O thread once a reply was sent or dropped with its connection.
-struct HandedOver {
+/// Reply in a message of ZeroMQ, whose I/O thread calls give_back() once it was sent or dropped with its connection.
+struct SentReply {
   std::byte* frame;
   std::uint64_t bytes;
   UnsentBytes unsent_bytes;
 
   static void give_back(void*, void* hint) {
-    const std::unique_ptr<HandedOver> self(static_cast<HandedOver*>(hint));
+    const std::unique_ptr<SentReply> self(static_cast<SentReply*>(hint));
     std::free(self->frame);
     *self->unsent_bytes -= self->bytes;
   }
@@ -46,7 +46,7 @@ std::optional<ucred> sender_of(const zmq::message_t& message) {
 }
 
 /// Makes a Unix socket of this user that listens at `path`. Throws std::runtime_error.
-shm::UniqueFd listen_at(const std::string& path, const std::string& endpoint) {
+shm::UniqueFd listen_on_ipc(const std::string& path, const std::string& endpoint) {
   sockaddr_un address;  // clear_stale_socket() has checked the length
   shm::socket_address(path.c_str(), address);
   shm::UniqueFd listener(::socket(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC | SOCK_NONBLOCK, 0));
@@ -71,7 +71,7 @@ class ZmqSocketPort final : public ZmqPort {
     // ZeroMQ would replace any file at the path, even the socket of a live daemon, so it is checked first.
     const FolderLock lock(path);
     clear_stale_socket(path, endpoint);
-    shm::UniqueFd listener = listen_at(path, endpoint);
+    shm::UniqueFd listener = listen_on_ipc(path, endpoint);
     file_ = SocketFile(path);
     set_socket_mode(path, endpoint, access);
     socket_.set(zmq::sockopt::use_fd, listener.get());
@@ -119,28 +119,29 @@ class ZmqSocketPort final : public ZmqPort {
     return true;
   }
 
-  Sent send(const std::string& to, AlignedBytes frame, std::uint64_t frame_bytes, const UnsentBytes& unsent) override {
+  SendResult send(const std::string& to, AlignedBytes frame, std::uint64_t frame_bytes,
+                  const UnsentBytes& unsent) override {
     const std::uint64_t payload_bytes = frame_bytes - sizeof(wire::FrameHeader);
     zmq::message_t identity(to.data(), to.size());
     zmq::message_t head(frame.get(), sizeof(wire::FrameHeader)), payload;
     std::byte* begin = frame.get() + sizeof(wire::FrameHeader);
     if (payload_bytes > kZmqCopyBytes) {
-      auto* hint = new HandedOver{frame.release(), payload_bytes, unsent};
+      auto* hint = new SentReply{frame.release(), payload_bytes, unsent};
       *unsent += payload_bytes;
-      payload.rebuild(begin, payload_bytes, &HandedOver::give_back, hint);
+      payload.rebuild(begin, payload_bytes, &SentReply::give_back, hint);
     } else {
       payload.rebuild(begin, payload_bytes);
     }
     // With ROUTER_MANDATORY the first part fails if the client is gone (EHOSTUNREACH) or its queue is full (EAGAIN).
     try {
       if (!clearance::send(socket_, identity, zmq::send_flags::sndmore | zmq::send_flags::dontwait))
-        return Sent::kNoRoom;
+        return SendResult::kQueueFull;
       clearance::send(socket_, head, zmq::send_flags::sndmore);
       clearance::send(socket_, payload, zmq::send_flags::none);
-      return Sent::kYes;
+      return SendResult::kSent;
     } catch (const zmq::error_t& error) {
       if (error.num() != EHOSTUNREACH) throw;
-      return Sent::kNobody;
+      return SendResult::kNoPeer;
     }
   }
 

@@ -104,9 +104,9 @@ class ZmqTransport final : public Transport {
       ++*dropped_;
       return;
     }
-    const ZmqPort::Sent sent = port_->send(peer.identity, std::move(frame), frame_bytes, peer.unsent_bytes);
-    if (sent != ZmqPort::Sent::kYes) ++*dropped_;
-    if (sent == ZmqPort::Sent::kNobody) forget(peer.identity);
+    const ZmqPort::SendResult sent = port_->send(peer.identity, std::move(frame), frame_bytes, peer.unsent_bytes);
+    if (sent != ZmqPort::SendResult::kSent) ++*dropped_;
+    if (sent == ZmqPort::SendResult::kNoPeer) forget(peer.identity);
   }
 
   std::uint64_t max_reply_bytes() const { return port_->max_reply_bytes(); }
@@ -196,9 +196,9 @@ class ZmqTransport final : public Transport {
     ++handler.counter("frames");
     ++handler.counter("errors");
     ++handler.counter("errors.busy");
-    auto stranger = std::make_shared<Peer>();
-    stranger->identity = from.identity;
-    ZmqSink sink(*this, std::move(stranger), 0);
+    auto peer = std::make_shared<Peer>();
+    peer->identity = from.identity;
+    ZmqSink sink(*this, std::move(peer), 0);
     send_error(sink, from.header, handler.engine().scene_revision(), wire::ErrorCode::kBusy,
                why + "; retry later (limit max-clients)");
   }

@@ -32,7 +32,7 @@ TEST(BenchSamples, PercentilesAreTheNearestRank) {
   for (const double p : {0.0, 0.5, 0.999, 1.0}) EXPECT_EQ(one.percentile_us(p), 7);
 }
 
-TEST(BenchSamples, AClosedLoopAsksAgainAsSoonAsItIsAnswered) {
+TEST(BenchSamples, AClosedLoopSendsAgainAsSoonAsItIsAnswered) {
   Series series;
   int calls = 0;
   drive(

@@ -56,7 +56,7 @@ TEST_P(ClosePairs, AreThoseOfBruteForce) {
 INSTANTIATE_TEST_SUITE_P(All, ClosePairs, testing::ValuesIn(close_pairs_names()),
                          [](const auto& p) { return p.param; });
 
-TEST(ClosePairsByName, AnUnknownNameIsRefused) {
+TEST(ClosePairsByName, AnUnknownNameIsRejected) {
   EXPECT_THROW(make_close_pairs("kd_tree"), std::invalid_argument);
 }
 

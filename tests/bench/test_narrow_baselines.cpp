@@ -204,7 +204,7 @@ std::vector<std::string> names_without_naive() {
 INSTANTIATE_TEST_SUITE_P(All, NarrowBaselinesOfLargeMeshes, testing::ValuesIn(names_without_naive()),
                          [](const auto& p) { return p.param; });
 
-TEST(NarrowByName, BadOptionsAndUnknownNamesAreRefused) {
+TEST(NarrowByName, BadOptionsAndUnknownNamesAreRejected) {
   EXPECT_THROW(make_narrow("gjk_gpu"), std::invalid_argument);
   EXPECT_THROW(make_narrow("gjk_omp", {.threads = -1}), std::invalid_argument);
   for (const std::string& name : narrow_names())
@@ -227,7 +227,7 @@ TEST(Worlds, TakeTheHullOfAMesh) {
   EXPECT_NEAR(evaluate(*make_narrow("naive_omp"), world).distance, by_scan, 1e-12);
 }
 
-TEST(Worlds, RefuseWhatTheReportDoesNotKnow) {
+TEST(Worlds, RejectWhatTheReportDoesNotKnow) {
   Scene round, many;
   round.add_sphere("ball", 1, {});
   EXPECT_THROW(World{round}, std::invalid_argument);

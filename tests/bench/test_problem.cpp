@@ -53,7 +53,7 @@ TEST(Problem, SurvivesItsFile) {
   EXPECT_THROW(peers::read_problem("/dev/null"), std::runtime_error);
 }
 
-TEST(Problem, HasTheTruthOfEveryClass) {
+TEST(Problem, HasTheExactAnswerOfEveryClass) {
   for (const exact::CaseClass& c : exact::case_classes()) {
     const peers::Problem p = make_class_problem(c, 3, 10);
     const std::vector<double> d = distances(p);
@@ -93,7 +93,7 @@ TEST(Workload, OfOneMillimetreIsThat) {
 }
 
 // The check of a list of near pairs is by membership: no checked pair may be at the limit.
-TEST(Workload, WithinHasNobodyOnItsEdge) {
+TEST(Workload, WithinHasNoPairOnItsEdge) {
   const peers::Problem p = through_a_file(make_workload("within", "", {}));
   ASSERT_EQ(p.kind, peers::Kind::kWithin);
   ASSERT_EQ(p.exact_value.size(), p.answers());

@@ -84,7 +84,7 @@ TEST(Tradeoff, EverySettingOnceAndTheDefaultAmongThem) {
   }
 }
 
-TEST(Tradeoff, AnswersKeepWhatTheirSettingAsks) {
+TEST(Tradeoff, AnswersKeepWhatTheirSettingRequests) {
   const MovingScene s = make_moving_scene("near", kScenes, 1, 2);
   const ExactDistances exact_value = find_exact_distances(s, 5);
   SweepOptions options;

@@ -23,7 +23,7 @@ inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldCompact | kFi
                                                              kFieldGradientJoints | kMotionFields | kFieldFreeScale);
 
 /// The memory of a query's answer.
-inline Answer room_for(const Engine& engine, const QueryView& query) {
+inline Answer empty_answer(const Engine& engine, const QueryView& query) {
   Answer a;
   a.size = engine.size(query);
   std::uint64_t bytes = 0;
@@ -38,7 +38,7 @@ inline Answer room_for(const Engine& engine, const QueryView& query) {
 
 inline Answer evaluate(const Engine& engine, const QueryView& query,
                        std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
-  Answer a = room_for(engine, query);
+  Answer a = empty_answer(engine, query);
   Job job = engine.start(query, a.view);
   while (!job.advance(slice)) {
   }

@@ -19,7 +19,7 @@ Scene six(bool with_more = false) {
 }
 constexpr std::uint32_t kHand = kGroupBit, kFloor = 5;
 
-bool asks(const Engine& engine, std::uint32_t a, std::uint32_t b) {
+bool is_enabled(const Engine& engine, std::uint32_t a, std::uint32_t b) {
   const std::vector<BodyPair> pairs = engine.pairs({});
   return std::find(pairs.begin(), pairs.end(), BodyPair{a, b}) != pairs.end();
 }
@@ -42,17 +42,17 @@ TEST(Allow, LeavesPairsOutAndBringsThemBack) {
   const std::vector<BodyPair> all = engine.pairs({});
   ASSERT_EQ(all.size(), 14u);
   EXPECT_EQ(engine.allow(3, 4).applied, 1u);
-  EXPECT_FALSE(asks(engine, 3, 4));
+  EXPECT_FALSE(is_enabled(engine, 3, 4));
   EXPECT_EQ(engine.allow(4, 3).applied, 0u) << "it is allowed already";
   EXPECT_EQ(engine.allow(kHand, kFloor).applied, 2u);
-  EXPECT_FALSE(asks(engine, 1, kFloor));
+  EXPECT_FALSE(is_enabled(engine, 1, kFloor));
   EXPECT_EQ(engine.pairs({}).size(), 11u);
   EXPECT_EQ(engine.allow(kEveryBody, kFloor).applied, 3u) << "and none of the floor with itself";
   EXPECT_EQ(engine.allow(kEveryBody, kFloor, false).applied, 5u);
   EXPECT_EQ(engine.allow(3, 4, false).applied, 1u);
   EXPECT_EQ(engine.pairs({}), all);
   EXPECT_EQ(engine.allow(0, 1, false).applied, 1u) << "that the scene ignores";
-  EXPECT_TRUE(asks(engine, 0, 1));
+  EXPECT_TRUE(is_enabled(engine, 0, 1));
   // A pair named by a query is answered, allowed or not.
   engine.allow(3, 4);
   const BodyPair named[] = {{3, 4}};
@@ -87,21 +87,21 @@ TEST(Allow, EndsWithTheAttachmentThatItIsFor) {
   const std::uint32_t fingers[] = {kHand, kFloor};
   const std::uint64_t before = engine.scene_revision();
   engine.attach(4, 3, nullptr, fingers);
-  for (const std::uint32_t other : {1u, 2u}) EXPECT_FALSE(asks(engine, other, 4));
-  EXPECT_FALSE(asks(engine, 4, kFloor));
-  EXPECT_FALSE(asks(engine, 3, 4)) << "its parent";
+  for (const std::uint32_t other : {1u, 2u}) EXPECT_FALSE(is_enabled(engine, other, 4));
+  EXPECT_FALSE(is_enabled(engine, 4, kFloor));
+  EXPECT_FALSE(is_enabled(engine, 3, 4)) << "its parent";
   EXPECT_FALSE(means_the_same(engine, {{kHand, 4}}, before));
   const std::uint64_t attached = engine.scene_revision();
   engine.attach(4, 3, nullptr, std::span(fingers, 1));
-  EXPECT_TRUE(asks(engine, 4, kFloor)) << "attached anew, for less";
+  EXPECT_TRUE(is_enabled(engine, 4, kFloor)) << "attached anew, for less";
   EXPECT_NE(engine.scene_revision(), attached);
   EXPECT_FALSE(means_the_same(engine, {{4, kEveryBody}}, attached));
   EXPECT_EQ(engine.allow(4, 2).applied, 0u);  // permanently, from here on
   EXPECT_EQ(engine.allow(4, 1, false).applied, 1u);
-  EXPECT_TRUE(asks(engine, 1, 4)) << "forbidden, whoever allowed it";
+  EXPECT_TRUE(is_enabled(engine, 1, 4)) << "forbidden, whoever allowed it";
   engine.attach(4, kNone);
-  EXPECT_FALSE(asks(engine, 2, 4)) << "allowed for good";
-  EXPECT_TRUE(asks(engine, 1, 4));
+  EXPECT_FALSE(is_enabled(engine, 2, 4)) << "allowed for good";
+  EXPECT_TRUE(is_enabled(engine, 1, 4));
   engine.allow(4, 2, false);
   EXPECT_EQ(engine.scene_revision(), before);
 }
@@ -114,14 +114,14 @@ TEST(Allow, GoesOverToTheNextScene) {
   old.attach(4, 3, nullptr, fingers);
   Engine next(six(true), {.threads = 1});
   next.take_poses(old);
-  EXPECT_FALSE(asks(next, 2, 3));
-  EXPECT_TRUE(asks(next, 0, 1));
-  EXPECT_FALSE(asks(next, 1, 4));
+  EXPECT_FALSE(is_enabled(next, 2, 3));
+  EXPECT_TRUE(is_enabled(next, 0, 1));
+  EXPECT_FALSE(is_enabled(next, 1, 4));
   next.attach(4, kNone);
-  EXPECT_TRUE(asks(next, 1, 4)) << "still the attachment's alone";
+  EXPECT_TRUE(is_enabled(next, 1, 4)) << "still the attachment's alone";
 }
 
-TEST(Allow, RefusesWhatItCannotKeep) {
+TEST(Allow, RejectsWhatItCannotKeep) {
   Engine engine(six(), {.threads = 1});
   const std::vector<BodyPair> all = engine.pairs({});
   const auto rejected = [&](auto&& call, QueryErrorCode code, const char* text) {

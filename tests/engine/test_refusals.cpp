@@ -7,7 +7,7 @@
 namespace clearance::test {
 namespace {
 
-TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRefused) {
+TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRejected) {
   Scene scene;
   std::vector<std::string> fixed;
   for (int i = 0; i < 300; ++i) {
@@ -94,7 +94,7 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
   }
 }
 
-TEST_P(EngineTest, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
+TEST_P(EngineTest, AbsurdSizesAreRejectedBeforeAnythingIsAllocated) {
   static const std::uint32_t kBody[] = {0};
   const Engine engine = make(mixed_scene(6, 3, 8));
   QueryView q;
@@ -111,7 +111,7 @@ TEST_P(EngineTest, AbsurdSizesAreRefusedBeforeAnythingIsAllocated) {
   }
 }
 
-TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
+TEST_P(EngineTest, AnAnswerLargerThanItsBuffersIsRejected) {
   Engine engine = make(mixed_scene(6, 3, 8));
   double lower[4];
   ReplyView room;
@@ -120,7 +120,7 @@ TEST_P(EngineTest, AnAnswerLargerThanItsRoomIsRefused) {
   EXPECT_THROW(engine.start({}, room), QueryError);
 }
 
-TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
+TEST(Engine, CertificatesOfTheModelPiecesAreRejectedByTheirNames) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
   Scene scene;
@@ -143,7 +143,7 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRefusedByTheirNames) {
   }
 }
 
-TEST(Engine, UnknownBackendsAreRefusedByName) {
+TEST(Engine, UnknownBackendsAreRejectedByName) {
   EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
   const std::vector<std::string> there = Engine::backends();
   if (std::find(there.begin(), there.end(), "cuda") == there.end()) {

@@ -53,7 +53,7 @@ TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
 }
 
 // The distance of links without a moving joint between them is constant: their pair is used only if an SRDF enables it.
-TEST(RobotInAScene, APairWithoutAJointIsAskedAboutWhereTheSrdfEnablesIt) {
+TEST(RobotInAScene, APairWithoutAJointIsIncludedWhereTheSrdfEnablesIt) {
   const TemporaryFolder folder;
   const std::string ball = "<collision><geometry><sphere radius='1'/></geometry></collision></link>";
   const std::string urdf = folder.write(
@@ -91,7 +91,7 @@ TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   EXPECT_LT(body.model_error, 1e-15);
 }
 
-TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
+TEST(RobotInAScene, MeshesOfLinksAreWhatIsDeclaredOfThem) {
   const TemporaryFolder folder;
   folder.write("t.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
   const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="a">
@@ -115,7 +115,7 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsSaidOfThem) {
   EXPECT_FALSE(surface_of(link("one/b"))->is_solid());
 }
 
-TEST(RobotInAScene, WhatIsWrongIsSaidWithItsPlace) {
+TEST(RobotInAScene, WhatIsWrongIsReportedWithItsPlace) {
   const TemporaryFolder folder;
   const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
     options.urdf = folder.write("r.urdf", urdf);

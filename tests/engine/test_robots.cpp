@@ -99,7 +99,7 @@ TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
   EXPECT_EQ(engine.joint_state(5).status, Status::kNoPose);
 }
 
-TEST(JointState, PublishingALinksPoseIsRefusedWithAReason) {
+TEST(JointState, PublishingALinksPoseIsRejectedWithAReason) {
   const Scene scene = arm_scene(at_home());
   Engine engine(scene);
   const std::uint32_t fore = scene.find_body("arm/fore"), ball = scene.find_body("ball");
@@ -117,7 +117,7 @@ TEST(JointState, PublishingALinksPoseIsRefusedWithAReason) {
   has(error_text<QueryError>([&] { engine.size(query); }));
 }
 
-TEST(JointState, UpdatesThatMakeNoSenseAreRefusedWhole) {
+TEST(JointState, UpdatesThatMakeNoSenseAreRejectedWhole) {
   const Scene scene = arm_scene(at_home());
   Engine engine(scene);
   const JointPosition twice[] = {{2, 0.5}, {2, 0.6}};
@@ -294,7 +294,7 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
   }
 }
 
-TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
+TEST(JointQuery, OtherJointsStayAndBodiesMayMoveToo) {
   const Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   const std::uint32_t ball = scene.find_body("ball");
@@ -330,7 +330,7 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveBeside) {
   }
 }
 
-TEST(JointQuery, WhatIsWrongWithItIsSaid) {
+TEST(JointQuery, WhatIsWrongWithItIsReported) {
   const Scene scene = arm_scene(at_home());
   const Engine engine(scene);
   const std::uint32_t two[] = {0, 1}, twice[] = {0, 0}, unknown[] = {0, 77};
@@ -407,7 +407,7 @@ TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
       << "the query says where all joints are that were ever set";
 }
 
-TEST(JointQuery, AnOlderSceneIsRefusedWhereItsJointsMeantAnother) {
+TEST(JointQuery, AnOlderSceneIsRejectedWhereItsJointsMeantAnother) {
   const TemporaryFolder folder;
   const auto add_frames = [&](Scene& scene, const char* joint, double length, double upper) {
     scene.add_robot(

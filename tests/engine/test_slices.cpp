@@ -35,7 +35,7 @@ Scene heaps(int bodies, int parts) {
 /// \param slices receives their number
 /// \param longest receives the units of the longest
 Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
-  Answer a = room_for(engine, query);
+  Answer a = empty_answer(engine, query);
   Job job = engine.start(query, a.view);
   slices = 0;
   longest = 0;
@@ -48,7 +48,7 @@ Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std:
   return a;
 }
 
-TEST(Slices, EndWithinAPairOfBodiesOfManyPieces) {
+TEST(Slices, EndWithinAPairOfBodiesOfManyParts) {
   const Engine engine(heaps(2, 60), {.threads = 1});
   QueryView query;
   query.signed_distance = true;
@@ -95,7 +95,7 @@ TEST(Slices, GiveEveryReductionTheSameBits) {
   }
 }
 
-TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
+TEST(Slices, APairThatIsTooExpensiveIsBegunAgainInTheNextOne) {
   Random random(9);
   Scene scene;
   for (int b = 0; b < 2; ++b) {
@@ -110,7 +110,7 @@ TEST(Slices, APairThatIsTooDearIsBegunAnewInTheNextOne) {
   query.signed_distance = true;
   const Answer whole = evaluate(engine, query);
   ASSERT_LT(whole.view.upper[0], 0);
-  Answer again = room_for(engine, query);
+  Answer again = empty_answer(engine, query);
   Job job = engine.start(query, again.view);
   const WorkBudget little{.units = 100, .pair_units = 100};
   for (int i = 0; i < 3; ++i) {
@@ -129,16 +129,16 @@ TEST(Slices, CountWhatAQueryNames) {
   scene.add_group("three", names);
   const Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
-  EXPECT_EQ(engine.extent(query).pairs, 10u) << "the table's";
+  EXPECT_EQ(engine.cost(query).pairs, 10u) << "the table's";
   const std::vector<BodyPair> pairs{{0, 1}, {kGroupBit, kEveryBody}, {99, 0}};
   query.pairs = pairs;
   query.all_pairs = false;
-  const QueryCost extent = engine.extent(query);
-  EXPECT_EQ(extent.pairs, 1u + 15 + 1);
-  EXPECT_EQ(extent.part_pairs, 16u + 12 * 20);
-  EXPECT_EQ(extent.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
+  const QueryCost cost = engine.cost(query);
+  EXPECT_EQ(cost.pairs, 1u + 15 + 1);
+  EXPECT_EQ(cost.part_pairs, 16u + 12 * 20);
+  EXPECT_EQ(cost.units, 2 * (16u + 12 * 20)) << "20 vertices are a unit";
   query.configuration_count = 7;
-  EXPECT_EQ(engine.extent(query).part_pairs, 7 * (16u + 12 * 20));
+  EXPECT_EQ(engine.cost(query).part_pairs, 7 * (16u + 12 * 20));
 }
 
 TEST(Slices, CountTheTrianglesOfAMesh) {
@@ -152,7 +152,7 @@ TEST(Slices, CountTheTrianglesOfAMesh) {
   query.all_pairs = false;
   const auto units = [&](BodyPair pair) {
     query.pairs = std::span(&pair, 1);
-    return engine.extent(query).units;
+    return engine.cost(query).units;
   };
   EXPECT_EQ(units({2, 0}) - units({1, 0}), 64u + ball.triangles.size() / 64);
 }

@@ -28,7 +28,7 @@ void expect_near(double a, double b) {
   }
 }
 
-TEST_P(EngineTest, DoubtedReductionsAgreeWithAllPairs) {
+TEST_P(EngineTest, UncertainReductionsAgreeWithAllPairs) {
   for (const std::string broad_phase : {"brute", "tree"}) {
     Engine::Options options{GetParam(), 2};
     options.broad_phase = broad_phase;
@@ -131,7 +131,7 @@ TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
   EXPECT_EQ(r.view.lower[0], 0) << "it may touch: sqrt(3) * 2 sin(1/2) = 1.66 > 1.5";
 }
 
-TEST_P(EngineTest, ABitOfNoColumnIsRefused) {
+TEST_P(EngineTest, ABitOfNoColumnIsRejected) {
   const Engine engine = make(mixed_scene(2, 1, 1));
   QueryView q;
   q.fields = kDefaultFields | 1u << kFieldCount;

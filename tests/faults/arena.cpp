@@ -26,7 +26,7 @@ namespace {
 
 /// A private LCM network on this host; empty if packets do not come back.
 std::string lcm_url() {
-  const std::optional<LcmAddress> address = own_lcm_address("fire");
+  const std::optional<LcmAddress> address = own_lcm_address("faults");
   return address ? address->url() : "";
 }
 
@@ -39,7 +39,7 @@ int code_of(int status) {
 // --- Victim
 
 Victim::Victim(std::vector<std::string> arguments) {
-  arguments.insert(arguments.begin(), program("fire_victim"));
+  arguments.insert(arguments.begin(), program("fault_victim"));
   std::vector<char*> pointers;
   for (std::string& text : arguments) pointers.push_back(text.data());
   pointers.push_back(nullptr);
@@ -111,7 +111,7 @@ Census Arena::census() const {
   return census_of(daemon_->pid(), {folder_.path(), temporary_.path()});
 }
 
-std::string Arena::settle(const Census& before) const {
+std::string Arena::await_census(const Census& before) const {
   const auto deadline = std::chrono::steady_clock::now() + kPatience;
   for (;;) {
     const std::string left = left_behind(before, census());

@@ -17,7 +17,7 @@ namespace clearance::faults {
 
 extern const std::string kScene;  ///< scenes/random_100
 
-/// The process fire_victim (victim_main.cpp). Killed with this object if it still runs.
+/// The process fault_victim (victim_main.cpp). Killed with this object if it still runs.
 class Victim {
  public:
   explicit Victim(std::vector<std::string> arguments);
@@ -61,7 +61,7 @@ class Arena {
   Census census() const;
   /// Waits until the daemon holds no more than before, at most kPatience. Describes the excess, or returns an empty
   /// string.
-  std::string settle(const Census& before) const;
+  std::string await_census(const Census& before) const;
 
   /// A client that ends, or stops, at a point of victim.h.
   Victim talk(const std::string& url, std::string_view point, int signal, std::uint64_t seed) const;

@@ -5,9 +5,9 @@
 
 namespace clearance::faults {
 
-/// \param short_run number in `make test`; CLEARANCE_FIRE_ROUNDS=N in the environment multiplies it
+/// \param short_run number in `make test`; CLEARANCE_FAULT_ROUNDS=N in the environment multiplies it
 inline int rounds(int short_run) {
-  const char* times = std::getenv("CLEARANCE_FIRE_ROUNDS");
+  const char* times = std::getenv("CLEARANCE_FAULT_ROUNDS");
   const int factor = times ? std::atoi(times) : 1;
   return short_run * (factor > 0 ? factor : 1);
 }

@@ -183,7 +183,7 @@ void Soak::kill_daemon() {
 
 Soak::Sample Soak::keep_still() {
   release_due(Clock::time_point::max());
-  const std::string left = living_.settle(before_);
+  const std::string left = living_.await_census(before_);
   expect(left.empty(), "left behind: " + left);
   for (const Witnesses* witnesses : {&living_witnesses_, &mortal_witnesses_}) {
     const std::string starving = await_answers(*witnesses, 1);

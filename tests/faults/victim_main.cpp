@@ -1,4 +1,4 @@
-// fire_victim WHAT URL SEED [POINT SIGNAL]: a client that is harmed, or harms.
+// fault_victim WHAT URL SEED [POINT SIGNAL]: a client that is harmed, or harms.
 //   talk URL SEED POINT SIGNAL   communicates with the daemon step by step and raises the signal at the point
 //   query URL SEED               sends requests through the client library until it is killed
 //   scribble URL SEED            overwrites the memory that it shares with the daemon until it is killed
@@ -76,7 +76,7 @@ std::string path_of(const std::string& url) {
 int main_of(int argc, char** argv) {
   const std::string what = argc > 1 ? argv[1] : "";
   if (argc < 4 || (what == "talk" && argc < 6)) {
-    std::fprintf(stderr, "fire_victim talk|ask|scribble URL SEED [POINT SIGNAL]\n");
+    std::fprintf(stderr, "fault_victim talk|ask|scribble URL SEED [POINT SIGNAL]\n");
     return 2;
   }
   const std::string url = argv[2];
@@ -98,7 +98,7 @@ int main(int argc, char** argv) {
   try {
     return clearance::faults::main_of(argc, argv);
   } catch (const std::exception& error) {
-    std::fprintf(stderr, "fire_victim: %s\n", error.what());
+    std::fprintf(stderr, "fault_victim: %s\n", error.what());
     return 1;
   }
 }

@@ -44,14 +44,14 @@ std::vector<std::byte> bytes_of(const Reply& r) {
                   got(r.configuration(), 11), got(r.compact(), 12));
 }
 
-std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& question) {
-  const Query& q = question.query;
+std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& known) {
+  const Query& q = known.query;
   QueryView view;
-  view.pairs = {reinterpret_cast<const BodyPair*>(question.pairs.data()), question.pairs.size()};
-  view.all_pairs = question.pairs.empty();
-  view.bodies = question.bodies;
-  view.configurations = {reinterpret_cast<const Pose*>(question.configurations.data()), question.configurations.size()};
-  view.configuration_count = static_cast<std::uint32_t>(question.configurations.size() / question.bodies.size());
+  view.pairs = {reinterpret_cast<const BodyPair*>(known.pairs.data()), known.pairs.size()};
+  view.all_pairs = known.pairs.empty();
+  view.bodies = known.bodies;
+  view.configurations = {reinterpret_cast<const Pose*>(known.configurations.data()), known.configurations.size()};
+  view.configuration_count = static_cast<std::uint32_t>(known.configurations.size() / known.bodies.size());
   view.max_distance = q.max_distance;
   view.precision = q.precision;
   view.signed_distance = q.signed_distance;
@@ -78,22 +78,22 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
   std::uniform_real_distribution<double> place(-14, 14);
   std::normal_distribution<double> normal;
   for (int i = 0; i < 48; ++i) {
-    auto question = std::make_unique<KnownQuery>();
-    Query& q = question->query;
-    question->bodies = movable;
+    auto known = std::make_unique<KnownQuery>();
+    Query& q = known->query;
+    known->bodies = movable;
     const std::size_t configurations = i % 8 == 0 ? 6 : 1 + i % 3;
     for (std::size_t k = 0; k < configurations * movable.size(); ++k)
-      question->configurations.push_back({place(random), place(random), place(random), normal(random), normal(random),
-                                          normal(random), normal(random)});
+      known->configurations.push_back({place(random), place(random), place(random), normal(random), normal(random),
+                                       normal(random), normal(random)});
     if (i % 4 < 2)  // a control loop's query: few pairs
       for (std::uint64_t n = 1 + random() % 200; n > 0; --n) {
         const auto a = static_cast<std::uint32_t>(random() % bodies.size());
-        question->pairs.push_back(
+        known->pairs.push_back(
             {a, static_cast<std::uint32_t>((a + 1 + random() % (bodies.size() - 1)) % bodies.size())});
       }
-    q.bodies = question->bodies;
-    q.configurations = question->configurations;
-    q.pairs = question->pairs;
+    q.bodies = known->bodies;
+    q.configurations = known->configurations;
+    q.pairs = known->pairs;
     q.reduce = static_cast<Reduce>(i / 4 % 4);
     if (i % 3) q.max_distance = 4;
     if (i % 5 == 1) q.precision = Precision::kF32;
@@ -101,20 +101,20 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
     if (i % 11 == 1) q.format = Format::kCompact;
     q.fields = kDefaultFields | kFieldFlags;
     if (i % 2) q.fields |= kFieldPoints | kFieldNormal | kFieldPieces;
-    question->answer = answer_of(engine, *question);
-    questions_.push_back(std::move(question));
+    known->answer = answer_of(engine, *known);
+    queries_.push_back(std::move(known));
   }
 }
 
-bool is_right(const Reply& reply, const KnownQuery& question) {
-  return bytes_of(reply) == question.answer;
+bool is_right(const Reply& reply, const KnownQuery& known) {
+  return bytes_of(reply) == known.answer;
 }
 
-Reply request_surely(Client& client, const KnownQuery& question) {
+Reply request_surely(Client& client, const KnownQuery& known) {
   const std::string url = client.url();
   client.set_timeout(patience(url));
   for (auto spent = patience(url);; spent += patience(url)) try {
-      return client.distances(question.query);
+      return client.distances(known.query);
     } catch (const TimeoutError&) {
       if (spent >= kPatience) throw;
     }
@@ -124,7 +124,7 @@ Witness::Witness(const std::string& url, const Exam& exam, std::uint64_t seed, d
                  std::chrono::nanoseconds timeout)
     : url_(url), exam_(exam), load_(load), client_(patient(url)) {
   client_.set_timeout(timeout);
-  for (const auto& question : exam_.questions()) evaluate(*question);
+  for (const auto& known : exam_.queries()) evaluate(*known);
   thread_ = std::thread([this, seed] { run(seed); });
 }
 
@@ -144,14 +144,14 @@ void Witness::run(std::uint64_t seed) {
   }
 }
 
-void Witness::evaluate(const KnownQuery& question) {
+void Witness::evaluate(const KnownQuery& known) {
   const auto count = [this](std::uint64_t Counts::* what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);
   };
   try {
-    const Reply reply = client_.distances(question.query);
-    if (is_right(reply, question)) {
+    const Reply reply = client_.distances(known.query);
+    if (is_right(reply, known)) {
       ++right_;
       count(&Counts::right);
     } else {

@@ -31,17 +31,17 @@ struct KnownQuery {
 class Exam {
  public:
   Exam(const std::string& scene_file, std::uint64_t seed);
-  const KnownQuery& draw(std::mt19937_64& random) const { return *questions_[random() % questions_.size()]; }
-  const std::vector<std::unique_ptr<KnownQuery>>& questions() const { return questions_; }
+  const KnownQuery& draw(std::mt19937_64& random) const { return *queries_[random() % queries_.size()]; }
+  const std::vector<std::unique_ptr<KnownQuery>>& queries() const { return queries_; }
 
  private:
-  std::vector<std::unique_ptr<KnownQuery>> questions_;
+  std::vector<std::unique_ptr<KnownQuery>> queries_;
 };
 
 /// Returns whether the reply has the engine's bits.
-bool is_right(const Reply& reply, const KnownQuery& question);
+bool is_right(const Reply& reply, const KnownQuery& known);
 /// Returns the answer, repeating the query if LCM lost one. Throws as Client::distances().
-Reply request_surely(Client& client, const KnownQuery& question);
+Reply request_surely(Client& client, const KnownQuery& known);
 
 /// LCM loses packets if a core reads them too late; an answer is then late, but never wrong.
 inline bool may_lose(const std::string& url) {
@@ -82,7 +82,7 @@ class Witness {
   const std::string& url() const { return url_; }
 
  private:
-  void evaluate(const KnownQuery& question);
+  void evaluate(const KnownQuery& known);
   void run(std::uint64_t seed);
   void acknowledge();
   void complain(const std::string& text);

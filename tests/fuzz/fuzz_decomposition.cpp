@@ -108,8 +108,8 @@ bool is_proved(Input in) {
   Decomposition proved;
   try {
     ProofEffort little;
-    little.inner_questions = 400;
-    little.outer_questions = 200;
+    little.inner_distances = 400;
+    little.outer_distances = 200;
     proved = prove_decomposition(exact_value, proposal, little).decomposition;
   } catch (const std::invalid_argument& e) {
     require(*e.what() != 0, "an error says what it is");

@@ -30,7 +30,7 @@ class Network {
 
   void send(Bytes datagram) { sender_->send(datagram); }
   /// Runs the daemon until it has processed everything sent so far.
-  void settle() {
+  void drain() {
     clearance_lcm::pose_update_t update{};
     update.publisher_id = publisher_;  // random, so that no input can use its name
     update.sequence = update.stamp_ns = ++sequence_;
@@ -109,6 +109,6 @@ CLEARANCE_FUZZ_TARGET(lcm_udp) {
     }
     if (datagram.size() <= 65507) network.send(datagram);
   }
-  network.settle();
-  return network.rejected() == rejected && network.taken() > taken + 1;  // one belongs to `settle()`
+  network.drain();
+  return network.rejected() == rejected && network.taken() > taken + 1;  // one belongs to `drain()`
 }

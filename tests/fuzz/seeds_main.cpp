@@ -257,7 +257,7 @@ void save_link() {
     for (const char* client : {"one", "two"}) say(parts, Kind::kReply, client, header, body, offset, 100);
   save("gateway_link", "good_parts_of_two_clients", parts);
   for (const Kind kind :
-       {Kind::kReady, Kind::kAlive, Kind::kHandedOver, Kind::kGone, Kind::kAuthenticate, Kind::kAdmission})
+       {Kind::kReady, Kind::kAlive, Kind::kReplyReleased, Kind::kGone, Kind::kAuthenticate, Kind::kAuthenticated})
     say(told, kind, "127.0.0.1", key, "", 0, 0);
   save("gateway_link", "good_short_words", told);
   say(mixed, Kind::kReply, "one", header, body, 0, 100);

@@ -44,7 +44,7 @@ class CudaBackend : public testing::Test {
 };
 
 // Every kind of query with its own code path.
-std::vector<std::pair<std::string, QueryView>> questions() {
+std::vector<std::pair<std::string, QueryView>> queries() {
   std::vector<std::pair<std::string, QueryView>> all;
   const auto add = [&](const std::string& name, auto&& change) {
     QueryView q;
@@ -79,8 +79,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
   for (const double box : {3.0, 20.0}) {
     const Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
     EXPECT_EQ(device.backend(), "cuda");
-    for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 100'000u);
+    for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 100'000u);
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
 }
@@ -109,16 +109,16 @@ TEST_F(CudaBackend, FindsMostDepths) {
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
   const Engine device(mixed_scene(120, 4, 2), {"cuda"}), cpu(mixed_scene(120, 4, 2), {"cpu"});
-  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+  for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
 }
 
 // Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations; warm queries start cold.
-TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
+TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 5.0}) {
     const Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
     Random random(42);
     const std::vector<std::uint32_t> bodies{0, 2, 3, 7, 15, 26, 30};
-    for (auto [name, q] : questions()) {
+    for (auto [name, q] : queries()) {
       const std::string what = name + ", box " + std::to_string(box);
       compare(device, cpu, q, what);
       for (const std::uint32_t K : {1u, 33u, 150u}) {
@@ -134,7 +134,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       }
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    const std::uint64_t converged = counter(device, "cuda.pairs_settled"),
+    const std::uint64_t converged = counter(device, "cuda.pairs_converged"),
                         rest = counter(device, "cuda.pairs_finished_on_cpu");
     EXPECT_GT(converged, 100'000u);
     EXPECT_GT(converged, 5 * rest)
@@ -163,7 +163,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralPieces) {
 }
 
 // A body with a convex part that the device cannot hold is left to the CPU as a whole.
-TEST_F(CudaBackend, LeavesBodiesWithAPieceThatTheDeviceCannotHoldToTheCpu) {
+TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
   const auto with_large = [] {
     Scene scene = decomposed_scene(30, 2, 43), large;
     large.add_uv_sphere("large", 0.3, 200, {});  // 79,602 vertices
@@ -210,7 +210,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   for (const bool with_largest : {false, true}) {
     const Engine device(large(with_largest), {"cuda"}), cpu(large(with_largest), {"cpu"});
     const std::string scene = with_largest ? "with the largest" : "large";
-    for (auto [name, q] : questions()) {
+    for (auto [name, q] : queries()) {
       compare(device, cpu, q, scene + ", " + name);
       q.bodies = bodies;
       q.configurations = poses;
@@ -226,7 +226,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
       EXPECT_GT(counter(device, "cuda.queries_on_cpu"), 0u);
     else
       EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 50'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 50'000u);
   }
 }
 
@@ -238,7 +238,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
     return scene;
   };
   const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
-  for (const auto& [name, question] : questions()) compare(device, cpu, question, name);
+  for (const auto& [name, query] : queries()) compare(device, cpu, query, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
 
@@ -254,8 +254,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
     poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
     poses[1].translation.y = std::numeric_limits<double>::quiet_NaN();
     poses[0].qx *= 100;
-    for (const auto& [name, question] : questions()) {
-      QueryView q = question;
+    for (const auto& [name, query] : queries()) {
+      QueryView q = query;
       if (K == 2000 && q.fields == kAllFields && !(q.max_distance < kInf)) continue;
       q.configuration_count = K;
       q.bodies = bodies;
@@ -420,7 +420,7 @@ TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
 
 TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
   const Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
-  for (const auto& [name, q] : questions()) {
+  for (const auto& [name, q] : queries()) {
     const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);

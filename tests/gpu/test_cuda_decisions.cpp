@@ -16,7 +16,7 @@ class CudaDecisions : public testing::Test {
 };
 
 // Every kind of decision with its own code path.
-std::vector<std::pair<std::string, QueryView>> questions() {
+std::vector<std::pair<std::string, QueryView>> queries() {
   std::vector<std::pair<std::string, QueryView>> all;
   const auto add = [&](const std::string& name, auto&& change) {
     QueryView q;
@@ -70,7 +70,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
       std::vector<Pose> poses;
       for (std::size_t i = 0; i < K * bodies.size(); ++i) poses.push_back(random.pose(i % 3 ? box : 10 * box));
       if (K > 1) poses[9].translation.z = std::numeric_limits<double>::quiet_NaN();
-      for (auto [name, q] : questions()) {
+      for (auto [name, q] : queries()) {
         q.configuration_count = K;
         if (K > 0) q.bodies = bodies;
         q.configurations = poses;
@@ -80,7 +80,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
         near += of(statuses, Status::kOk);
       }
     }
-    converged += counter(device, "cuda.pairs_settled");
+    converged += counter(device, "cuda.pairs_converged");
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
   }
   EXPECT_GT(converged, 500u);
@@ -89,7 +89,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
   EXPECT_GT(near, 100u);
 }
 
-TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
+TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForUncertainBodies) {
   for (const std::uint32_t K : {0u, 1u, 40u, 3000u}) {
     UncertainCase c(K, 11);
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
@@ -100,7 +100,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForWhatIsDoubted) {
     for (const std::size_t step : {1u, 9u}) {  // fewer pairs have fewer overlaps
       std::vector<BodyPair> some;
       for (std::size_t i = 0; i < all.size(); i += step) some.push_back(all[i]);
-      for (auto [name, q] : questions()) {
+      for (auto [name, q] : queries()) {
         q.all_pairs = false;
         q.pairs = some;
         if (K > 0) {

@@ -87,7 +87,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
           }
           c.q.margin = 0;
         }
-        converged += counter(device, "cuda.pairs_settled");
+        converged += counter(device, "cuda.pairs_converged");
         left += counter(device, "cuda.pairs_finished_on_cpu");
         EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u) << name;
       }
@@ -125,7 +125,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
         compare(device, cpu, c.q, name + ", margin " + std::to_string(margin), any, all ? 0.61 : 0.05);
       }
       EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u) << name;
-      EXPECT_GT(counter(device, "cuda.pairs_settled"), 2000u) << name;
+      EXPECT_GT(counter(device, "cuda.pairs_converged"), 2000u) << name;
     }
     EXPECT_GT(least.apart, 500u);
     EXPECT_GT(least.overlap, 100u);

@@ -109,7 +109,7 @@ TEST(CudaMotions, OutOfStepsIsNeverFree) {
   EXPECT_GT(narrow, 0);
 }
 
-TEST(CudaMotions, TellOfEndsBeyondLimits) {
+TEST(CudaMotions, FlagEndsBeyondLimits) {
   SKIP_WITHOUT_DEVICE();
   ArmEdges edges(12, 4000, 0.8);
   edges.end_beyond_limits();

@@ -10,7 +10,7 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-std::vector<std::pair<std::string, QueryView>> questions() {
+std::vector<std::pair<std::string, QueryView>> queries() {
   std::vector<std::pair<std::string, QueryView>> all;
   for (const Reduce reduce : kReductions) {
     const auto add = [&](const std::string& name, auto&& change) {
@@ -56,9 +56,9 @@ void compare(const Engine& device, const Engine& cpu, const QueryView& q, const 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
   for (const double box : {0.7, 3.0, 20.0}) {
     const Engine device(simple_scene(150, box, 1), {"cuda"}), cpu(simple_scene(150, box, 1), {"cpu"});
-    for (const auto& [name, q] : questions()) compare(device, cpu, q, name + ", box " + std::to_string(box));
+    for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 1000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 1000u);
     if (box < 1) {
       EXPECT_GT(counter(device, "cuda.pairs_finished_on_cpu"), 1000u) << "depths";
     }
@@ -118,7 +118,7 @@ Scene grid(double step) {
 // Many distances and box gaps are equal.
 TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
   const Engine device(grid(2), {"cuda"}), cpu(grid(2), {"cpu"});
-  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+  for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
   QueryView q;
   q.fields = kAllFields;
   for (const double max_distance : {0.5, 1.0, 1.5, 3.0})
@@ -133,9 +133,9 @@ TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
 // initial capacity.
 TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
   const Engine device(grid(1), {"cuda"}), cpu(grid(1), {"cpu"});
-  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
+  for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
   constexpr std::uint64_t kTouching = 540 + 900 + 500;  // by faces, by edges, by corners
-  EXPECT_GE(counter(device, "cuda.pairs_finished_on_cpu"), questions().size() * kTouching);
+  EXPECT_GE(counter(device, "cuda.pairs_finished_on_cpu"), queries().size() * kTouching);
   // Some configurations with contacts among others without.
   std::vector<Pose> poses;
   Random random(14);
@@ -144,9 +144,9 @@ TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
     poses.push_back(k % 3 == 0 ? Pose{{2, 1, k % 2 ? 6 : 2.5}} : random.pose(9));
   const std::vector<std::uint32_t> moved{7};
   std::uint64_t most = 0;  // pairs of one query that teams leave open
-  for (const auto& [name, question] : questions()) {
-    if (question.signed_distance) continue;
-    QueryView q = question;
+  for (const auto& [name, query] : queries()) {
+    if (query.signed_distance) continue;
+    QueryView q = query;
     q.bodies = moved;
     q.configurations = poses;
     q.configuration_count = kConfigurations;
@@ -169,8 +169,8 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForConfigurations) {
     poses[3].qw = poses[3].qx = poses[3].qy = poses[3].qz = 0;
     poses[1].translation.y = std::numeric_limits<double>::quiet_NaN();
     poses[0].qx *= 100;
-    for (const auto& [name, question] : questions()) {
-      QueryView q = question;
+    for (const auto& [name, query] : queries()) {
+      QueryView q = query;
       if (K == 3000 && (q.signed_distance || q.rel_tol == 0 || q.max_distance == kInf)) {
         if (q.reduce != Reduce::kMin || q.signed_distance) continue;
       }
@@ -220,8 +220,8 @@ TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
   std::vector<BodyPose> poses{
       {2, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
   for (Engine* e : {&device, &cpu}) e->set_poses(poses);
-  for (const auto& [name, question] : questions()) {
-    QueryView q = question;
+  for (const auto& [name, query] : queries()) {
+    QueryView q = query;
     compare(device, cpu, q, name);
     q.max_pose_age_ns = std::int64_t{1} << 62;
     compare(device, cpu, q, name + ", stale");
@@ -229,9 +229,9 @@ TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
   // Bad bodies alone, and bad bodies before good ones.
   const BodyPair bad[] = {{4, 2}, {2, 50}, {50, 4}};
   const BodyPair mixed[] = {{4, 2}, {2, 8}, {8, 12}, {12, 4}};
-  for (const auto& [name, question] : questions())
+  for (const auto& [name, query] : queries())
     for (const std::span<const BodyPair> pairs : {std::span<const BodyPair>(bad), std::span<const BodyPair>(mixed)}) {
-      QueryView q = question;
+      QueryView q = query;
       q.all_pairs = false;
       q.pairs = pairs;
       compare(device, cpu, q, name + ", " + std::to_string(pairs.size()) + " pairs of bad bodies");
@@ -257,7 +257,7 @@ TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
 
 TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
   const Engine device(simple_scene(300, 6, 9), {"cuda"}), cpu(simple_scene(300, 6, 9), {"cpu"});
-  for (const auto& [name, q] : questions()) {
+  for (const auto& [name, q] : queries()) {
     const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, expected.size.rows, expected.size.fields, &bytes);
@@ -277,7 +277,7 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
   const Engine device(simple_scene(300, 4, 12), {"cuda"}), cpu(simple_scene(300, 4, 12), {"cpu"});
   std::vector<Answer> expected;
   std::vector<QueryView> requested;
-  for (const auto& [name, q] : questions()) {
+  for (const auto& [name, q] : queries()) {
     requested.push_back(q);
     expected.push_back(evaluate(cpu, q));
   }
@@ -297,7 +297,7 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
     for (std::size_t i = 0; i < requested.size(); ++i) expect_same(mine[i], expected[i], "of a thread", true);
 }
 
-TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
+TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 3.0, 8.0}) {
     const Engine device(decomposed_scene(90, box, 21), {"cuda"}), cpu(decomposed_scene(90, box, 21), {"cpu"});
     Random random(22);
@@ -305,7 +305,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
     std::vector<Pose> poses;
     for (std::size_t i = 0; i < 150 * bodies.size(); ++i) poses.push_back(random.pose(box));
     poses[1].qw = poses[1].qx = poses[1].qy = poses[1].qz = 0;
-    for (auto [name, q] : questions()) {
+    for (auto [name, q] : queries()) {
       compare(device, cpu, q, name + ", box " + std::to_string(box));
       if (q.signed_distance && box < 1) continue;  // overlaps are left to the CPU
       q.bodies = bodies;
@@ -314,7 +314,7 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralPieces) {
       compare(device, cpu, q, name + ", configurations, box " + std::to_string(box));
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 10'000u);
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 10'000u);
   }
 }
 
@@ -325,14 +325,14 @@ TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
     return scene;
   };
   const Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
-  for (const auto& [name, q] : questions()) compare(device, cpu, q, name);
-  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), questions().size());
+  for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
+  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), queries().size());
 }
 
 // The pair with the least lower bound, without uncertainty.
 TEST_F(CudaReductions, KnowsThePairOfTheLeastLowerBound) {
   const Engine device(simple_scene(80, 3, 5), {"cuda"}), cpu(simple_scene(80, 3, 5), {"cpu"});
-  for (auto [name, q] : questions()) {
+  for (auto [name, q] : queries()) {
     if (q.format == Format::kCompact) continue;
     q.fields |= kFieldPairLower;
     expect_same(evaluate(device, q), evaluate(cpu, q), name, true);

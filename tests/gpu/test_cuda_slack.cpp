@@ -10,7 +10,7 @@ class CudaSlack : public testing::Test {
 };
 
 // Every kind of query with its own code path.
-std::vector<std::pair<std::string, QueryView>> questions() {
+std::vector<std::pair<std::string, QueryView>> queries() {
   std::vector<std::pair<std::string, QueryView>> all;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
     const auto add = [&](const std::string& name, auto&& change) {
@@ -42,9 +42,9 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
     const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
-    for (const auto& [name, question] : questions()) {
-      if (K == 3000 && question.signed_distance) continue;  // overlaps are left to the CPU
-      QueryView q = question;
+    for (const auto& [name, query] : queries()) {
+      if (K == 3000 && query.signed_distance) continue;  // overlaps are left to the CPU
+      QueryView q = query;
       if (K > 0 && q.fields == (kAllFields | kFieldPairLower)) q.fields |= kFieldGradientJoints;
       q.all_pairs = false;
       q.pairs = c.pairs;
@@ -60,7 +60,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
       expect_same(rows, expected, name + ", " + std::to_string(K) + " configurations", q.reduce != Reduce::kNone);
     }
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
-    EXPECT_GT(counter(device, "cuda.pairs_settled"), 100u * (K + 1));
+    EXPECT_GT(counter(device, "cuda.pairs_converged"), 100u * (K + 1));
   }
 }
 
@@ -81,7 +81,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
     return s;
   };
   const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
-  for (const auto& [name, q] : questions())
+  for (const auto& [name, q] : queries())
     expect_same(evaluate(device, q), evaluate(cpu, q), name, q.reduce != Reduce::kNone);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }

@@ -196,7 +196,7 @@ TEST_F(DaemonPlans, OfAKilledProcessGoAndLeaveOthersAlone) {
   }
 }
 
-TEST_F(DaemonPlans, LongOnesHoldUpNobody) {
+TEST_F(DaemonPlans, LongOnesDelayNoOthers) {
   start("random: {count: 300, shape: {uv_sphere: {radius: 0.5, resolution: 5}}, box: 40, seed: 4}\n");
   Client client = patient(daemon_->urls()[0]);
   constexpr std::uint32_t kMany = 10'000'000;
@@ -240,7 +240,7 @@ TEST_F(DaemonPlans, LongOnesHoldUpNobody) {
               took.count() / 1e6, queries, runs, static_cast<double>(longest.count()) / 1e6);
 }
 
-TEST_F(DaemonPlans, AreRefusedByNameOverTcp) {
+TEST_F(DaemonPlans, AreRejectedByNameOverTcp) {
   start(kScene, {"--zmq", "tcp://127.0.0.1:*"});
   Client client = patient(daemon_->urls()[2]);
   try {

@@ -150,7 +150,7 @@ void expect_the_cpus(const Answer& got, const Answer& cpu, const std::string& wh
 
 const std::uint32_t kBounds = kFieldLower | kFieldUpper;
 
-TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceSettlesARow) {
+TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
   for (const double box : {2.0, 12.0}) {
     const Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
     for (const std::uint32_t configurations : {0u, 1u, 50u})
@@ -204,7 +204,7 @@ void expect_captured(const Engine& device, Running& running, Running& plain, con
   EXPECT_EQ(counter(device, "cuda.allocations"), allocations) << "a run takes no memory";
 }
 
-TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAnew) {
+TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAgain) {
   const Engine device(scene_of_all_kinds(80, 4), {"cuda"});
   Requested requested(device.scene(), 64, 4), others(device.scene(), 64, 3);
   requested.q.fields = others.q.fields = kDefaultFields;
@@ -416,7 +416,7 @@ std::string rejection(const Engine& engine, const QueryView& q) {
   return "";
 }
 
-TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
+TEST_F(DevicePlans, RejectByNameWhatOnlyTheCpuAnswers) {
   Scene scene = scene_of_all_kinds(12, 4);
   scene.add_box("can", {0.2, 0.2, 0.5}, {.pose = Pose(), .max_speed = 1});
   const Engine device(std::move(scene), {"cuda"});
@@ -448,7 +448,7 @@ TEST_F(DevicePlans, RefuseByNameWhatOnlyTheCpuAnswers) {
   EXPECT_THROW(plan->run({}, view, nullptr), QueryError) << "not aligned";
 }
 
-TEST(DevicePlansWithoutADevice, AreRefused) {
+TEST(DevicePlansWithoutADevice, AreRejected) {
   const Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
   EXPECT_NE(rejection(cpu, {}).find("no device"), std::string::npos) << rejection(cpu, {});
 }

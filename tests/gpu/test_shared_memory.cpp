@@ -221,12 +221,12 @@ TEST_F(SharedDeviceMemory, NamesItsDevice) {
   EXPECT_NE(one.handle().ipc, other.handle().ipc);
 }
 
-TEST_F(SharedDeviceMemory, IsRefusedWhereThereIsNoRoom) {
+TEST_F(SharedDeviceMemory, IsRejectedWhereMemoryIsShort) {
   try {
     const cuda::SharedMemory memory(0, std::size_t{1} << 50);
     FAIL() << "a petabyte";
   } catch (const cuda::DeviceError& error) {
-    EXPECT_EQ(error.kind, cuda::DeviceError::kNoRoom) << error.what();
+    EXPECT_EQ(error.kind, cuda::DeviceError::kNoMemory) << error.what();
   }
   const cuda::SharedMemory small(0, 1);  // the device still works
 }

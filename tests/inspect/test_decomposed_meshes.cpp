@@ -70,7 +70,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   EXPECT_EQ(scene.bodies()[1].parts[0]->radius, 0.5);
 }
 
-TEST_F(DecomposedMeshes, WithoutPiecesAreSolidsAndSayWhatToRun) {
+TEST_F(DecomposedMeshes, WithoutPartsAreSolidsAndSayWhatToRun) {
   Scene scene;
   scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, MeshAs::kDecompose, {});
   EXPECT_FALSE(convex_parts_of(scene));
@@ -95,7 +95,7 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
   EXPECT_LE(convex_parts_of(scene)->inner, 0.83);
 }
 
-TEST_F(DecomposedMeshes, RefuseWhatEnclosesNothingOrIsNoPiece) {
+TEST_F(DecomposedMeshes, RejectWhatEnclosesNothingOrIsNoConvexPart) {
   Scene scene;
   const auto rejection = [&](const std::string& mesh) {
     return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {}); });

@@ -121,7 +121,7 @@ class LcmTransportTest : public LcmTest {
     return pose;
   }
 
-  query_t question() {
+  query_t query_message() {
     query_t query{};
     query.client_id = 4242;
     query.request_id = ++last_request_;
@@ -154,7 +154,7 @@ class LcmTransportTest : public LcmTest {
     return std::nullopt;
   }
   void expect_good_answer() {
-    query_t query = question();
+    query_t query = query_message();
     query.pair_count = 1;
     query.pairs = {{1, 2}};
     const auto reply = evaluate(query);

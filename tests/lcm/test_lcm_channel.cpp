@@ -262,7 +262,7 @@ TEST_F(LcmChannelTest, PrefixesKeepNetworksApart) {
   EXPECT_NO_THROW(open_lcm_channel(url("&prefix=two/"), "", in(kPatience)));
 }
 
-TEST_F(LcmChannelTest, NobodyThere) {
+TEST_F(LcmChannelTest, NoDaemon) {
   try {
     open_lcm_channel(url(), "", in(milliseconds(250)));
     FAIL() << "connected to nobody";

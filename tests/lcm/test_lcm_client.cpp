@@ -155,7 +155,7 @@ TEST_F(LcmClientTest, ADaemonThatIsGoneIsATimeout) {
   EXPECT_THROW(client.distances(), TimeoutError);
 }
 
-TEST_F(LcmClientTest, TooLargeAnAnswerIsRefused) {
+TEST_F(LcmClientTest, TooLargeAnAnswerIsRejected) {
   Client client = connect_here();
   place(client, 1.0);
   // 60,000 configurations of one body with all columns: 7 x 60,000 rows of 207 bytes.

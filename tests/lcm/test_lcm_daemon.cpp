@@ -204,7 +204,7 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
   EXPECT_EQ(compared.size(), 10u);
 }
 
-TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
+TEST_F(LcmDaemonTest, WithoutAMulticastRouteItReportsItAndEnds) {
   if (run({"/bin/sh", "-c", "unshare -n true"}).code != 0) GTEST_SKIP() << "this user may not make a network namespace";
   const Finished daemon = run({"/bin/sh", "-c", "exec unshare -n \"$0\" --scene \"$1\" --lcm \"$2\"",
                                program("clearanced"), scene_file(), url()});
@@ -219,7 +219,7 @@ TEST_F(LcmDaemonTest, WithoutAMulticastRouteItSaysSoAndEnds) {
   EXPECT_NE(wrong.err.find("group: expected a multicast address"), std::string::npos) << wrong.err;
 }
 
-TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayAskAlone) {
+TEST_F(LcmDaemonTest, WhereNotEveryPoseIsTakenClientsMayQueryAlone) {
   for (const std::string how : {"on", "off", "arm"}) {
     Daemon daemon({"--scene", scene_file(), "--lcm", url(), "--lcm-poses", how});
     Client client = connect(url(), kPatience);

@@ -139,7 +139,7 @@ TEST_F(LcmFreshness, AFloodLosesMessagesButNeverMixesThem) {
   // The daemon does not run meanwhile, so that the queue of its subscription overflows.
   for (std::int64_t k = 2; k <= kFlood; ++k) raw_->send(datagram(k, step_of(k)));
   // The answer to a final query shows that every message that was not lost has been processed.
-  query_t query = question();
+  query_t query = query_message();
   query.pair_count = 1;
   query.pairs = {{1, 2}};
   std::int64_t mixed = 0, looks = 0;
@@ -197,7 +197,7 @@ TEST_F(LcmFreshness, AFloodOfPublishersIsForgottenAndReported) {
 
 // --- restarts
 
-TEST_F(LcmFreshness, APublisherThatStartsAnewIsFollowedAtOnce) {
+TEST_F(LcmFreshness, APublisherThatRestartsIsFollowedAtOnce) {
   start();
   FaultyLink link(7, {.lose = 0.1, .duplicate = 0.2, .delay = 0.6, .most_delay = 8},
                   [&](std::span<const std::byte> bytes) { raw_->send(bytes); });
@@ -230,7 +230,7 @@ TEST_F(LcmFreshness, ADaemonThatStartsLateHasAllPosesAfterOneRepeat) {
   EXPECT_EQ(counter("lcm.gaps"), 0u) << "what was sent before its time is not missing";
 }
 
-TEST_F(LcmFreshness, ADaemonThatStartsAnewWithAnotherSceneHasAllPosesAfterTwoRepeats) {
+TEST_F(LcmFreshness, ADaemonThatRestartsWithAnotherSceneHasAllPosesAfterTwoRepeats) {
   start();
   ASSERT_TRUE(until([&] { return !scenes_.empty(); }));
   const std::int64_t old_scene = scenes_.back().revision;
@@ -398,7 +398,7 @@ TEST_F(LcmFreshness, AFrameThatMovesBodiesIsTakenOnce) {
 
 // --- age
 
-TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
+TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanRequested) {
   start();
   set_poses(1, 0.7);
   pose_update_t one{};
@@ -406,7 +406,7 @@ TEST_F(LcmFreshness, StaleSaysWhichPosesAreOlderThanAsked) {
   one.count = 1;
   one.bodies = {1};
   one.poses = {pose_of(0, 0.9)};
-  query_t query = question();
+  query_t query = query_message();
   query.pair_count = 3;
   query.pairs = {{1, 2}, {2, 3}, {0, 1}};
   query.fields = kFieldDistance | kFieldStatus;

@@ -32,12 +32,12 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
 
   pose_update_t no_poses{};
   no_poses.publisher_id = 1;
-  query_t no_pairs = question();
+  query_t no_pairs = query_message();
   clearance_lcm::frame_t no_frame{};
   no_frame.client_id = 5;
   named_pose_update_t no_names{};
   const auto poses = encode(update(2, 0.8));
-  const auto query = encode(question());
+  const auto query = encode(query_message());
 
   // Datagrams that never form a message.
   std::vector<std::pair<std::string, std::vector<std::byte>>> datagrams{

@@ -68,7 +68,7 @@ TEST_F(LcmJoints, NamesAreLookedUpAndUnknownOnesCounted) {
   EXPECT_EQ(counter("lcm.unknown_bodies"), 1u);
 }
 
-TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRefused) {
+TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRejected) {
   start("", {.any = false, .allowed = {"ball0"}}, arm_scene());
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.poses_not_allowed", 2));
@@ -102,10 +102,10 @@ TEST_F(LcmJoints, PositionsThatAreNoNumbersAreBadAndTheOthersHold) {
   EXPECT_EQ(counter("poses.bad"), 4u);
 }
 
-TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRefused) {
+TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRejected) {
   start("", {}, arm_scene());
   joint_query_t message{};
-  message.query = question();
+  message.query = query_message();
   message.joint_count = 1;
   message.joints = {"arm0/joint1"};
   message.row_count = 2;
@@ -133,7 +133,7 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
   joint_query_t message{};
-  message.query = question();
+  message.query = query_message();
   message.query.reduce = query_t::REDUCE_MIN;
   message.joint_count = 2;
   message.joints = {"arm0/joint1", "arm0/joint4"};
@@ -172,7 +172,7 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
   joint_query_t message{};
-  message.query = question();
+  message.query = query_message();
   message.query.reduce = query_t::REDUCE_MIN;
   message.query.abs_tol = 1e-3;
   message.joint_count = 2;
@@ -205,7 +205,7 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   joint_query_t waiting{};
-  waiting.query = question();
+  waiting.query = query_message();
   waiting.query.reduce = query_t::REDUCE_MIN;
   waiting.query.min_pose_stamp_ns = 2000;
   waiting.query.pose_wait_ns = 10'000'000'000;
@@ -223,7 +223,7 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   EXPECT_EQ(reply.request_id, waiting.query.request_id);
   EXPECT_EQ(reply.snapshot_stamp_ns, 2000);
 
-  waiting.query = question();
+  waiting.query = query_message();
   waiting.query.min_pose_stamp_ns = 2001;
   waiting.query.pose_wait_ns = 0;
   answers_.clear();

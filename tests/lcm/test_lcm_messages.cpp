@@ -116,7 +116,7 @@ TEST(LcmCheck, Frame) {
   test_sizes(frame(200), {8 + 5 * 8 + 2 * 4});
 }
 
-TEST(LcmCheck, ThirtySevenBytesAskForGigabytes) {
+TEST(LcmCheck, ThirtySevenBytesRequestGigabytes) {
   // Generated code allocated 9.4 GB for this: a count of 2^28 - 1 at the end of a packet of 37 bytes (and of 44).
   std::vector<std::byte> packet = encode(poses(0));
   put_word(packet, packet.size() - 4, (1 << 28) - 1);
@@ -275,7 +275,7 @@ TEST(LcmFrames, OldOnesAreGivenUp) {
   EXPECT_EQ(later.counts().given_up, 1u);
 }
 
-TEST(LcmFrames, RoomIsBounded) {
+TEST(LcmFrames, MemoryIsBounded) {
   std::mt19937 random(10);
   const auto bytes = random_bytes(random, 100000);
   FrameAssembler few({.frame_bytes = 1 << 20, .total_bytes = 1 << 30, .frames = 4});
@@ -289,33 +289,33 @@ TEST(LcmFrames, RoomIsBounded) {
   EXPECT_TRUE(small.add(parts_of(bytes, 1, 10)[2], Clock::now()));
 }
 
-TEST(LcmFrames, NumbersThatDoNotFitAreRefused) {
+TEST(LcmFrames, NumbersThatDoNotFitAreRejected) {
   std::mt19937 random(11);
   const auto good = parts_of(random_bytes(random, 100000), 1, 1)[1];
   FrameAssembler assembler(kRoomy);
   std::uint64_t bad = 0;
-  const auto refuse = [&](auto change) {
+  const auto reject = [&](auto change) {
     frame_t part = good;
     change(part);
     EXPECT_FALSE(assembler.add(part, Clock::now()));
     EXPECT_EQ(assembler.counts().bad, ++bad);
   };
-  refuse([](frame_t& p) { p.frame_bytes = -1; });
-  refuse([](frame_t& p) { p.frame_bytes = 0; });
-  refuse([](frame_t& p) { p.frame_bytes = 63; });
-  refuse([](frame_t& p) { p.frame_bytes = std::numeric_limits<std::int64_t>::max(); });
-  refuse([](frame_t& p) { p.frame_bytes = (1 << 20) + 1; });
-  refuse([](frame_t& p) { p.part = -1; });
-  refuse([](frame_t& p) { p.part = p.parts; });
-  refuse([](frame_t& p) { p.part = 2; });  // the last part is shorter
-  refuse([](frame_t& p) { p.parts = 4; });
-  refuse([](frame_t& p) { p.parts = 0; });
-  refuse([](frame_t& p) { p.parts = std::numeric_limits<std::int32_t>::max(); });
-  refuse([](frame_t& p) { p.bytes.resize(p.byte_count = 100); });
+  reject([](frame_t& p) { p.frame_bytes = -1; });
+  reject([](frame_t& p) { p.frame_bytes = 0; });
+  reject([](frame_t& p) { p.frame_bytes = 63; });
+  reject([](frame_t& p) { p.frame_bytes = std::numeric_limits<std::int64_t>::max(); });
+  reject([](frame_t& p) { p.frame_bytes = (1 << 20) + 1; });
+  reject([](frame_t& p) { p.part = -1; });
+  reject([](frame_t& p) { p.part = p.parts; });
+  reject([](frame_t& p) { p.part = 2; });  // the last part is shorter
+  reject([](frame_t& p) { p.parts = 4; });
+  reject([](frame_t& p) { p.parts = 0; });
+  reject([](frame_t& p) { p.parts = std::numeric_limits<std::int32_t>::max(); });
+  reject([](frame_t& p) { p.bytes.resize(p.byte_count = 100); });
   // One that contradicts earlier parts.
   EXPECT_FALSE(assembler.add(good, Clock::now()));
-  refuse([](frame_t& p) { p.frame_bytes = 99999; });
-  refuse([](frame_t& p) { p.request_id = 12; });
+  reject([](frame_t& p) { p.frame_bytes = 99999; });
+  reject([](frame_t& p) { p.request_id = 12; });
 }
 
 // --- the url

@@ -98,7 +98,7 @@ TEST_F(Clouds, WithPartsThatDisagreeAreNotMade) {
   EXPECT_TRUE(add(parts[1]));
 }
 
-TEST_F(Clouds, WithNumbersThatDoNotFitAreRefused) {
+TEST_F(Clouds, WithNumbersThatDoNotFitAreRejected) {
   const auto rejected = [&](auto change) {
     points_t part = parts_of(2 * kPart)[0];
     change(part);
@@ -130,7 +130,7 @@ TEST_F(Clouds, OfWhichAPartIsLostAreGivenUp) {
 }
 
 // Incomplete clouds use a bounded amount of memory.
-TEST_F(Clouds, ThatNeverEndMakeRoomForOthers) {
+TEST_F(Clouds, ThatNeverEndAreDroppedForOthers) {
   const auto most = static_cast<std::int32_t>(LcmPoints::kMostPoints);
   for (int i = 0; i < 9; ++i) EXPECT_FALSE(add(parts_of(most, 100 + i)[0]));
   EXPECT_EQ(points_.counts().given_up, 5u) << "four of that size are under way at most";

@@ -31,7 +31,7 @@ TEST_F(LcmTransportTest, QueriesSeeNoHalfOfAnUpdate) {
   publish(together(1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   for (int k = 2; k <= 60; ++k) {
-    query_t query = question();
+    query_t query = query_message();
     query.pair_count = 1;
     query.pairs = {{query_t::GROUP, query_t::EVERY_BODY}};
     query.max_distance = 100;
@@ -134,7 +134,7 @@ TEST_F(LcmTransportTest, ABadPoseAmongGoodOnesIsBadAndTheOthersHold) {
   EXPECT_EQ(counter("poses.bad"), 2u);
 }
 
-TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRefused) {
+TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRejected) {
   start();
   pose_update_t other = update(1, 1.0);
   other.scene_revision = 12345;

@@ -269,7 +269,7 @@ TEST(LcmPublishers, Verdicts) {
   EXPECT_EQ(log.note(0, 3, std::numeric_limits<std::int64_t>::min(), 0, t).sequencing, Sequencing::kOld);
 }
 
-TEST(LcmPublishers, OneThatBeginsAnewUnderItsOldIdIsKnownByItsClock) {
+TEST(LcmPublishers, OneThatBeginsAgainUnderItsOldIdIsKnownByItsClock) {
   PublisherLog log;
   const auto t = PublisherLog::Clock::now();
   ASSERT_EQ(log.note(0, 1, 900, 9000, t).sequencing, Sequencing::kNew);
@@ -353,7 +353,7 @@ TEST(LcmOutbox, TakesTurnsAndKeepsThePace) {
   EXPECT_EQ(outbox.sent(), 101u);
 }
 
-TEST(LcmOutbox, RoomIsBoundedAndFailuresAreCounted) {
+TEST(LcmOutbox, MemoryIsBoundedAndFailuresAreCounted) {
   LcmOutbox outbox;
   EXPECT_FALSE(outbox.push(1, LcmOutbox::kMaxBytes + 1, [](std::uint64_t) { return std::size_t{1}; }));
   ASSERT_TRUE(outbox.push(2, LcmOutbox::kMaxBytes, [](std::uint64_t) { return std::size_t{0}; }));

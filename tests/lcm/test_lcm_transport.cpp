@@ -58,10 +58,10 @@ void expect_same(const reply_t& reply, const Engine& engine, QueryView query, st
   vectors(reply.compact, reinterpret_cast<const float*>(view.compact), 8, "compact");
 }
 
-TEST_F(LcmTransportTest, AnEmptyQueryAsksForAllPairs) {
+TEST_F(LcmTransportTest, AnEmptyQueryRequestsAllPairs) {
   start();
   set_poses(1, 0.7);
-  const auto reply = evaluate(question());
+  const auto reply = evaluate(query_message());
   ASSERT_TRUE(reply);
   EXPECT_EQ(reply->row_count, 21);  // seven bodies
   EXPECT_EQ(reply->backend, engine_->backend());
@@ -74,7 +74,7 @@ TEST_F(LcmTransportTest, AnEmptyQueryAsksForAllPairs) {
 TEST_F(LcmTransportTest, EveryColumn) {
   start();
   set_poses(1, 0.7);
-  query_t query = question();
+  query_t query = query_message();
   const std::uint32_t fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldNormal | kFieldPieces |
                                kFieldGradient | kFieldPair | kFieldConfiguration;
   query.fields = static_cast<std::int32_t>(fields);
@@ -88,7 +88,7 @@ TEST_F(LcmTransportTest, EveryColumn) {
 TEST_F(LcmTransportTest, Compact) {
   start();
   set_poses(1, 0.7);
-  query_t query = question();
+  query_t query = query_message();
   query.format = static_cast<std::int8_t>(Format::kCompact);
   const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
@@ -103,7 +103,7 @@ TEST_F(LcmTransportTest, Reductions) {
   start();
   set_poses(1, 0.7);
   for (const Reduce reduce : {Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
-    query_t query = question();
+    query_t query = query_message();
     query.reduce = static_cast<std::int8_t>(reduce);
     query.max_distance = 1.0;
     const auto reply = evaluate(query);
@@ -122,7 +122,7 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
   set_poses(1, 0.7);
   // 100 configurations of two bodies, all fields: the answer takes several messages.
   constexpr int kConfigurations = 100;
-  query_t query = question();
+  query_t query = query_message();
   query.body_count = 2;
   query.bodies = {2, 5};
   std::vector<Pose> poses;
@@ -154,10 +154,10 @@ TEST_F(LcmTransportTest, ConfigurationsInManyParts) {
   expect_same(*reply, *engine_, view, fields);
 }
 
-TEST_F(LcmTransportTest, RefusalsSayWhy) {
+TEST_F(LcmTransportTest, RejectionsSayWhy) {
   start();
   set_poses(1, 0.7);
-  const auto refuse = [&](const query_t& query, int code, const std::string& text) {
+  const auto reject = [&](const query_t& query, int code, const std::string& text) {
     const auto reply = evaluate(query);
     ASSERT_TRUE(reply);
     EXPECT_EQ(reply->error_code, code) << reply->error_text;
@@ -165,38 +165,38 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
     EXPECT_EQ(reply->row_count, 0);
     EXPECT_TRUE(reply->distance.empty());
   };
-  query_t query = question();
+  query_t query = query_message();
   query.scene_revision = 77;
-  refuse(query, 2, "77");
-  query = question();
+  reject(query, 2, "77");
+  query = query_message();
   query.reduce = 9;
-  refuse(query, 1, "reduce");
-  query = question();
+  reject(query, 1, "reduce");
+  query = query_message();
   query.precision = 9;
-  refuse(query, 1, "precision");
-  query = question();
+  reject(query, 1, "precision");
+  query = query_message();
   query.max_distance = std::nan("");
-  refuse(query, 1, "max_distance");
-  query = question();
+  reject(query, 1, "max_distance");
+  query = query_message();
   query.rel_tol = std::nan("");
-  refuse(query, 1, "rel_tol");
-  query = question();
+  reject(query, 1, "rel_tol");
+  query = query_message();
   query.fields = 1 << 20;
-  refuse(query, 1, "fields");
+  reject(query, 1, "fields");
   query.fields = kFieldPairLower;
-  refuse(query, 1, "reply_t has no column pair_lower");
+  reject(query, 1, "reply_t has no column pair_lower");
   query.fields = kFieldGradientJoints;
-  refuse(query, 1, "reply_t has no column gradient_joints");
-  query = question();
+  reject(query, 1, "reply_t has no column gradient_joints");
+  query = query_message();
   query.max_results = -1;
   query.reduce = query_t::REDUCE_WITHIN;
   query.body_count = 1;
   query.bodies = {999};
   query.configuration_count = 1;
   query.configurations = {{{0, 0, 0, 1, 0, 0, 0}}};
-  refuse(query, 1, "999");
+  reject(query, 1, "999");
   // An out-of-range body of a pair gives a status of its row, not an error.
-  query = question();
+  query = query_message();
   query.pair_count = 1;
   query.pairs = {{0, 999}};
   const auto reply = evaluate(query);
@@ -210,7 +210,7 @@ TEST_F(LcmTransportTest, RefusalsSayWhy) {
 TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   start();
   set_poses(1, 0.1);
-  query_t waiting = question();
+  query_t waiting = query_message();
   waiting.min_pose_stamp_ns = 2000;
   waiting.pose_wait_ns = 10'000'000'000;
   ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", waiting));
@@ -228,17 +228,17 @@ TEST_F(LcmTransportTest, AQueryWaitsForPosesOfItsStamp) {
   expect_same(reply, *engine_, {}, kDefaultFields | kFieldPair);
 }
 
-TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
+TEST_F(LcmTransportTest, PosesThatDoNotComeAreReported) {
   start();
   set_poses(1, 0.1);
   const auto evaluate_for = [&](query_t query) {
-    query.request_id = question().request_id;
+    query.request_id = query_message().request_id;
     answers_.clear();
     EXPECT_TRUE(bus_->publish_message("CLEARANCE_QUERY", query));
     EXPECT_TRUE(until([&] { return answers_.size() == 1; }));
     return answers_.empty() ? reply_t{} : answers_.begin()->second.whole;
   };
-  query_t query = question();
+  query_t query = query_message();
   query.min_pose_stamp_ns = 1001;
   reply_t reply = evaluate_for(query);
   EXPECT_EQ(reply.error_code, reply_t::ERROR_POSES_LATE);
@@ -252,7 +252,7 @@ TEST_F(LcmTransportTest, PosesThatDoNotComeAreSaidSo) {
   query.pose_wait_ns = -1;
   EXPECT_EQ(evaluate_for(query).error_text, "query: pose_wait_ns must be 0 to 10000000000, got -1");
 
-  query = question();
+  query = query_message();
   query.min_pose_stamp_ns = 1000;
   query.wait_for_one = true;  // the table has no stamp of its own
   EXPECT_EQ(evaluate_for(query).error_code, reply_t::ERROR_POSES_LATE);
@@ -377,7 +377,7 @@ TEST_F(LcmTransportTest, ListenersGetDistances) {
   for (std::size_t i = 1; i < distances_.size(); ++i) EXPECT_EQ(distances_[i].sequence, distances_[i - 1].sequence + 1);
 }
 
-TEST_F(LcmTransportTest, NoDistancesUnlessAskedFor) {
+TEST_F(LcmTransportTest, NoDistancesUnlessRequested) {
   start();
   set_poses(1, 0.7);
   set_poses(2, 0.8);

@@ -119,7 +119,7 @@ TEST_F(LcmTwoDaemonsTest, TheDeathOfTheBoundOneIsANewEpoch) {
   EXPECT_NEAR(distance_of(client), kInTwo, 1e-6);
 }
 
-TEST_F(LcmTwoDaemonsTest, ARestartBesideAnotherOneIsAnErrorThatNamesBoth) {
+TEST_F(LcmTwoDaemonsTest, ARestartWithAnotherOneIsAnErrorThatNamesBoth) {
   auto one = start("one");
   Client client = connect(url(), kPatience);
   auto two = start("two");

@@ -322,8 +322,8 @@ MUTANTS = [
         (
             "motion_way",
             "motion/motion_search.cpp",
-            "difference_below(answer.lower, requested.way)",
-            "difference_below(answer.lower, 0.9 * requested.way)",
+            "difference_below(answer.lower, request.way)",
+            "difference_below(answer.lower, 0.9 * request.way)",
         ),
         (
             "motion_boxes",

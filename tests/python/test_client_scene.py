@@ -77,13 +77,13 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
 def test_what_is_not_known_of_an_added_body_is_in_its_answers(start_daemon, tmp_path):
     (tmp_path / "scene.yaml").write_text("bodies: [{name: wall, box: [1, 1, 1], static: true}]\n")
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
-    doubts = {"uncertainty": {"position": 0.1, "angle": 0.02}, "padding": 0.3}
+    uncertainties = {"uncertainty": {"position": 0.1, "angle": 0.02}, "padding": 0.3}
     scene = clearance.Scene()
     scene.add_box("wall", [1, 1, 1], static=True)
-    scene.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **doubts)
+    scene.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **uncertainties)
     expected = clearance.Engine(scene, threads=1).distances(pairs=("crate", "wall"))
     with clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S) as client:
-        client.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **doubts)
+        client.add_body("crate", box=[0.2, 0.2, 0.2], pose=at(3), **uncertainties)
         answer = client.distances(pairs=("crate", "wall"))
         assert (answer.lower, answer.upper) == (expected.lower, expected.upper)
         assert answer.lower < 3 - 0.5 - 0.1 - 0.4 < answer.upper

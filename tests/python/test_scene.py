@@ -78,8 +78,8 @@ def test_primitives_are_exact():
 def test_what_is_not_known_of_a_body_widens_its_intervals():
     scene = clearance.Scene()
     scene.add_box("wall", (1, 1, 1), pose=[0, 0, 0, 1, 0, 0, 0], static=True)
-    doubts = {"uncertainty": {"position": 0.25, "angle": 0.01}, "padding": 0.125, "max_speed": 0.0}
-    scene.add_box("box", (1, 1, 1), pose=[3, 0, 0, 1, 0, 0, 0], **doubts)
+    uncertainties = {"uncertainty": {"position": 0.25, "angle": 0.01}, "padding": 0.125, "max_speed": 0.0}
+    scene.add_box("box", (1, 1, 1), pose=[3, 0, 0, 1, 0, 0, 0], **uncertainties)
     info = scene.bodies[1]
     assert (info.uncertainty_position, info.uncertainty_angle, info.padding, info.max_speed) == (0.25, 0.01, 0.125, 0)
     r = clearance.Engine(scene).distances(fields=("default", "flags", "pair_lower"))
@@ -254,10 +254,10 @@ def arm_joints(arm):
 
 
 def test_links_may_be_less_well_known_than_their_joints_say(root):
-    def gap(**doubts):
+    def gap(**uncertainties):
         scene = clearance.Scene()
         scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
-        scene.add_robot("arm", root / "tests" / "engine" / "robot" / "arm.urdf", home={"joint4": -1.5}, **doubts)
+        scene.add_robot("arm", root / "tests" / "engine" / "robot" / "arm.urdf", home={"joint4": -1.5}, **uncertainties)
         r = clearance.Engine(scene, threads=1).distances(pairs=[("arm/fore", "table"), ("arm/wrist", "table")])
         info = {body.name: body for body in scene.bodies}["arm/fore"]
         return r.lower[0], r.upper[0], info

@@ -49,7 +49,7 @@ TEST(BadRequests, ThereAreEnough) {
   EXPECT_GE(names.size(), 50u);
 }
 
-TEST(BadRequests, AreRefusedByTheLoop) {
+TEST(BadRequests, AreRejectedByTheLoop) {
   Engine engine(small_scene());
   Loop loop(engine, on_one_thread());
   auto made = std::make_unique<MemoryTransport>();
@@ -117,7 +117,7 @@ class BadFramesOverZmq : public testing::Test {
   }
 };
 
-TEST_F(BadFramesOverZmq, AreRefusedAndTheDaemonGoesOn) {
+TEST_F(BadFramesOverZmq, AreRejectedAndTheDaemonGoesOn) {
   Client client = patient(daemon_.url());
   for (const BadRequest& request : bad_requests(client.scene().revision)) {
     raw_.send(frame_of(request));
@@ -127,7 +127,7 @@ TEST_F(BadFramesOverZmq, AreRefusedAndTheDaemonGoesOn) {
   EXPECT_EQ(daemon_.stop(15), 0);
 }
 
-TEST_F(BadFramesOverZmq, GarbledPartsAreRefused) {
+TEST_F(BadFramesOverZmq, GarbledPartsAreRejected) {
   const std::vector<std::byte> good = good_query(8);
   const std::vector<std::byte> head(good.begin(), good.begin() + 64), payload(good.begin() + 64, good.end());
   const std::vector<std::byte> short_head(head.begin(), head.begin() + 63);

@@ -79,7 +79,7 @@ class Bench : public testing::Test {
   Daemon daemon_{{"--scene", scene_, "--shm", folder_ / "c.sock", "--zmq", "ipc://" + (folder_ / "c.ipc")}};
 };
 
-TEST_F(Bench, EachTransportIsMeasuredBesideItsFloor) {
+TEST_F(Bench, EachTransportIsMeasuredWithItsFloor) {
   const std::pair<std::string, std::string> transports[] = {{"shm", daemon_.urls().at(0)},
                                                             {"zmq-ipc", daemon_.urls().at(1)}};
   for (const auto& [name, url] : transports) {
@@ -186,7 +186,7 @@ TEST_F(Bench, ThroughputOfSeveralClientsAndOfLargeReplies) {
               std::stod(row.at("p50_us")) - std::stod(row.at("engine_p50_us")), 0.01 * std::stod(row.at("p50_us")));
 }
 
-TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
+TEST_F(Bench, WhatCannotBeMeasuredIsReported) {
   const std::string& url = daemon_.urls().at(0);
   struct Case {
     std::vector<std::string> options;
@@ -218,7 +218,7 @@ TEST_F(Bench, WhatCannotBeMeasuredIsSaid) {
   EXPECT_EQ(lines_of(other).size(), 2u);
 }
 
-TEST_F(Bench, ADaemonThatIsGoneIsSaid) {
+TEST_F(Bench, ADaemonThatIsGoneIsReported) {
   daemon_.stop(SIGKILL);
   const Finished done = bench({"--connect", daemon_.urls().at(0)});
   EXPECT_EQ(done.code, 3);

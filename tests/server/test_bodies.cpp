@@ -129,7 +129,7 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   EXPECT_EQ(loop_->engine().scene().revision(), before);
 }
 
-TEST_F(Bodies, WhatCannotBeAddedIsRefusedAndChangesNothing) {
+TEST_F(Bodies, WhatCannotBeAddedIsRejectedAndChangesNothing) {
   Loop::Options options;
   options.max_added_bodies = 2;
   options.max_added_vertices = 8;
@@ -227,7 +227,7 @@ TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
   says(6, 0, false);
 }
 
-TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
+TEST_F(Bodies, AMeshThatMakesNoSenseIsRejected) {
   Loop::Options options;
   options.max_added_triangles = 4;
   start_editable(small_scene(), options);
@@ -252,7 +252,7 @@ TEST_F(Bodies, AMeshThatMakesNoSenseIsRefused) {
   EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
 }
 
-TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
+TEST_F(Bodies, ACloudThatMakesNoSenseIsRejected) {
   Loop::Options options;
   options.max_added_points = 2;
   start_editable(small_scene(), options);
@@ -285,7 +285,7 @@ TEST_F(Bodies, ACloudThatMakesNoSenseIsRefused) {
   EXPECT_TRUE(is_cloud(loop_->engine().scene().bodies()[body]));
 }
 
-TEST_F(Bodies, DoubtsThatMakeNoSenseAreRefused) {
+TEST_F(Bodies, UncertaintiesThatMakeNoSenseAreRejected) {
   start_editable(small_scene());
   const auto rejected = [&](const wire::BodyUncertaintyRecord& uncertainties, const std::string& text) {
     EXPECT_NE(rejection(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
@@ -315,7 +315,7 @@ TEST_F(Bodies, StayThroughAReloadIfTheyFit) {
   EXPECT_EQ(bodies().size(), 4u);
 }
 
-TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
+TEST_F(Bodies, QueriesOfOthersAreAnsweredWhileTheyComeAndGo) {
   start_editable(scattered_scene(8));
   TestQuery pairs, moved, every;
   pairs.pairs = {{0, 5}, {3, 4}};
@@ -354,7 +354,7 @@ TEST_F(Bodies, WhoAsksAboutOthersIsAnsweredWhileTheyComeAndGo) {
   EXPECT_EQ(rejected, 40) << "all pairs were never those of the beginning";
 }
 
-TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRefused) {
+TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRejected) {
   start(small_scene());
   EXPECT_EQ(rejection(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
 }
@@ -453,7 +453,7 @@ TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
   EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody) << "nobody else has its id";
 }
 
-TEST(ClearancedBodies, AreAskedAboutByEveryClient) {
+TEST(ClearancedBodies, AreQueriedByEveryClient) {
   const TestFolder folder;
   Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
                  "ipc://" + (folder / "c.ipc")});

@@ -18,7 +18,7 @@
 namespace clearance {
 namespace {
 
-TEST_F(Clearanced, HelpTellsANewcomerWhatToType) {
+TEST_F(Clearanced, HelpShowsANewcomerWhatToType) {
   const Finished help = clearanced({"--help"});
   EXPECT_EQ(help.code, 0);
   EXPECT_EQ(help.err, "");
@@ -266,7 +266,7 @@ TEST_F(Clearanced, AnOpenMeshThatIsAddedIsLoggedWithAnEdge) {
                        "other triangle: the mesh is open there; mesh_as: surface uses its triangles as they are"));
 }
 
-TEST_F(Clearanced, TheSocketOfALivingDaemonIsRefusedThatOfADeadOneReplaced) {
+TEST_F(Clearanced, TheSocketOfALivingDaemonIsRejectedThatOfADeadOneReplaced) {
   Daemon first({"--scene", scene_, "--zmq", ipc_});
   const Finished second = clearanced({"--scene", scene_, "--zmq", ipc_});
   EXPECT_EQ(second.code, 4);
@@ -310,7 +310,7 @@ TEST_F(Clearanced, TakesLimitsFromItsFileAndThenFromItsCommandLine) {
   EXPECT_TRUE(contains(added, "(limit max-added-bodies)")) << added;
 }
 
-TEST_F(Clearanced, TellsSystemd) {
+TEST_F(Clearanced, NotifiesSystemd) {
   const std::string path = folder_ / "notify";
   const int socket = ::socket(AF_UNIX, SOCK_DGRAM | SOCK_CLOEXEC, 0);
   sockaddr_un address{};
@@ -352,7 +352,7 @@ TEST_F(Clearanced, ItsLoopFeedsAWatchdog) {
   close(socket);
 }
 
-TEST_F(Clearanced, IsQuietWhileNobodyAsks) {
+TEST_F(Clearanced, IsQuietWhileNoQueryArrives) {
   Daemon daemon({"--scene", scene_, "--zmq", ipc_});
   Client client = patient(ipc_);
   const auto sleeps = [&] {

@@ -35,7 +35,7 @@ class Records : public LoopTest {
   }
 };
 
-TEST_F(Records, OfUnknownTagsAreRefusedIfRequiredElsePassedOver) {
+TEST_F(Records, OfUnknownTagsAreRejectedIfRequiredElsePassedOver) {
   TestQuery query = small_query();
   query.records = record(77, wire::kRecordRequired);
   EXPECT_EQ(rejection_of(query.frame(1), ErrorCode::kNotSupported),
@@ -79,7 +79,7 @@ TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
   EXPECT_EQ(loop_->counter("records.ignored"), 2u);
 }
 
-TEST_F(Records, ThatDoNotFitAreRefused) {
+TEST_F(Records, ThatDoNotFitAreRejected) {
   struct Case {
     Bytes records;
     std::string text;

@@ -87,8 +87,8 @@ LcmAddress parse_lcm_address(const std::string& url) {
   constexpr std::string_view kScheme = "udpm://";
   if (url.rfind(kScheme, 0) != 0) bad_url(url, "expected udpm://GROUP:PORT?ttl=0");
   LcmAddress address;
-  const std::size_t question = std::min(url.find('?'), url.size());
-  const std::string_view place = std::string_view(url).substr(kScheme.size(), question - kScheme.size());
+  const std::size_t question_mark = std::min(url.find('?'), url.size());
+  const std::string_view place = std::string_view(url).substr(kScheme.size(), question_mark - kScheme.size());
   if (!place.empty()) {
     const std::size_t colon = std::min(place.find(':'), place.size());
     address.host = place.substr(0, colon);
@@ -101,7 +101,7 @@ LcmAddress parse_lcm_address(const std::string& url) {
     bad_url(url, "group: expected a multicast address (224.0.0.0 to 239.255.255.255), got '" + address.host + "'");
   }
 
-  std::string_view rest = std::string_view(url).substr(std::min(question + 1, url.size()));
+  std::string_view rest = std::string_view(url).substr(std::min(question_mark + 1, url.size()));
   while (!rest.empty()) {
     const std::size_t end = std::min(rest.find('&'), rest.size());
     const std::string_view option = rest.substr(0, end);

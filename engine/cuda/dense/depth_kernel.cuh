@@ -18,7 +18,7 @@ inline constexpr std::uint32_t kMostCorners = 44, kMostFaces = 2 * kMostCorners,
 inline constexpr std::uint32_t kDepthWarps = 1, kDepthThreads = 32 * kDepthWarps, kDepthBlocksOfOne = 20;
 
 // Includes the pair: registers for the polytope are few, and spilled ones are slow.
-struct PolytopeRoom {
+struct PolytopeScratch {
   Hull<SceneVertices> a, b;
   PairFrame<double> at;
   CsoVertex<double> vertices[kMostCorners];
@@ -30,14 +30,14 @@ struct PolytopeRoom {
   std::uint32_t begins[kMostCorners];
   std::uint8_t is_seen[kMostFaces];
 };
-inline constexpr std::uint32_t kDepthBytes = kDepthWarps * sizeof(PolytopeRoom);
+inline constexpr std::uint32_t kDepthBytes = kDepthWarps * sizeof(PolytopeScratch);
 
 // A list in a warp's shared memory, whose length every thread holds. Before reading data written by another thread, a
 // thread must synchronize.
 template <class T>
 class WarpList {
  public:
-  __device__ explicit WarpList(T* room) : at_(room) {}
+  __device__ explicit WarpList(T* scratch) : at_(scratch) {}
   __device__ std::size_t size() const { return size_; }
   __device__ T* data() { return at_; }
   __device__ const T* data() const { return at_; }
@@ -75,17 +75,17 @@ struct WarpPolytope {
   WarpList<OutlineEdge> outline;
   WarpList<FanFace<double>> fan;
 
-  __device__ explicit WarpPolytope(PolytopeRoom& room)
-      : vertices(room.vertices),
-        faces(room.faces),
-        offsets(room.offsets),
-        is_seen(room.is_seen),
-        seen(room.seen),
-        begins(room.begins),
-        outline(room.outline),
-        fan(room.fan) {}
-  __device__ void make_room() {}
-  __device__ bool make_room_for_fan(std::size_t count, std::size_t gone) {
+  __device__ explicit WarpPolytope(PolytopeScratch& scratch)
+      : vertices(scratch.vertices),
+        faces(scratch.faces),
+        offsets(scratch.offsets),
+        is_seen(scratch.is_seen),
+        seen(scratch.seen),
+        begins(scratch.begins),
+        outline(scratch.outline),
+        fan(scratch.fan) {}
+  __device__ void reserve() {}
+  __device__ bool reserve_fan(std::size_t count, std::size_t gone) {
     return count <= kMostFan && faces.size() + count - gone <= kMostFaces;
   }
 };
@@ -97,7 +97,7 @@ __device__ inline Ranked<double> farthest_of_share(const Hull<SceneVertices>& hu
   const std::uint32_t list = listed ? hull.list_along(f) : 0, candidates = listed ? hull.words[list] : hull.count();
   Ranked<double> best{-__builtin_inf(), 0};
   for (std::uint32_t k = WarpTeam::rank(); k < candidates; k += WarpTeam::kSize) {
-    const SupportPoint<double> p = hull.look_at(listed ? hull.words[list + 1 + k] : k, n);
+    const SupportPoint<double> p = hull.support_point(listed ? hull.words[list + 1 + k] : k, n);
     if (p.value > best.value) best = {p.value, p.index};
   }
   return best;
@@ -131,16 +131,16 @@ struct SurfaceVertices {
 // warp call it with the same pair, and each gets the answer. Returns false if the CPU has to answer. The scratch holds
 // the pair.
 __device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed& e, const BodyPoseRef& at_a,
-                                            const BodyPoseRef& at_b, PolytopeRoom& room, PairAnswer& answer) {
-  const Hull<SceneVertices>&a = room.a, &b = room.b;
-  const PairFrame<double>& at = room.at;
+                                            const BodyPoseRef& at_b, PolytopeScratch& scratch, PairAnswer& answer) {
+  const Hull<SceneVertices>&a = scratch.a, &b = scratch.b;
+  const PairFrame<double>& at = scratch.at;
   const double radius = a.head->radius + b.head->radius, scale = pair_scale(at.D, a.head->rho, b.head->rho, radius);
   const SceneCso cso{a, b, at};
   Simplex<double> seed;
   seed.size = 4;
   for (int i = 0; i < 4; ++i) seed.vertex[i] = cso.vertex(e.a[i], e.b[i]);
 
-  Epa<double, WarpPolytope> epa{WarpPolytope(room)};
+  Epa<double, WarpPolytope> epa{WarpPolytope(scratch)};
   EpaLimits limits = epa_limits<double>(q.abs_tol, q.rel_tol, radius > 0, scale);
   limits.max_vertices = kMostCorners;
   const EpaEnd end = epa.run(cso, limits, seed);
@@ -176,20 +176,20 @@ __device__ __forceinline__ bool prove_depth(const PairLimits& q, const Enclosed&
 __global__ void __launch_bounds__(kDepthThreads, kDepthBlocksOfOne) prove_depths(const __grid_constant__ ChunkView c) {
   extern __shared__ uint4 shared_memory[];
   const std::uint32_t warp = threadIdx.x / 32, count = c.counts[kEnclosedPairs];
-  PolytopeRoom& room = reinterpret_cast<PolytopeRoom*>(shared_memory)[warp];
+  PolytopeScratch& scratch = reinterpret_cast<PolytopeScratch*>(shared_memory)[warp];
   for (std::uint32_t i = blockIdx.x * kDepthWarps + warp; i < count; i += gridDim.x * kDepthWarps) {
     const Enclosed e = c.enclosed[i];
     const GroupItem item(c, e.pair, e.configuration);
     if (threadIdx.x % 32 == 0) {
       const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
-      room.a = scene_hull(c.hulls, head_a);
-      room.b = scene_hull(c.hulls, head_b);
-      room.at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
+      scratch.a = scene_hull(c.hulls, head_a);
+      scratch.b = scene_hull(c.hulls, head_b);
+      scratch.at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
     }
     __syncwarp();
     PairAnswer answer;
     answer.flags = flags_of(item.at_a, item.at_b);
-    const bool proved = prove_depth(c.pair_limits, e, item.at_a, item.at_b, room, answer);
+    const bool proved = prove_depth(c.pair_limits, e, item.at_a, item.at_b, scratch, answer);
     __syncwarp();
     if (threadIdx.x % 32 != 0) continue;
     if (proved)

@@ -16,9 +16,9 @@ namespace clearance::cuda {
 
 inline void check(cudaError_t error, const char* what) {
   if (error == cudaSuccess) return;
-  const bool no_room = error == cudaErrorMemoryAllocation;
+  const bool is_out_of_memory = error == cudaErrorMemoryAllocation;
   cudaGetLastError();  // clears the error, which this thread's next call, maybe for another device, would return too
-  throw DeviceError(no_room ? DeviceError::kNoRoom : DeviceError::kLost,
+  throw DeviceError(is_out_of_memory ? DeviceError::kNoMemory : DeviceError::kLost,
                     std::string("CUDA: ") + what + ": " + cudaGetErrorString(error));
 }
 
@@ -85,9 +85,9 @@ class Buffer {
         wanted = bytes;
         if (!Kind::take(counters_, wanted)) {
           const MemoryBudget& budget = *counters_.budget;
-          throw DeviceError(DeviceError::kNoRoom, "device memory: " + std::to_string(budget.used + wanted) +
-                                                      " bytes would be needed, and the budget is " +
-                                                      std::to_string(budget.limit));
+          throw DeviceError(DeviceError::kNoMemory, "device memory: " + std::to_string(budget.used + wanted) +
+                                                        " bytes would be needed, and the budget is " +
+                                                        std::to_string(budget.limit));
         }
       }
       try {

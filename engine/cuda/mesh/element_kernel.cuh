@@ -45,7 +45,8 @@ struct Meshes {
 // Answers an item with elements. All threads of the warp call it, and one of them gets the answer.
 template <bool kAny, class Search>
 __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& item,
-                                              typename Search::SharedScratch& room, PairAnswer& answer, bool& is_mine) {
+                                              typename Search::SharedScratch& scratch, PairAnswer& answer,
+                                              bool& is_mine) {
   const ChunkView& c = r.chunk;
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
@@ -60,7 +61,7 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
     stop_below = slack.near_enough(q.max_distance);
   else if (r.reduce != Reduce::kWithin)
     most = fmin(most, group_cut_off(r, item));
-  Search search(r, q, at_a, at_b, slack, slack.cut_off(most), stop_below, room);
+  Search search(r, q, at_a, at_b, slack, slack.cut_off(most), stop_below, scratch);
   const PairOutcome outcome = search.run(answer);
   if (outcome != PairOutcome::kConverged) return outcome;
   is_mine = search.has_answer();
@@ -71,10 +72,10 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
 
 // Evaluates the candidates of one kind. Unresolved pairs go to the common list.
 template <bool kAny, class Kind>
-__global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid_constant__ ReducedView r) {
+__global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __grid_constant__ ReducedView r) {
   constexpr std::uint32_t kWarps = kElementThreads / 32;
-  __shared__ typename Kind::Search::SharedScratch rooms[kWarps];
-  typename Kind::Search::SharedScratch& room = rooms[threadIdx.x / 32];
+  __shared__ typename Kind::Search::SharedScratch scratches[kWarps];
+  typename Kind::Search::SharedScratch& scratch = scratches[threadIdx.x / 32];
   const std::uint32_t count = item_count(r), lane = threadIdx.x % 32;
   for (;;) {
     std::uint32_t first = 0;
@@ -88,7 +89,7 @@ __global__ void __launch_bounds__(kElementThreads) look_at_elements(const __grid
       bool is_mine = lane == 0;
       PairOutcome outcome = PairOutcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
-        outcome = answer_elements<kAny, typename Kind::Search>(r, item, room, answer, is_mine);
+        outcome = answer_elements<kAny, typename Kind::Search>(r, item, scratch, answer, is_mine);
         if (is_mine && (outcome == PairOutcome::kConverged || outcome == PairOutcome::kWithoutParts)) {
           const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
               at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);

@@ -28,9 +28,9 @@ class HullSearch : public WarpSearch {
   };
 
   __device__ HullSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                        const Slack& slack, double cut_off, double stop_below, SharedScratch& room)
+                        const Slack& slack, double cut_off, double stop_below, SharedScratch& scratch)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
-        room_{room.node, room.element, room.node_gap, room.element_gap},
+        scratch_{scratch.node, scratch.element, scratch.node_gap, scratch.element_gap},
         elements_first_(r.elements.of_body[at_a.body] != kNone),
         set_(r.elements.sets[r.elements.of_body[elements_first_ ? at_a.body : at_b.body]]) {
     const std::uint32_t body = elements_first_ ? at_b.body : at_a.body;
@@ -63,10 +63,10 @@ class HullSearch : public WarpSearch {
       if (stacked_ > 0 && waiting_ < 32)
         open(before);
       else
-        look(convex_part, *head, before, answer);
+        evaluate_waiting(convex_part, *head, before, answer);
     }
-    leave_out_all(room_.node_gap, stacked_);
-    leave_out_all(room_.element_gap, waiting_);
+    leave_out_all(scratch_.node_gap, stacked_);
+    leave_out_all(scratch_.element_gap, waiting_);
     __syncwarp();
     if (is_over())  // the other convex parts are not searched
       for (std::uint32_t other = convex_part + 1 + lane(); other < parts_; other += 32) {
@@ -78,7 +78,7 @@ class HullSearch : public WarpSearch {
 
   __device__ void put_root(const PartBefore& before) {
     const double limit = this->limit(), gap = before.gap(LoadedNode<Elements>(set_, 0).bounds, limit);
-    put(lane() == 0, 0u, gap, limit, room_.node, room_.node_gap, stacked_);
+    put(lane() == 0, 0u, gap, limit, scratch_.node, scratch_.node_gap, stacked_);
   }
   // Divides the nodes on top of the stack, one per thread: as many as fit with their children and the descent from one
   // node. If even that does not fit, one node descends alone.
@@ -87,14 +87,14 @@ class HullSearch : public WarpSearch {
       is_open_ = true;
       return;
     }
-    const std::uint32_t room = kStackEntries - stacked_, wide = room > kWayDown ? room - kWayDown : 1,
+    const std::uint32_t free = kStackEntries - stacked_, wide = free > kWayDown ? free - kWayDown : 1,
                         most = wide < 32 ? wide : 32, count = stacked_ < most ? stacked_ : most;
     __syncwarp();
     stacked_ -= count;
     const double limit = this->limit();
     bool there = lane() < count;
-    const std::uint32_t at = there ? room_.node[stacked_ + lane()] : 0;
-    const double known = there ? room_.node_gap[stacked_ + lane()] : 0;
+    const std::uint32_t at = there ? scratch_.node[stacked_ + lane()] : 0;
+    const double known = there ? scratch_.node_gap[stacked_ + lane()] : 0;
     __syncwarp();
     if (there && known > limit) {
       leave_out(known);
@@ -111,7 +111,7 @@ class HullSearch : public WarpSearch {
       const bool has = i < elements;
       const std::uint32_t element = first + i;
       const double gap = has ? before.gap(Elements::of_element(set_, element), limit) : 0;
-      put(has, element, gap, limit, room_.element, room_.element_gap, waiting_);
+      put(has, element, gap, limit, scratch_.element, scratch_.element_gap, waiting_);
     }
     const bool divides = there && elements == 0;
     std::uint32_t near = at + 1, far = right;
@@ -130,22 +130,22 @@ class HullSearch : public WarpSearch {
         far_gap = gap;
       }
     }
-    put(divides, far, far_gap, limit, room_.node, room_.node_gap, stacked_);
-    put(divides, near, near_gap, limit, room_.node, room_.node_gap, stacked_);
+    put(divides, far, far_gap, limit, scratch_.node, scratch_.node_gap, stacked_);
+    put(divides, near, near_gap, limit, scratch_.node, scratch_.node_gap, stacked_);
     __syncwarp();
   }
 
   // Evaluates waiting elements, one per thread.
-  __device__ void look(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
+  __device__ void evaluate_waiting(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
     const double limit = this->limit();
     bool there = lane() < count;
-    const std::uint32_t element = there ? room_.element[waiting_ + lane()] : 0;
+    const std::uint32_t element = there ? scratch_.element[waiting_ + lane()] : 0;
     if (there) {
       // Includes the direction found since.
-      const double known = fmax(static_cast<double>(room_.element_gap[waiting_ + lane()]),
+      const double known = fmax(static_cast<double>(scratch_.element_gap[waiting_ + lane()]),
                                 before.gap(Elements::of_element(set_, element), limit));
       if (known > limit) {
         leave_out(known);
@@ -182,7 +182,7 @@ class HullSearch : public WarpSearch {
       Vec3d turned{0, 0, 0};
       for (std::uint32_t i = 0; i < kWindingPoints && i < head.count && !winding.is_sure; ++i) {
         turned = inner.R_wb * hull_part(c_.hulls, &head).vertex(i * (head.count / kWindingPoints));
-        winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), room_.node, kStackEntries);
+        winding = count_winding(set_, outer.R_wb.transpose_times(turned + shift), scratch_.node, kStackEntries);
       }
       if (!winding.is_sure) return PairOutcome::kUnresolved;
       if (winding.number == 0) continue;
@@ -205,7 +205,7 @@ class HullSearch : public WarpSearch {
     std::uint32_t *node, *element;
     float *node_gap, *element_gap;
   };
-  const Lists room_;
+  const Lists scratch_;
   const bool elements_first_;
   const ElementSet& set_;
   std::uint32_t first_part_, parts_;

@@ -79,11 +79,11 @@ void start_element_seeds(const ReducedView& r, cudaStream_t stream) {
 
 void start_elements(const ReducedView& r, cudaStream_t stream) {
   const unsigned blocks = std::min(blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32), kElementBlocks);
-  const auto look = [&]<class Kind>(Kind) {
-    const auto kernel = r.reduce == Reduce::kAny ? look_at_elements<true, Kind> : look_at_elements<false, Kind>;
+  const auto evaluate = [&]<class Kind>(Kind) {
+    const auto kernel = r.reduce == Reduce::kAny ? evaluate_elements<true, Kind> : evaluate_elements<false, Kind>;
     kernel<<<blocks, kElementThreads, 0, stream>>>(r);
   };
-  for_kinds(r.elements.kinds, look);
+  for_kinds(r.elements.kinds, evaluate);
   check(cudaGetLastError(), "starting a kernel");
 }
 

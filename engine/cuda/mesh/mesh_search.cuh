@@ -165,9 +165,9 @@ class MeshSearch : public WarpSearch {
   };
 
   __device__ MeshSearch(const ReducedView& r, const PairLimits& q, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                        const Slack& slack, double cut_off, double stop_below, SharedScratch& room)
+                        const Slack& slack, double cut_off, double stop_below, SharedScratch& scratch)
       : WarpSearch(r, q, at_a, at_b, slack, cut_off, stop_below),
-        room_(room),
+        scratch_(scratch),
         a_(r.elements.sets[r.elements.of_body[at_a.body]]),
         b_(r.elements.sets[r.elements.of_body[at_b.body]]),
         before_(a_, b_, at_) {}
@@ -176,15 +176,15 @@ class MeshSearch : public WarpSearch {
   // \param answer has the pair's flags
   __device__ PairOutcome run(PairAnswer& answer) {
     const double limit = this->limit();
-    put(lane() == 0, MeshParts{0, 0}, before_.gap({0, 0}, limit), limit, room_.parts, room_.gap, stacked_);
+    put(lane() == 0, MeshParts{0, 0}, before_.gap({0, 0}, limit), limit, scratch_.parts, scratch_.gap, stacked_);
     while ((stacked_ > 0 || waiting_ > 0) && !is_over()) {
       if (stacked_ > 0 && waiting_ < 32)
         open();
       else
-        look(answer);
+        evaluate_waiting(answer);
     }
-    leave_out_all(room_.gap, stacked_);
-    leave_out_all(room_.triangle_gap, waiting_);
+    leave_out_all(scratch_.gap, stacked_);
+    leave_out_all(scratch_.triangle_gap, waiting_);
     __syncwarp();
     if (is_open_) return PairOutcome::kUnresolved;
     if (overlaps_) return PairOutcome::kConverged;
@@ -203,19 +203,19 @@ class MeshSearch : public WarpSearch {
   // Divides pairs on top of the stack, one per thread: as many as fit with their children and the descent of one pair.
   // If even that does not fit, one pair descends alone.
   __device__ void open() {
-    const std::uint32_t room = kMeshStackEntries - stacked_;
-    if (room < 3) {  // a leaf's four triangles replace it
+    const std::uint32_t free = kMeshStackEntries - stacked_;
+    if (free < 3) {  // a leaf's four triangles replace it
       is_open_ = true;
       return;
     }
-    const std::uint32_t wide = room > kMeshWayDown + 3 ? (room - kMeshWayDown) / 3 : 1, most = wide < 32 ? wide : 32,
+    const std::uint32_t wide = free > kMeshWayDown + 3 ? (free - kMeshWayDown) / 3 : 1, most = wide < 32 ? wide : 32,
                         count = stacked_ < most ? stacked_ : most;
     __syncwarp();
     stacked_ -= count;
     const double limit = this->limit();
     bool there = lane() < count;
-    const MeshParts whole = there ? room_.parts[stacked_ + lane()] : MeshParts{0, 0};
-    const double known = there ? room_.gap[stacked_ + lane()] : 0;
+    const MeshParts whole = there ? scratch_.parts[stacked_ + lane()] : MeshParts{0, 0};
+    const double known = there ? scratch_.gap[stacked_ + lane()] : 0;
     __syncwarp();
     if (there && known > limit) {
       leave_out(known);
@@ -243,24 +243,25 @@ class MeshSearch : public WarpSearch {
         gap = other_gap;
       }
       const bool is_ready = has && !is_kept, are_triangles = parts.are_triangles();
-      put(is_ready && are_triangles, parts, gap, limit, room_.triangles, room_.triangle_gap, waiting_);
-      put(is_ready && !are_triangles, parts, gap, limit, room_.parts, room_.gap, stacked_);
+      put(is_ready && are_triangles, parts, gap, limit, scratch_.triangles, scratch_.triangle_gap, waiting_);
+      put(is_ready && !are_triangles, parts, gap, limit, scratch_.parts, scratch_.gap, stacked_);
     }
-    put(are_nodes, near, near_gap, limit, room_.parts, room_.gap, stacked_);
+    put(are_nodes, near, near_gap, limit, scratch_.parts, scratch_.gap, stacked_);
     __syncwarp();
   }
 
   // Evaluates waiting triangle pairs, one per thread.
-  __device__ void look(PairAnswer& answer) {
+  __device__ void evaluate_waiting(PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
     const double limit = this->limit();
     bool there = lane() < count;
-    const MeshParts parts = there ? room_.triangles[waiting_ + lane()] : MeshParts{kIsTriangle, kIsTriangle};
+    const MeshParts parts = there ? scratch_.triangles[waiting_ + lane()] : MeshParts{kIsTriangle, kIsTriangle};
     if (there) {
       // Includes the direction found since.
-      const double known = fmax(static_cast<double>(room_.triangle_gap[waiting_ + lane()]), before_.gap(parts, limit));
+      const double known =
+          fmax(static_cast<double>(scratch_.triangle_gap[waiting_ + lane()]), before_.gap(parts, limit));
       if (known > limit) {
         leave_out(known);
         there = false;
@@ -289,7 +290,7 @@ class MeshSearch : public WarpSearch {
     const ElementSet &solid = a_holds ? a_ : b_, &other = a_holds ? b_ : a_;
     const PlacedFrame &outer = a_holds ? of_a_ : of_b_, &inner = a_holds ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;
-    std::uint32_t requested = 0;
+    std::uint32_t windings = 0;
     bool all_are_known = true;
     for (std::uint32_t first = 0; first < other.part_count; first += 32) {
       const std::uint32_t part = first + lane(), triangle = part < other.part_count ? other.parts[part] : 0;
@@ -297,7 +298,7 @@ class MeshSearch : public WarpSearch {
       const MeshParts parts = a_holds ? MeshParts{0, kIsTriangle | triangle} : MeshParts{kIsTriangle | triangle, 0};
       const bool may_be_within = part < other.part_count && !(before_.gap(parts, 0) > 0);
       for (std::uint32_t left = __ballot_sync(~0u, may_be_within); left != 0; left &= left - 1) {
-        if (++requested > kMostWindings) return PairOutcome::kUnresolved;
+        if (++windings > kMostWindings) return PairOutcome::kUnresolved;
         const std::uint32_t at = __shfl_sync(~0u, triangle, static_cast<int>(first_of(left)));
         // The whole part lies on one side, so if float64 is unsure of one corner, another may decide.
         const PartVertices corners = Triangles::corners(other, at);
@@ -305,7 +306,7 @@ class MeshSearch : public WarpSearch {
         Vec3d turned{0, 0, 0};
         for (std::uint32_t corner = 0; corner < 3 && !winding.is_sure; ++corner) {
           turned = inner.R_wb * corners[corner];
-          winding = count_winding(solid, outer.R_wb.transpose_times(turned + shift), room_.nodes, kMeshStackEntries);
+          winding = count_winding(solid, outer.R_wb.transpose_times(turned + shift), scratch_.nodes, kMeshStackEntries);
         }
         all_are_known = all_are_known && winding.is_sure;
         if (!winding.is_sure || winding.number == 0) continue;
@@ -316,7 +317,7 @@ class MeshSearch : public WarpSearch {
     return all_are_known ? PairOutcome::kNone : PairOutcome::kUnresolved;
   }
 
-  SharedScratch& room_;
+  SharedScratch& scratch_;
   const ElementSet &a_, &b_;
   MeshesBefore before_;
   std::uint32_t stacked_ = 0, waiting_ = 0;

@@ -69,7 +69,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_spans(const __grid_const
 }
 
 // An end beyond a joint's limits flags the links that the joint places over the whole motion, as in MotionPoses.
-__device__ inline void tell_ends(const MotionsView& m, const JointRobot& robot, std::uint32_t s) {
+__device__ inline void flag_ends(const MotionsView& m, const JointRobot& robot, std::uint32_t s) {
   const FramesView& f = m.moves.frames;
   const double* const ends = m.ends + std::size_t{m.spans[s].motion} * 2 * f.joints;
   const JointColumn* const columns = f.columns + robot.first_column;
@@ -104,7 +104,7 @@ __global__ void __launch_bounds__(kMotionThreads) place_span_links(const __grid_
                    store_twist(m, robot.first_frame + robot.roots + i, s,
                                twist_of_step(step, axis_of_step(step), from, carrier, to, change));
                  });
-  if (m.chunk.pair_limits.want_nonsmooth) tell_ends(m, robot, s);
+  if (m.chunk.pair_limits.want_nonsmooth) flag_ends(m, robot, s);
 }
 
 // One thread per moved body and span: its pose, uncertainty and speed.
@@ -219,10 +219,10 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
       wanted = !(low > target);
       if (!wanted) leave_out(m, span, low);
     }
-    const std::uint32_t at = take_place(&count_of(m, kRequestedCount, m.level), wanted);
+    const std::uint32_t at = take_place(&count_of(m, kEvaluateCount, m.level), wanted);
     if (!wanted) continue;
     if (at < m.pair_capacity)
-      m.requested[at] = item;
+      m.to_evaluate[at] = item;
     else
       m.open[span.motion] = 1;
   }
@@ -246,16 +246,16 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
 
 // Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
 template <bool kLeast>
-__global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __grid_constant__ MotionsView m) {
+__global__ void __launch_bounds__(kMotionThreads) evaluate_span_pairs(const __grid_constant__ MotionsView m) {
   const ChunkView& c = m.chunk;
-  const std::uint32_t count = listed(count_of(m, kRequestedCount, m.level), m.pair_capacity);
+  const std::uint32_t count = listed(count_of(m, kEvaluateCount, m.level), m.pair_capacity);
   for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
     const bool exists = first + threadIdx.x < count;
     SpanPair item{0, 0};
     std::uint32_t motion = 0;
     bool converged = false, goes_on[2] = {false, false};
     if (exists) {
-      item = m.requested[first + threadIdx.x];
+      item = m.to_evaluate[first + threadIdx.x];
       const MotionSpan span = m.spans[item.span];
       motion = span.motion;
       if (!is_hit_before(m, motion, item.pair)) {
@@ -275,8 +275,8 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         if (kLeast && decides) q.abs_tol = 0;
 #pragma unroll 1
         for (bool again = false;; again = true) {
-          outcome = look_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
-                                          pair.at_b, answer);
+          outcome = evaluate_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
+                                              pair.at_b, answer);
           const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin &&
                                  answer.upper > margin && !span.late && (kLeast || q.rel_tol > wanted);
           if (again || !is_unsure) break;
@@ -292,7 +292,7 @@ __global__ void __launch_bounds__(kMotionThreads) look_at_span_pairs(const __gri
         } else if (outcome == PairOutcome::kUnresolved) {
           m.open[motion] = 1;
         } else if (kLeast) {
-          look_for_least(m, pair, target, answer, goes_on);
+          update_least(m, pair, target, answer, goes_on);
         } else if (answer.upper <= target) {
           add_hit(m, item, pair, answer);
           if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
@@ -323,7 +323,7 @@ __global__ void __launch_bounds__(kMotionThreads) keep_hits(const __grid_constan
 }
 
 // Whether unresolved pairs would multiply spans: the motion has no hit, or many spans already.
-__device__ inline bool is_hopeless(const MotionsView& m, std::uint32_t motion) {
+__device__ inline bool would_multiply_spans(const MotionsView& m, std::uint32_t motion) {
   return m.unresolved[motion] && (m.hit[motion] == kNoHit || m.steps[motion] > kMostUnresolvedSteps);
 }
 
@@ -348,12 +348,12 @@ __global__ void __launch_bounds__(kMotionThreads) divide_spans(const __grid_cons
   }
   if (wanted) {
     span = rest_of_span(span, i % 2 == 1, __uint_as_float(m.shares[i]));
-    if (m.finds_least && !is_still_requested(m, span)) {
+    if (m.finds_least && !is_still_needed(m, span)) {
       wanted = false;
     } else if (!m.finds_least && m.seeks_contact && begins_late(span.begin, time_of_hit(m, span.motion))) {
       free_no_longer(m, span.motion, span.begin);
       wanted = false;
-    } else if (m.level + 1 == m.levels || is_hopeless(m, span.motion)) {
+    } else if (m.level + 1 == m.levels || would_multiply_spans(m, span.motion)) {
       m.open[span.motion] = 1;
       wanted = false;
     }

@@ -39,7 +39,7 @@ __device__ inline void begin_at_ends(const MotionsView& m, std::uint32_t motion)
 }
 
 // Called between levels: sets the requirements of a span. Returns false if it needs nothing more and is dropped.
-__device__ inline bool is_still_requested(const MotionsView& m, MotionSpan& span) {
+__device__ inline bool is_still_needed(const MotionsView& m, MotionSpan& span) {
   const MotionHitRow& best = m.best[span.motion];
   span.required_distance = required_distance_of(m, best.answer.upper, best.slack);
   span.late = !m.seeks_contact || begins_late(span.begin, time_of_hit(m, span.motion));
@@ -50,7 +50,7 @@ __device__ inline bool is_still_requested(const MotionsView& m, MotionSpan& span
 }
 
 // Order by which one row is chosen to represent a motion.
-__device__ inline bool stands_before(const MotionHitRow& p, const MotionHitRow& q) {
+__device__ inline bool goes_before(const MotionHitRow& p, const MotionHitRow& q) {
   if (p.answer.upper != q.answer.upper) return p.answer.upper < q.answer.upper;
   return p.time != q.time ? p.time < q.time : p.pair < q.pair;
 }
@@ -61,7 +61,7 @@ __device__ inline void take_nearest(const MotionsView& m, const MotionHitRow& ro
   for (bool done = false; !done;) {
     if (atomicExch(m.lock + row.motion, 1u) != 0) continue;
     __threadfence();
-    if (stands_before(row, best)) best = row;
+    if (goes_before(row, best)) best = row;
     __threadfence();
     atomicExch(m.lock + row.motion, 0u);
     done = true;
@@ -83,9 +83,9 @@ __device__ inline MotionHitRow row_of(const MotionsView& m, const MovingPair& pa
 }
 
 // Applies an answer to the least distance, to first contact, and to both halves of a span.
-// \param requested distance up to which the pair was evaluated, in metres
-__device__ inline void look_for_least(const MotionsView& m, const MovingPair& pair, double requested,
-                                      const PairAnswer& answer, bool (&goes_on)[2]) {
+// \param reach distance up to which the pair was evaluated, in metres
+__device__ inline void update_least(const MotionsView& m, const MovingPair& pair, double reach,
+                                    const PairAnswer& answer, bool (&goes_on)[2]) {
   const MotionSpan& span = pair.span;
   const double margin = margin_of(m, pair.item.pair);
   const bool is_within = answer.upper <= margin;
@@ -99,7 +99,7 @@ __device__ inline void look_for_least(const MotionsView& m, const MovingPair& pa
   const double required_distance = least - pair.inner(), free = margin < required_distance ? required_distance : margin;
   // First contact is not sought after a pair within its margin, nor before it if it does not move.
   const bool before = !span.late && !(is_within && pair.way == 0), behind = !span.late && !is_within;
-  pair.divide(answer, requested, {before ? free : required_distance, behind ? free : required_distance}, goes_on);
+  pair.divide(answer, reach, {before ? free : required_distance, behind ? free : required_distance}, goes_on);
 }
 
 // Finds at each end the pair with the nearest boxes; any pair would do. Pairs without usable poses are left to the CPU.
@@ -117,18 +117,18 @@ __global__ void __launch_bounds__(kMotionThreads) find_seeds_at_ends(const __gri
 }
 
 // Evaluates these pairs, one thread per end, so that few other pairs need evaluation.
-__global__ void __launch_bounds__(kMotionThreads) look_at_seeds(const __grid_constant__ MotionsView m) {
+__global__ void __launch_bounds__(kMotionThreads) evaluate_seeds(const __grid_constant__ MotionsView m) {
   const std::uint32_t s = thread_index();
   if (s >= span_count(m) || m.seed[s] == ~std::uint64_t{0}) return;
   const SpanPair item{s, static_cast<std::uint32_t>(m.seed[s])};
   const MotionSpan span = m.spans[s];
   const MovingPair pair(m, item, span);
   PairAnswer answer = beyond_answer(0);
-  if (look_at_margin<Slack>(m.chunk, m.chunk.pair_limits, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b,
-                            answer) == PairOutcome::kConverged)
+  if (evaluate_at_margin<Slack>(m.chunk, m.chunk.pair_limits, -__builtin_inf(), pair.ref, s, pair.at_a, pair.at_b,
+                                answer) == PairOutcome::kConverged)
     take_nearest(m, row_of(m, pair, answer));
 }
-// Runs after look_at_seeds(): sets the required distance of other pairs there.
+// Runs after evaluate_seeds(): sets the required distance of other pairs there.
 __global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_constant__ MotionsView m) {
   const std::uint32_t s = thread_index();
   if (s >= span_count(m)) return;
@@ -140,7 +140,7 @@ __global__ void __launch_bounds__(kMotionThreads) aim_at_ends(const __grid_const
 __global__ void __launch_bounds__(kMotionThreads) begin_whole_motions(const __grid_constant__ MotionsView m) {
   const std::uint32_t i = thread_index();
   MotionSpan span{i, 0, 0, 1, 0};
-  const bool wanted = i < m.motions && !m.open[i] && !m.to_cpu[i] && is_still_requested(m, span);
+  const bool wanted = i < m.motions && !m.open[i] && !m.to_cpu[i] && is_still_needed(m, span);
   const std::uint32_t at = take_place(&count_of(m, kSpanCount, m.level + 1), wanted);
   if (wanted) m.next_spans[at] = span;
 }

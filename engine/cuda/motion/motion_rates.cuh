@@ -168,15 +168,14 @@ struct MovingPair {
   }
 
   // Applies an answer to both halves, as MotionSearch::divide(), and reduces the halves' proved shares. If the answer's
-  // status is kBeyond, the pair is beyond `requested` over the whole span.
+  // status is kBeyond, the pair is beyond `reach` over the whole span.
   // \param targets of both halves
   // \param goes_on set for halves whose proof is not sufficient
-  __device__ void divide(const PairAnswer& answer, double requested, const double (&targets)[2],
-                         bool (&goes_on)[2]) const {
+  __device__ void divide(const PairAnswer& answer, double reach, const double (&targets)[2], bool (&goes_on)[2]) const {
     const double by_speed = difference_below(answer.lower, way);
     const bool is_beyond = answer.status == Status::kBeyond;
     if (is_beyond || (is_past(by_speed, targets[0]) && is_past(by_speed, targets[1]))) {
-      leave_out(m, span, is_beyond && by_speed < requested ? requested : by_speed);
+      leave_out(m, span, is_beyond && by_speed < reach ? reach : by_speed);
       return;
     }
     if (way == 0) {  // no relative motion, and neither beyond its target nor within

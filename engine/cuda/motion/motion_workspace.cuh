@@ -54,7 +54,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     const OnDevice here = on_device();
     MotionSlot& slot = *slots_[index];
     slot.is_under_way = true;
-    make_room(slot, chunk);
+    reserve(slot, chunk);
     MotionsView& m = slot.view;
     m.ends = send_given(slot, chunk, Given::kPositions, chunk.positions, 2 * std::size_t{joints_});
     clock_.begin(slot.time, slot.stream);
@@ -122,7 +122,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     take(parts);
   }
 
-  void make_room(MotionSlot& slot, const ChunkSetup& chunk) {
+  void reserve(MotionSlot& slot, const ChunkSetup& chunk) {
     MotionsView& m = slot.view;
     m = {};
     m.chunk.hulls = hulls_.view();
@@ -141,10 +141,10 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.rel_tol = least_.rel_tol;
     m.levels = levels_of(m);
     m.motions = chunk.configurations;
-    const MotionRoom room(m.motions, chunk.pair_count);
-    m.span_capacity = m.chunk.configurations = room.spans;
-    m.pair_capacity = room.pairs;
-    m.hit_capacity = room.hits;
+    const MotionCapacity capacity(m.motions, chunk.pair_count);
+    m.span_capacity = m.chunk.configurations = capacity.spans;
+    m.pair_capacity = capacity.pairs;
+    m.hit_capacity = capacity.hits;
     make_parts(slot.motions, [&](Parts& parts) {
       std::byte* begin = nullptr;
       parts.take(begin, motions_bytes(m.motions));
@@ -162,9 +162,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       parts.take(m.seed, 2 * std::size_t{m.motions});
       parts.take(m.lock, m.motions);
     });
-    make_room_for_spans(slot);
+    reserve_spans(slot);
     make_parts(slot.pairs, [&](Parts& parts) {
-      for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.requested}) parts.take(*list, m.pair_capacity);
+      for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.to_evaluate}) parts.take(*list, m.pair_capacity);
     });
     make_parts(slot.hits, [&](Parts& parts) {
       parts.take(m.hits, m.finds_least ? 0 : m.hit_capacity);
@@ -172,7 +172,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     });
   }
 
-  void make_room_for_spans(MotionSlot& slot) {
+  void reserve_spans(MotionSlot& slot) {
     MotionsView& m = slot.view;
     BodiesView& bodies = m.chunk.bodies;
     FramesView& frames = m.moves.frames;
@@ -211,7 +211,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       move_span_bodies<<<blocks(S * moved), kMotionThreads, 0, stream>>>(m);
       if (at_ends) {
         find_seeds_at_ends<<<pair_blocks, kMotionThreads, 0, stream>>>(m);
-        look_at_seeds<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
+        evaluate_seeds<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
         aim_at_ends<<<blocks(spans), kMotionThreads, 0, stream>>>(m);
       }
       if (is_first)
@@ -220,9 +220,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       if (m.finds_least) {
-        look_at_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       } else {
-        look_at_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
         keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       }
       if (at_ends)
@@ -244,7 +244,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   ChunkClock clock_;
   double margin_ = 0;
   std::uint32_t max_evaluations_ = 0;
-  LeastRequested least_;
+  LeastTolerance least_;
 };
 
 }  // namespace clearance::cuda

@@ -95,12 +95,12 @@ struct Hull {
     const Vec3<float> f = cast<float>(n);
     if (!hull.has_table || !is_on_map(f)) return hull.scan(n);
     const std::uint32_t list = hull.list_along(f), candidates = hull.words[list];
-    SupportPoint<T> best = hull.look_at(hull.words[list + 1], n);
+    SupportPoint<T> best = hull.support_point(hull.words[list + 1], n);
 #pragma unroll 1
-    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(hull.look_at(hull.words[list + k], n), best);
+    for (std::uint32_t k = 2; k <= candidates; ++k) take_farther(hull.support_point(hull.words[list + k], n), best);
     return best;
   }
-  __device__ SupportPoint<T> look_at(std::uint32_t i, const Vec3<T>& n) const { return {i, dot(n, vertex(i))}; }
+  __device__ SupportPoint<T> support_point(std::uint32_t i, const Vec3<T>& n) const { return {i, dot(n, vertex(i))}; }
   __device__ static void take_farther(const SupportPoint<T>& p, SupportPoint<T>& best) {
     if (p.value > best.value) best = p;
   }
@@ -141,12 +141,12 @@ __device__ inline void find_farthest(const Hull<Vertices>& a, const Vec3<T>& n_a
   const std::uint32_t list_a = a.list_along(f), list_b = b.list_along(cast<float>(n_b));
   const std::uint32_t count_a = a.words[list_a], count_b = b.words[list_b],
                       most = count_a < count_b ? count_b : count_a;
-  in_a = a.look_at(a.words[list_a + 1], n_a);
-  in_b = b.look_at(b.words[list_b + 1], n_b);
+  in_a = a.support_point(a.words[list_a + 1], n_a);
+  in_b = b.support_point(b.words[list_b + 1], n_b);
 #pragma unroll 1
   for (std::uint32_t k = 2; k <= most; ++k) {
-    const SupportPoint<T> next_a = a.look_at(a.words[list_a + (k < count_a ? k : count_a)], n_a),
-                          next_b = b.look_at(b.words[list_b + (k < count_b ? k : count_b)], n_b);
+    const SupportPoint<T> next_a = a.support_point(a.words[list_a + (k < count_a ? k : count_a)], n_a),
+                          next_b = b.support_point(b.words[list_b + (k < count_b ? k : count_b)], n_b);
     a.take_farther(next_a, in_a);
     b.take_farther(next_b, in_b);
   }

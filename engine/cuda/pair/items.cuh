@@ -112,10 +112,10 @@ __device__ inline double upper_so_far(const GjkRun<Hull>& run) {
   return upper <= 0 ? 0 : upper < __builtin_inf() ? upper : __builtin_inf();
 }
 
-// Computes the cutoffs of the seeds, one thread per group. `asks(item)` returns whether a seed belongs to this kernel;
+// Computes the cutoffs of the seeds, one thread per group. `handles(item)` returns whether this kernel has the seed;
 // `cutoff(item, row)` returns its cutoff.
-template <class Asks, class Cutoff>
-__device__ inline void cut_off_by_seed(const ReducedView& r, const Asks& asks, const Cutoff& cutoff) {
+template <class Handles, class Cutoff>
+__device__ inline void cut_off_by_seed(const ReducedView& r, const Handles& handles, const Cutoff& cutoff) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
   if (at >= std::uint64_t{r.chunk.configurations} * r.groups) return;
   const std::uint64_t seed = r.seed[at];
@@ -123,7 +123,7 @@ __device__ inline void cut_off_by_seed(const ReducedView& r, const Asks& asks, c
   const auto k = static_cast<std::uint32_t>(at / r.groups);
   const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
   const Item item(r, row);
-  if (!asks(item)) return;
+  if (!handles(item)) return;
   bool taken = false;  // by the thread of the pair's other group
   for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
   if (taken) return;

@@ -34,9 +34,9 @@ __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLim
 
 // The same for pairs of any geometry.
 template <class S>
-__device__ inline PairOutcome look_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
-                                             std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                             PairAnswer& answer) {
+__device__ inline PairOutcome evaluate_at_margin(const ChunkView& c, const PairLimits& q, double margin, PairRef ref,
+                                                 std::uint32_t k, const BodyPoseRef& at_a, const BodyPoseRef& at_b,
+                                                 PairAnswer& answer) {
   if (has_several(c.hulls, at_a.body, at_b.body)) return solve_parts<false>(c, q, ref, k, at_a, at_b, answer, margin);
   if (answer_without_parts(q, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
   return narrow_to_margin(c, q, margin, ref, k, at_a, at_b, answer, known_slack<S>(c, ref, k));

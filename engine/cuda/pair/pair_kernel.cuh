@@ -93,7 +93,7 @@ struct GjkRun {
   }
   __device__ __forceinline__ void step() {
     Nearest<T> next;
-    if (const GjkEnd end = look(next); end == GjkEnd::kRunning)
+    if (const GjkEnd end = try_step(next); end == GjkEnd::kRunning)
       g.go_on(next);
     else
       g.close(end);
@@ -103,7 +103,7 @@ struct GjkRun {
     GjkEnd end;
     for (int steps = 0;;) {
       Nearest<T> next;
-      end = look(next);
+      end = try_step(next);
       if (end != GjkEnd::kRunning) break;
       g.go_on(next);
       if (++steps < q_.max_iterations) continue;
@@ -127,10 +127,10 @@ struct GjkRun {
 
  private:
   // \param next state of the next step, if the run goes on
-  __device__ __forceinline__ GjkEnd look(Nearest<T>& next) {
+  __device__ __forceinline__ GjkEnd try_step(Nearest<T>& next) {
     SupportPoint<T> fa, fb;
     find_farthest(a_, -g.v, fa, b_, at_.R.transpose_times(g.v), fb);
-    return g.look(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, next);
+    return g.try_step(cso_vertex(fa.index, fb.index), -dot(g.v, at_.D) - (fa.value + fb.value), limits_, next);
   }
   __device__ T cut_off() const { return static_cast<T>(q_.max_distance * Setup::kMore); }
   __device__ CsoVertex<T> cso_vertex(std::uint32_t a, std::uint32_t b) const {

@@ -64,7 +64,7 @@ __device__ inline PairOutcome solve_parts(const ChunkView& c, const PairLimits& 
   PartSearch search;
   PartPair best{};
   LaneWitness witness;
-  const auto look = [&](const PartPair& p, double cut_off) {
+  const auto evaluate = [&](const PartPair& p, double cut_off) {
     const HullHead *of_a = head_a(p.a), *of_b = head_b(p.b);
     PairLimits q = pair_limits;
     q.max_distance = cut_off;
@@ -92,7 +92,7 @@ __device__ inline PairOutcome solve_parts(const ChunkView& c, const PairLimits& 
     return PartEnd::kOverlap;
   };
   const double cut_off = slack_of_pair(c, ref, k).cut_off(pair_limits.max_distance);
-  const PartEnd end = search_parts(search, cut_off, nearest, look, slack_of_pair(c, ref, k).near_enough(margin)...);
+  const PartEnd end = search_parts(search, cut_off, nearest, evaluate, slack_of_pair(c, ref, k).near_enough(margin)...);
   if (end == PartEnd::kOpen || (end == PartEnd::kApart && !(search.upper < __builtin_inf())))
     return PairOutcome::kUnresolved;
   if (end == PartEnd::kApart) {

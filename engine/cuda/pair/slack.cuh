@@ -24,7 +24,7 @@ __device__ __noinline__ inline Slack pair_slack(const ChunkView& c, PairRef ref,
   if (at_a.robot != kNone && at_a.robot == at_b.robot && at_a.slot != at_b.slot) {
     const double travel = a.travel < b.travel ? b.travel : a.travel;
     const double joints = uncertainties.link_pairs[at_a.first_pair + link_pair_place(at_a.slot, at_b.slot)].at(travel);
-    if (joints < __builtin_inf()) return slack_beside(a.beside, b.beside, joints);
+    if (joints < __builtin_inf()) return slack_between_links(a.relative, b.relative, joints);
   }
   return a.all + b.all;
 }

@@ -77,14 +77,14 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
   return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
 }
 
-// Places a moved body in configuration k, with its boxes. `beside` is a position error in metres, in addition to the
+// Places a moved body in configuration k, with its boxes. `position_error`, in metres, comes in addition to the
 // uncertainty of its frames.
-// \returns its uncertainty, without `beside`
+// \returns its uncertainty, without `position_error`
 // \tparam kUncertain whether any body is uncertain
 template <bool kUncertain>
 __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
                                                std::uint32_t slot, std::uint32_t k, std::uint32_t configurations,
-                                               double beside = 0) {
+                                               double position_error = 0) {
   // Parents are placed again for each follower: chains are short, and threads need no synchronization.
   BodyPlacement parent, here;
   bool follows = moves.has_base[slot] != 0;
@@ -119,9 +119,9 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
   for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
   put(9, placed ? here.pose.t_w : zero);
   if (kUncertain) {
-    const Slack more{beside, beside};
+    const Slack more{position_error, position_error};
     bodies.uncertainties.moved[std::size_t{slot} * configurations + k] = {uncertainty.slack + more,
-                                                                          uncertainty.beside + more, travel};
+                                                                          uncertainty.relative + more, travel};
   }
   const bool want_box = bodies.components > kPoseComponents;
   if (!want_box && !bodies.moved_part_box) return uncertainty;
@@ -138,7 +138,7 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
     }
   };
   const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
-                               kUncertain ? sum_above(uncertainty.slack.inner, beside) : 0, put_part);
+                               kUncertain ? sum_above(uncertainty.slack.inner, position_error) : 0, put_part);
   if (!want_box) return uncertainty;
   put(12, box.low);
   put(15, box.high);

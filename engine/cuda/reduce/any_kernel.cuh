@@ -32,7 +32,7 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
 // Evaluates the listed pairs of hulls up to their margins. Pairs of PairKind::kLeft become unresolved, and those of the
 // other kinds have kernels of their own (element_kernel.cuh).
 template <class S>
-__global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_constant__ ReducedView r) {
+__global__ void __launch_bounds__(kItemThreads) evaluate_near_pairs(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = item_count(r);
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
@@ -49,7 +49,7 @@ __global__ void __launch_bounds__(kItemThreads) look_at_near_pairs(const __grid_
         q.max_distance = margin_of(r, item.p);
         outcome = kind == PairKind::kLeft
                       ? PairOutcome::kUnresolved
-                      : look_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
+                      : evaluate_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
         if (outcome == PairOutcome::kUnresolved)
           answer = no_answer(Status::kOk);  // the mark that list_open_pairs() tests
         else

@@ -66,14 +66,14 @@ struct ConfigurationPairs {
 };
 
 // Result of a team's comparison of all boxes.
-struct FirstLook {
+struct BoxScan {
   float reach = __builtin_inff();    // squared likely distance of the nearest pair; infinite if no pair has poses
   std::uint32_t unusable = kNoPair;  // first pair without usable poses
 };
 template <std::uint32_t kLanes>
-__device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
+__device__ inline BoxScan scan_boxes(const ConfigurationPairs& members, const Team<kLanes>& team) {
   constexpr float kInf = __builtin_inff();
-  FirstLook look;
+  BoxScan scan;
   float least = kInf;
   std::uint32_t nearest = kNone;
   bool all_placed = true;
@@ -85,22 +85,22 @@ __device__ inline FirstLook look_at_boxes(const ConfigurationPairs& members, con
     nearest = is_nearer ? i : nearest;
     all_placed = all_placed && squared < kInf;
   }
-  if (nearest != kNone) look.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
-  look.reach = team.least(look.reach);
+  if (nearest != kNone) scan.reach = likely_reach(members.box_a(nearest), members.box_b(nearest), least);
+  scan.reach = team.least(scan.reach);
   // Some pairs may lack poses, or their squared gap may overflow a float.
   if (__any_sync(~0u, !all_placed)) {
-    const bool any = look.reach == kInf;
+    const bool any = scan.reach == kInf;
     for (std::uint32_t i = team.lane; i < members.count() && !all_placed; i += kLanes) {
       if (!members.has_poses(i)) {
-        if (look.unusable == kNoPair) look.unusable = i;
+        if (scan.unusable == kNoPair) scan.unusable = i;
       } else if (any) {
-        look.reach = 3.4028234e38f;
+        scan.reach = 3.4028234e38f;
       }
     }
-    look.reach = team.least(look.reach);
-    look.unusable = team.least(look.unusable);
+    scan.reach = team.least(scan.reach);
+    scan.unusable = team.least(scan.unusable);
   }
-  return look;
+  return scan;
 }
 
 // Search of a configuration for its winner; each thread of its team has a copy of the state.
@@ -109,7 +109,7 @@ class Decision {
  public:
   __device__ Decision(const ReducedView& r, std::uint32_t k, bool exists, std::uint32_t* queue)
       : r_(r), c_(r.chunk), members_{r, exists ? k : 0}, at_(k), exists_(exists), queue_(queue) {
-    first_ = look_at_boxes(members_, team_);
+    first_ = scan_boxes(members_, team_);
     reach_ = first_.reach;
     decided_ = !exists || !is_usable();
   }
@@ -117,7 +117,7 @@ class Decision {
   __device__ void run() {
     while (__any_sync(~0u, !decided_)) {
       gather();
-      look();
+      evaluate_queued();
       go_on();
     }
     __syncwarp();
@@ -165,7 +165,7 @@ class Decision {
   // The pair that a thread evaluates. It stays in registers as long as no address of a part of it is kept. So its run,
   // which does keep addresses, is not a member, and functions that are not inlined get copies.
   using Scene = Hull<SceneVertices>;
-  struct Look {
+  struct QueuedPair {
     const bool there;  // if false, the thread duplicates another thread's pair and contributes nothing
     const std::uint32_t member;
     const BodyPoseRef at_a, at_b;
@@ -176,7 +176,8 @@ class Decision {
     const bool runs;  // neither its poses nor its boxes answer it
     bool apart;       // proved so far
 
-    __device__ __forceinline__ Look(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref, std::uint32_t k)
+    __device__ __forceinline__ QueuedPair(const ChunkView& c, bool is_there, std::uint32_t i, PairRef ref,
+                                          std::uint32_t k)
         : there(is_there),
           member(i),
           at_a(c.bodies, c.configurations, ref.a, k),
@@ -191,15 +192,15 @@ class Decision {
   };
 
   // Evaluates the queued pairs, one per thread.
-  __device__ void look() {
+  __device__ void evaluate_queued() {
     const bool there = !decided_ && team_.lane < queued_ && members_.has_poses(queue_[team_.lane]);
     const std::uint32_t all_there = __ballot_sync(~0u, there);
     if (all_there == 0) return;
     const int source = static_cast<int>(there ? threadIdx.x % 32 : first_bit(all_there));
     const std::uint32_t member = there ? queue_[team_.lane] : 0;
     const PairRef ref = members_.ref(member);
-    Look pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
-              __shfl_sync(~0u, members_.k, source));
+    QueuedPair pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
+                    __shfl_sync(~0u, members_.k, source));
     GjkRun<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
     if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
@@ -224,7 +225,7 @@ class Decision {
 
   // Runs GJK on the team's pairs in lockstep. Without depths the first overlapping pair wins: later pairs wait, and
   // earlier ones only need to be proved apart. Returns a bit for each pair whose simplex encloses the origin.
-  __device__ __forceinline__ std::uint32_t race(Look& pair, GjkRun<Scene>& run) const {
+  __device__ __forceinline__ std::uint32_t race(QueuedPair& pair, GjkRun<Scene>& run) const {
     const double margin = run.radius + rounding_error(double(RoundingUnits<double>::kLower), run.scale);
     const double apart_from = margin * margin * (1 + 0x1p-30);
     for (int steps = 0;;) {
@@ -242,7 +243,8 @@ class Decision {
   }
 
   // Whether this thread's pair is the first one that encloses the origin and is proved to overlap.
-  __device__ __forceinline__ bool proves_overlap(Look& pair, const GjkRun<Scene>& run, std::uint32_t enclosing) const {
+  __device__ __forceinline__ bool proves_overlap(QueuedPair& pair, const GjkRun<Scene>& run,
+                                                 std::uint32_t enclosing) const {
     if (enclosing == 0 || !pair.there || team_.lane != first_bit(enclosing)) return false;
     Enclosed enclosed;
     take_enclosed(run.g, enclosed);
@@ -253,7 +255,8 @@ class Decision {
     return overlaps;
   }
   // Whether this thread's pair leaves the first overlapping pair undetermined.
-  __device__ __forceinline__ bool is_unsure_of_overlap(const Look& pair, std::uint32_t enclosing, bool overlaps) const {
+  __device__ __forceinline__ bool is_unsure_of_overlap(const QueuedPair& pair, std::uint32_t enclosing,
+                                                       bool overlaps) const {
     if (enclosing == 0 || !pair.there) return false;
     const std::uint32_t first = first_bit(enclosing);
     return team_.lane == first ? !overlaps : pair.runs && team_.lane < first && !pair.apart;
@@ -262,7 +265,7 @@ class Decision {
   // Merges the bounds of the team's pairs, none of which encloses the origin, into the configuration. All threads of
   // the warp call it. Returns false if this thread's bounds did not converge.
   // \param ends whether this thread's pair has finished
-  __device__ __forceinline__ bool take_bounds(Look& pair, const GjkRun<Scene>& run, bool ends) {
+  __device__ __forceinline__ bool take_bounds(QueuedPair& pair, const GjkRun<Scene>& run, bool ends) {
     constexpr double kInf = __builtin_inf();
     const RunBounds<double> bounds = run.bounds();
     const bool settles = ends && (!pair.runs || bounds.converged);
@@ -288,7 +291,7 @@ class Decision {
     reach_ = fminf(reach_, square_from_above(cutoff_));
     return !ends || settles;
   }
-  __device__ __forceinline__ void keep(const Look& pair, const GjkRun<Scene>& run,
+  __device__ __forceinline__ void keep(const QueuedPair& pair, const GjkRun<Scene>& run,
                                        const RunBounds<double>& bounds) const {
     const Scene a = pair.a, b = pair.b;
     const BodyPoseRef at_a = pair.at_a, at_b = pair.at_b;
@@ -347,7 +350,7 @@ class Decision {
   const std::uint32_t at_;  // the configuration, which is also its group and row
   const bool exists_;
   std::uint32_t* const queue_;  // (2 * kLanes,) members in order
-  FirstLook first_;
+  BoxScan first_;
   bool decided_, is_open_ = false;
   float done_ = -1, reach_;          // the current round takes squared box gaps in (done_, reach_]
   double cutoff_ = __builtin_inf();  // distance that the nearest pair cannot exceed

@@ -1,6 +1,6 @@
 #include "engine/cuda/reduce/reduced.cuh"
 #include "engine/cuda/reduce/reduced_workspace.cuh"
-#include "engine/cuda/reduce/standing_reduced.cuh"
+#include "engine/cuda/reduce/resident_reduced.cuh"
 
 namespace clearance::cuda {
 
@@ -8,8 +8,8 @@ std::unique_ptr<LentReduced> make_reduced(const ResidentHulls& hulls, WorkCounte
   return std::make_unique<ReducedCudaWorkspace>(hulls, counters);
 }
 
-std::unique_ptr<StandingWorkspace> make_standing_reduced(const ResidentHulls& hulls, WorkCounters& counters) {
-  return std::make_unique<StandingReduced>(hulls, counters);
+std::unique_ptr<ResidentWorkspace> make_resident_reduced(const ResidentHulls& hulls, WorkCounters& counters) {
+  return std::make_unique<ResidentReduced>(hulls, counters);
 }
 
 }  // namespace clearance::cuda

@@ -17,6 +17,6 @@ class LentReduced : public ReducedWorkspace {
 /// The calling thread's device must be that of the hulls.
 std::unique_ptr<LentReduced> make_reduced(const ResidentHulls& hulls, WorkCounters& counters);
 /// For Reduce::kMin and Reduce::kAny.
-std::unique_ptr<StandingWorkspace> make_standing_reduced(const ResidentHulls& hulls, WorkCounters& counters);
+std::unique_ptr<ResidentWorkspace> make_resident_reduced(const ResidentHulls& hulls, WorkCounters& counters);
 
 }  // namespace clearance::cuda

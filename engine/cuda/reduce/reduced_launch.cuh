@@ -30,7 +30,7 @@ struct ReducedSettings {
         by_teams(s.by_teams && !hulls.has_several()) {}
 
   /// \param margins of the query's pairs, on the device; null if all are equal
-  void tell(ReducedView& r, std::uint32_t rows, const double* margins) const {
+  void apply(ReducedView& r, std::uint32_t rows, const double* margins) const {
     r.reduce = reduce;
     r.groups = groups;
     r.rows = rows;
@@ -125,8 +125,8 @@ inline void start_items(const ReducedView& r, bool several, cudaStream_t stream)
 /// Reduce::kAny: evaluates the pairs whose boxes are within their margins, and lists the unresolved ones.
 inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
-  const auto look = r.chunk.bodies.uncertainties.fixed ? look_at_near_pairs<Slack> : look_at_near_pairs<NoSlack>;
-  look<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
+  const auto evaluate = r.chunk.bodies.uncertainties.fixed ? evaluate_near_pairs<Slack> : evaluate_near_pairs<NoSlack>;
+  evaluate<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
   list_open_pairs<<<item_blocks(r), kItemThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");

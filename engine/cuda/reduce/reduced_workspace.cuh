@@ -63,7 +63,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     if (table_) clear_counts(*slots_[0]);  // now, so that it does not delay the search for near pairs
     QuerySide::begin(s);
     begin_elements(s);
-    requested_ = ReducedSettings(s, hulls_);
+    settings_ = ReducedSettings(s, hulls_);
     warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
     clock_.restart();
@@ -75,7 +75,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedSlot& slot = *slots_[index];
     ReducedView& r = slot.view;
     r.chunk = view_of(slot, chunk);
-    requested_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    settings_.apply(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.elements = elements_.view();
     if (r.elements.count > 0) start_moved_element_boxes(r.chunk, r.elements, slot.stream);
     r.chunk.counts = reinterpret_cast<std::uint32_t*>(slot.device_counts.reserve(kCounts * sizeof(std::uint32_t)));
@@ -83,11 +83,11 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : groups_of(r);
     r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
-    if (requested_.by_teams) return launch_teams(slot);
+    if (settings_.by_teams) return launch_teams(slot);
     slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
-    make_room_for_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
-    make_room_for_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
+    reserve_items(slot, table_ ? std::min(r.rows, slot.table.expected(r.chunk.bodies.bodies)) : slot.listed);
+    reserve_rows(slot, within() ? std::min(slot.most_rows, kFirstHits) : slot.most_rows);
 
     clock_.begin(slot.time, slot.stream);
     if (table_)
@@ -108,11 +108,11 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedSlot& slot = *slots_[index];
     const ReducedView& r = slot.view;
     check(cudaStreamSynchronize(slot.stream), "answering a query");
-    if (requested_.by_teams) {
+    if (settings_.by_teams) {
       answer_open(slot);
     } else if (const std::uint32_t candidates = r.chunk.host_counts[kCandidates]; candidates > r.capacity) {
       if (!table_) slot.listed = candidates;
-      make_room_for_items(slot, candidates);
+      reserve_items(slot, candidates);
       clear(slot);
       solve(slot);
       write(slot);
@@ -134,7 +134,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     return open;
   }
 
-  ReducedResult settle(int index, std::span<const PairAnswer> answers) override {
+  ReducedResult finish_with(int index, std::span<const PairAnswer> answers) override {
     const OnDevice here = on_device();
     ReducedSlot& slot = *slots_[index];
     const std::size_t bytes = answers.size_bytes();
@@ -153,8 +153,8 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   }
 
  private:
-  bool within() const { return requested_.reduce == Reduce::kWithin; }
-  bool any() const { return requested_.reduce == Reduce::kAny; }
+  bool within() const { return settings_.reduce == Reduce::kWithin; }
+  bool any() const { return settings_.reduce == Reduce::kAny; }
 
   // Clouds and meshes among the bodies, with the boxes of fixed ones.
   void begin_elements(const QuerySetup& s) {
@@ -175,9 +175,9 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   // One team of threads decides each configuration. Configurations that teams leave open are rare, and are listed.
   void launch_teams(ReducedSlot& slot) {
     ReducedView& r = slot.view;
-    make_room_for_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
-    make_room_for_rows(slot, slot.most_rows);
-    make_room_for_groups(slot);
+    reserve_items(slot, std::max({r.chunk.configurations, kFirstOpen, slot.listed}));
+    reserve_rows(slot, slot.most_rows);
+    reserve_groups(slot);
     if (!slot.counts_are_clear) clear_counts(slot);
     slot.counts_are_clear = true;  // the kernel leaves them cleared
     clock_.begin(slot.time, slot.stream);
@@ -188,7 +188,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     ReducedView& r = slot.view;
     if (const std::uint32_t open = r.chunk.host_counts[kCandidates]; open > r.capacity) {
       slot.listed = open;
-      make_room_for_items(slot, open);
+      reserve_items(slot, open);
       start_teams(r, slot.stream);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
@@ -204,16 +204,16 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     check(cudaStreamSynchronize(slot.stream), "answering a query");
   }
 
-  void make_room_for_items(ReducedSlot& slot, std::uint32_t capacity) {
+  void reserve_items(ReducedSlot& slot, std::uint32_t capacity) {
     ReducedView& r = slot.view;
     take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
     if (!table_) return;
-    slot.table.make_room(r, *table_, slot.stream);
-    if (r.hit_ranks) make_room_for_ranks(slot);
+    slot.table.reserve(r, *table_, slot.stream);
+    if (r.hit_ranks) reserve_ranks(slot);
   }
 
   // The kernel writes rows directly to host memory, to the caller's if it is pinned.
-  void make_room_for_rows(ReducedSlot& slot, std::uint64_t rows) {
+  void reserve_rows(ReducedSlot& slot, std::uint64_t rows) {
     ReducedView& r = slot.view;
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, rows, fields_, &bytes, joints_);
@@ -222,18 +222,18 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.chunk.reply = preferring(own, slot.direct);
   }
 
-  void make_room_for_groups(ReducedSlot& slot) {
-    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), requested_.by_teams);
+  void reserve_groups(ReducedSlot& slot) {
+    take_group_memory(slot.view, slot.device_groups.reserve(group_bytes(slot.view)), settings_.by_teams);
   }
 
   void seed(ReducedSlot& slot) {
-    make_room_for_groups(slot);
+    reserve_groups(slot);
     clear_all_groups(slot.view, slot.stream);
     start_seeds(slot.view, slot.stream);
   }
 
   void begin_decisions(ReducedSlot& slot) {
-    make_room_for_groups(slot);
+    reserve_groups(slot);
     clear_all_groups(slot.view, slot.stream);
     clear_counts(slot);
   }
@@ -246,13 +246,13 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.hit_words = r.candidate_words + words;
     r.candidate_ranks = r.hit_words + words;
     r.hit_ranks = r.candidate_ranks + words;
-    make_room_for_ranks(slot);
+    reserve_ranks(slot);
     mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
     rank(slot, r.candidate_words, r.candidate_ranks);
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  void make_room_for_ranks(ReducedSlot& slot) {
+  void reserve_ranks(ReducedSlot& slot) {
     slot.scan_bytes = 0;
     rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // computes the size
     slot.device_scan.reserve(slot.scan_bytes);
@@ -304,7 +304,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     done.total = within() ? r.chunk.host_counts[kHits] : slot.most_rows;
     done.row_count = std::min(done.total, slot.most_rows);
     if (done.row_count > r.reply_rows) {
-      make_room_for_rows(slot, done.row_count);
+      reserve_rows(slot, done.row_count);
       write(slot);
       check(cudaStreamSynchronize(slot.stream), "answering a query");
     }
@@ -314,7 +314,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     return done;
   }
 
-  ReducedSettings requested_;
+  ReducedSettings settings_;
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null if the query's pairs are listed
   QueryElements elements_{counters_.memory};

@@ -24,7 +24,7 @@ class TableSearch {
   void found(std::uint32_t pairs) { expected_ = std::max(pairs + pairs / 8, expected_ - expected_ / 8); }
 
   /// Allocates memory for r.capacity pairs and sets the table's part of the view. No work may be in flight.
-  void make_room(ReducedView& r, const CudaTable& table, cudaStream_t stream) {
+  void reserve(ReducedView& r, const CudaTable& table, cudaStream_t stream) {
     const std::uint32_t n = r.chunk.bodies.bodies;
     r.table = table.view;
     r.key_bits = static_cast<std::uint32_t>(std::bit_width(std::max(n, 2u) - 1));

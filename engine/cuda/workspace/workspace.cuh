@@ -74,7 +74,7 @@ class QuerySide : public Interface {
       if (std::exchange(slot->is_under_way, false)) cudaStreamSynchronize(slot->stream);
   }
 
-  FixedBodies room_for_bodies(std::size_t bodies) override {
+  FixedBodies body_buffers(std::size_t bodies) override {
     const OnDevice here = on_device();
     fixed_count_ = static_cast<std::uint32_t>(bodies);
     std::byte* memory = host_bodies_.reserve(fixed_bytes());
@@ -133,11 +133,11 @@ class QuerySide : public Interface {
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
-  std::byte* room_for(Given given, int slot, std::size_t bytes) override {
+  std::byte* chunk_input_buffer(Given given, int slot, std::size_t bytes) override {
     const OnDevice here = on_device();
     return slots_[slot]->host_given[static_cast<int>(given)].reserve(bytes);
   }
-  std::byte* room_for_all(Given given, std::size_t bytes) override {
+  std::byte* query_input_buffer(Given given, std::size_t bytes) override {
     const OnDevice here = on_device();
     return all_given_[static_cast<int>(given)].reserve(bytes);
   }
@@ -220,11 +220,11 @@ class QuerySide : public Interface {
   }
 
   // Memory for a chunk's moved bodies: outer boxes, boxes of convex parts, components, slacks, states.
-  struct MovedRoom {
+  struct MovedBytes {
     std::size_t states, boxes, parts, numbers, slacks;
     std::size_t bytes() const { return boxes + parts + numbers + slacks + states; }
   };
-  MovedRoom moved_room(std::uint32_t configurations) const {
+  MovedBytes moved_bytes(std::uint32_t configurations) const {
     const std::size_t states = std::size_t{bodies_.moved_count} * configurations;
     return {states, bodies_.fixed_box ? states * sizeof(OuterBox) : 0,
             std::size_t{moved_parts_} * configurations * kPartBoxBytes, states * bodies_.components * sizeof(double),
@@ -232,7 +232,7 @@ class QuerySide : public Interface {
   }
 
   // Memory for the frames of robots with moving joints: numbers, travels, facts.
-  std::size_t frames_room(std::uint32_t configurations) const {
+  std::size_t frame_bytes(std::uint32_t configurations) const {
     return (std::size_t{frames_} * (7 * sizeof(double) + 1) + moves_.frames.robot_count * sizeof(double)) *
            configurations;
   }
@@ -241,7 +241,7 @@ class QuerySide : public Interface {
     if (frames.robot_count == 0) return frames;
     const std::size_t K = chunk.configurations;
     frames.positions = send_given(slot, chunk, Given::kPositions, chunk.positions, frames.joints);
-    frames.numbers = reinterpret_cast<double*>(slot.device_frames.reserve(frames_room(chunk.configurations)));
+    frames.numbers = reinterpret_cast<double*>(slot.device_frames.reserve(frame_bytes(chunk.configurations)));
     frames.travels = frames.numbers + std::size_t{frames_} * 7 * K;
     frames.facts = reinterpret_cast<std::uint8_t*>(frames.travels + frames.robot_count * K);
     start_links(frames, chunk.configurations, slot.stream);
@@ -250,9 +250,9 @@ class QuerySide : public Interface {
 
   void place(Slot& slot, const ChunkSetup& chunk, BodiesView& bodies) {
     const Pose* given = send_given(slot, chunk, Given::kPoses, chunk.poses, given_count_);
-    const MovedRoom room = moved_room(chunk.configurations);
-    const auto [states, boxes, parts, numbers, slacks] = room;
-    std::byte* memory = slot.device_bodies.reserve(room.bytes());
+    const MovedBytes moved = moved_bytes(chunk.configurations);
+    const auto [states, boxes, parts, numbers, slacks] = moved;
+    std::byte* memory = slot.device_bodies.reserve(moved.bytes());
     bodies.moved_box = bodies.fixed_box ? reinterpret_cast<OuterBox*>(memory) : nullptr;
     bodies.moved_part_box = parts > 0 ? reinterpret_cast<double*>(memory + boxes) : nullptr;
     bodies.moved = reinterpret_cast<double*>(memory + boxes + parts);

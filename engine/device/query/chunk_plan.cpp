@@ -20,13 +20,13 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
   return static_cast<std::uint32_t>((pairs * configurations + kTile - 1) / kTile);
 }
 
-class Dealer {
+class ChunkPlanner {
  public:
-  Dealer(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& deal)
+  ChunkPlanner(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& chunk_plan)
       : scene_(scene),
         device_(device),
         plan_(plan),
-        deal_(deal),
+        chunk_plan_(chunk_plan),
         ref_(scene.bodies().size()),
         hull_(scene.bodies().size()) {
     for (std::uint32_t b = 0; b < ref_.size(); ++b) {
@@ -43,8 +43,9 @@ class Dealer {
     const std::uint64_t parts = K == 1 || P >= chunk_rows ? (P + chunk_rows - 1) / chunk_rows : 1;
     const std::uint64_t per_part = parts == 0 ? 0 : (P + parts - 1) / parts;
     const std::uint64_t chunks = parts > 1 ? K : (K * P + chunk_rows - 1) / chunk_rows;
-    deal_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
-    deal_.last_configurations = static_cast<std::uint32_t>(K - (K - 1) / deal_.configurations * deal_.configurations);
+    chunk_plan_.configurations = chunks == 0 ? 1 : static_cast<std::uint32_t>((K + chunks - 1) / chunks);
+    chunk_plan_.last_configurations =
+        static_cast<std::uint32_t>(K - (K - 1) / chunk_plan_.configurations * chunk_plan_.configurations);
     // The first of few parts is small, so that its rows are copied early. Each later part is computed while the rows
     // before it are copied.
     const std::uint64_t shares = growing && K == 1 && parts <= kChunksUnderWay ? parts * (parts + 1) / 2 : 0;
@@ -53,7 +54,7 @@ class Dealer {
       add_part(first, static_cast<std::uint32_t>(std::min(size, P - first)));
       first += size;
     }
-    deal_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
+    chunk_plan_.resident = const_cast<Device&>(device_).upload(refs_, position_, group_of_tile_);
   }
 
  private:
@@ -63,7 +64,7 @@ class Dealer {
     part.first = first;
     part.count = count;
     part.first_pair = static_cast<std::uint32_t>(refs_.size());
-    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, room_);
+    const std::span<const BodyPair> pairs = plan_.pairs.slice(first, count, slice_);
     order_.clear();
     std::vector<Entry> several;
     for (std::uint32_t i = 0; i < count; ++i) {
@@ -84,7 +85,7 @@ class Dealer {
       for (end = begin; end < order_.size() && order_[end].hulls == order_[begin].hulls;) ++end;
       const auto one = static_cast<std::uint32_t>(order_[begin].hulls >> 32),
                  other = static_cast<std::uint32_t>(order_[begin].hulls);
-      if ((end - begin) * deal_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
+      if ((end - begin) * chunk_plan_.configurations < kCompany || !device_.shares(one) || !device_.shares(other)) {
         ungrouped.insert(ungrouped.end(), order_.begin() + static_cast<std::ptrdiff_t>(begin),
                          order_.begin() + static_cast<std::ptrdiff_t>(end));
         continue;
@@ -94,9 +95,9 @@ class Dealer {
       for (std::size_t i = begin; i < end; ++i) add_pair(pairs, order_[i]);
     }
     const Group ungrouped_group = add_apart(part, pairs, ungrouped), several_group = add_apart(part, pairs, several);
-    part.whole = add_groups(groups, ungrouped_group, several_group, deal_.configurations);
-    part.last = add_groups(groups, ungrouped_group, several_group, deal_.last_configurations);
-    deal_.parts.push_back(std::move(part));
+    part.whole = add_groups(groups, ungrouped_group, several_group, chunk_plan_.configurations);
+    part.last = add_groups(groups, ungrouped_group, several_group, chunk_plan_.last_configurations);
+    chunk_plan_.parts.push_back(std::move(part));
   }
 
   struct Entry {
@@ -140,9 +141,9 @@ class Dealer {
   const Scene& scene_;
   const Device& device_;
   const Plan& plan_;
-  ChunkPlan& deal_;
+  ChunkPlan& chunk_plan_;
   std::vector<std::uint32_t> ref_, hull_;
-  std::vector<BodyPair> room_;
+  std::vector<BodyPair> slice_;
   std::vector<Entry> order_;
   std::vector<PairRef> refs_;
   std::vector<std::uint32_t> position_;
@@ -183,17 +184,17 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
   if (plan.query.configuration_count > 0)
     for (std::uint32_t slot = 0; slot < plan.moved.size(); ++slot) ref[plan.moved[slot]] = slot | kMovedBit;
   refs.reserve(plan.pairs.size());
-  std::vector<std::uint8_t> is_requested(ref.size(), 0);
-  std::vector<BodyPair> room;
+  std::vector<std::uint8_t> is_listed(ref.size(), 0);
+  std::vector<BodyPair> storage;
   std::uint64_t left = 0;
   constexpr std::uint64_t kSlice = 1u << 16;
   for (std::uint64_t first = 0; first < plan.pairs.size(); first += kSlice)
-    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), room)) {
+    for (const auto [a, b] : plan.pairs.slice(first, std::min(kSlice, plan.pairs.size() - first), storage)) {
       const BodyKind of_a = kind_of(scene, device, a), of_b = kind_of(scene, device, b);
       if (of_a == BodyKind::kUnknown || of_b == BodyKind::kUnknown) return refs.clear();
       refs.push_back({ref[a], ref[b]});
       if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
-      is_requested[a] = is_requested[b] = 1;
+      is_listed[a] = is_listed[b] = 1;
       if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
         list.kinds.*kernel = true;
       else
@@ -201,12 +202,12 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
     }
   if (left == plan.pairs.size()) return refs.clear();
   for (std::uint32_t body = 0; body < ref.size(); ++body)
-    if (is_requested[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
+    if (is_listed[body] && device.hull_of(body) == kNone) list.of_elements.push_back(body);
 }
 
 }  // namespace
 
-RequestedPairs::RequestedPairs(const Plan& plan) {
+PairSelectionKey::PairSelectionKey(const Plan& plan) {
   if (plan.query.configuration_count > 0) moved = plan.moved;
   if (plan.pairs.is_whole_table())
     table = plan.snapshot->pairs;
@@ -214,7 +215,7 @@ RequestedPairs::RequestedPairs(const Plan& plan) {
     pairs.assign(plan.pairs.list().begin(), plan.pairs.list().end());
 }
 
-bool RequestedPairs::fit(const Plan& plan) const {
+bool PairSelectionKey::matches(const Plan& plan) const {
   const bool moves = plan.query.configuration_count > 0;
   if (moves ? moved != plan.moved : !moved.empty()) return false;
   if (plan.pairs.is_whole_table()) return table.get() == plan.pairs.table();
@@ -222,35 +223,35 @@ bool RequestedPairs::fit(const Plan& plan) const {
   return !table && std::equal(pairs.begin(), pairs.end(), list.begin(), list.end());
 }
 
-std::shared_ptr<const ChunkPlan> DeviceBackend::deal(const Plan& plan) {
+std::shared_ptr<const ChunkPlan> DeviceBackend::chunk_plan(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
-    if (last_ && last_->all_configurations == plan.size.configurations && last_->requested.fit(plan)) return last_;
+    if (last_ && last_->all_configurations == plan.size.configurations && last_->key.matches(plan)) return last_;
   }
   auto next = std::make_shared<ChunkPlan>();
   next->all_configurations = plan.size.configurations;
-  next->requested = RequestedPairs(plan);
+  next->key = PairSelectionKey(plan);
   const std::uint64_t rows = plan.size.configurations * plan.size.pairs;
-  Dealer(scene_, *device_, plan, *next)
+  ChunkPlanner(scene_, *device_, plan, *next)
       .run(std::clamp(rows / static_cast<std::uint64_t>(device_->chunks_wanted()), kFewestRows, kMostRows), true);
   const std::lock_guard lock(mutex_);
   last_ = next;
   return next;
 }
 
-std::shared_ptr<const ChunkPlan> DeviceBackend::deal_anew(const Plan& plan, std::uint64_t chunk_rows) const {
-  auto deal = std::make_shared<ChunkPlan>();
-  Dealer(scene_, *device_, plan, *deal).run(chunk_rows, false);
-  return deal;
+std::shared_ptr<const ChunkPlan> DeviceBackend::make_chunk_plan(const Plan& plan, std::uint64_t chunk_rows) const {
+  auto chunk_plan = std::make_shared<ChunkPlan>();
+  ChunkPlanner(scene_, *device_, plan, *chunk_plan).run(chunk_rows, false);
+  return chunk_plan;
 }
 
 std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   {
     const std::lock_guard lock(mutex_);
-    if (last_list_ && last_list_->requested.fit(plan)) return last_list_;
+    if (last_list_ && last_list_->key.matches(plan)) return last_list_;
   }
   auto next = std::make_shared<PairListOnDevice>();
-  next->requested = RequestedPairs(plan);
+  next->key = PairSelectionKey(plan);
   std::vector<PairRef> refs;
   list_in_order(scene_, *device_, plan, refs, *next);
   if (!refs.empty()) next->resident = device_->upload(refs, {}, {});
@@ -271,10 +272,10 @@ std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& sce
     KnownElements& known = elements_[body];
     if (known.surface != of.parts[0]->surface) {
       // A query still in flight keeps the previous points in place.
-      std::shared_ptr<ResidentElements> room = std::exchange(known.resident, nullptr);
+      std::shared_ptr<ResidentElements> reused = std::exchange(known.resident, nullptr);
       known.surface = nullptr;
-      if (room.use_count() > 1) room = nullptr;
-      known.resident = device_->upload(*of.parts[0]->surface, std::move(room));
+      if (reused.use_count() > 1) reused = nullptr;
+      known.resident = device_->upload(*of.parts[0]->surface, std::move(reused));
       if (!known.resident) return nullptr;
       known.surface = of.parts[0]->surface;
     }

@@ -15,13 +15,14 @@ class DenseDeviceQuery final : public DeviceQuery {
       : DeviceQuery(context, std::move(plan), reply) {}
 
   void begin() override {
-    deal_ = backend_.deal(plan_);
+    chunk_plan_ = backend_.chunk_plan(plan_);
     workspace_ = backend_.device().borrow();
-    const std::uint64_t rounds = (plan_.size.configurations + deal_->configurations - 1) / deal_->configurations;
-    chunks_ = rounds * deal_->parts.size();
+    const std::uint64_t rounds =
+        (plan_.size.configurations + chunk_plan_->configurations - 1) / chunk_plan_->configurations;
+    chunks_ = rounds * chunk_plan_->parts.size();
     if (chunks_ == 0) return;
     QuerySetup s = setup(*workspace_);
-    s.pairs = deal_->resident.get();
+    s.pairs = chunk_plan_->resident.get();
     s.chunks = chunks_;
     s.all_pairs = plan_.size.pairs;
     s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
@@ -36,10 +37,10 @@ class DenseDeviceQuery final : public DeviceQuery {
     std::uint64_t first_row;
   };
   Chunk chunk(std::uint64_t index) const {
-    const std::uint64_t first = index / deal_->parts.size() * deal_->configurations;
-    const ChunkPlan::Part& part = deal_->parts[index % deal_->parts.size()];
-    const auto configurations =
-        static_cast<std::uint32_t>(std::min<std::uint64_t>(deal_->configurations, plan_.size.configurations - first));
+    const std::uint64_t first = index / chunk_plan_->parts.size() * chunk_plan_->configurations;
+    const ChunkPlan::Part& part = chunk_plan_->parts[index % chunk_plan_->parts.size()];
+    const auto configurations = static_cast<std::uint32_t>(
+        std::min<std::uint64_t>(chunk_plan_->configurations, plan_.size.configurations - first));
     return {&part, first, configurations, first * plan_.size.pairs + part.first};
   }
 
@@ -48,7 +49,7 @@ class DenseDeviceQuery final : public DeviceQuery {
   void launch(std::uint64_t index) override {
     const Chunk c = chunk(index);
     const int slot = static_cast<int>(index % slots_);
-    ChunkSetup s = chunk_of(*c.part, c.configurations == deal_->configurations ? c.part->whole : c.part->last);
+    ChunkSetup s = chunk_of(*c.part, c.configurations == chunk_plan_->configurations ? c.part->whole : c.part->last);
     s.configurations = c.configurations;
     s.first_configuration = c.first_configuration;
     give_configurations(*workspace_, slot, s);
@@ -78,14 +79,13 @@ class DenseDeviceQuery final : public DeviceQuery {
           return OpenRow{c.first_configuration + cpu_rows_[i] / c.part->count,
                          c.part->first + cpu_rows_[i] % c.part->count};
         },
-        [&](std::size_t i, const PlacedBodies& requested, const PairAnswer& answer) {
+        [&](std::size_t i, const PlacedBodies& bodies, const PairAnswer& answer) {
           const auto k = static_cast<std::uint32_t>(c.first_configuration + cpu_rows_[i] / c.part->count);
-          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, requested,
-                answer);
+          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, bodies, answer);
         });
   }
 
-  std::shared_ptr<const ChunkPlan> deal_;
+  std::shared_ptr<const ChunkPlan> chunk_plan_;
   std::vector<std::uint32_t> cpu_rows_;
   std::shared_ptr<Workspace> workspace_;  // last member: destroyed first, which waits for the device
 };

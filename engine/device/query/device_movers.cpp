@@ -15,7 +15,7 @@ DeviceMovers::DeviceMovers(const JointGradient& gradient, const Plan& plan)
   }
 }
 
-void DeviceMovers::tell(QuerySetup& setup) const {
+void DeviceMovers::fill(QuerySetup& setup) const {
   setup.movers = movers_;
   setup.mover_of_body = of_body_;
 }

@@ -14,7 +14,7 @@ class DeviceMovers {
  public:
   DeviceMovers(const JointGradient& gradient, const Plan& plan);
   /// Points a setup to the arrays.
-  void tell(QuerySetup& setup) const;
+  void fill(QuerySetup& setup) const;
 
  private:
   std::vector<JointMover> movers_;

@@ -15,7 +15,7 @@ namespace {
 // Maximum pair-configurations of a chunk, which bounds the memory of its lists: 130 bytes each for a reduction.
 constexpr std::uint64_t kMostPlanRows = 1u << 22;
 
-[[noreturn]] void refuse(const std::string& why) {
+[[noreturn]] void reject(const std::string& why) {
   throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
 
@@ -34,19 +34,19 @@ std::string beyond_plans(const Scene& scene, const Plan& plan) {
 }
 
 // The device's part of a query, begun once and launched on every run.
-class StandingQuery : public DevicePlan, protected DeviceQuery {
+class ResidentQuery : public DevicePlan, protected DeviceQuery {
  public:
-  StandingQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
+  ResidentQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
 
   void begin() override {
-    workspace_ = backend_.device().make_standing(plan_.query.reduce);
-    if (!workspace_) refuse("the engine has several devices: make one of a single device");
+    workspace_ = backend_.device().make_resident(plan_.query.reduce);
+    if (!workspace_) reject("the engine has several devices: make one of a single device");
     in_order_ = backend_.list(plan_);
     QuerySetup s = setup(*workspace_);
     s.fields = plan_.size.fields;
-    deal(s);
+    assign_pairs(s);
     workspace_->begin(s);
-    workspace_->make_room(most_rows_, static_cast<std::uint32_t>(configurations_));
+    workspace_->reserve(most_rows_, static_cast<std::uint32_t>(configurations_));
   }
 
   const QuerySize& size() const override { return plan_.size; }
@@ -60,9 +60,9 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     std::uint64_t bytes = 0;
     reply_view_over(nullptr, size.rows, size.fields, &bytes, size.joints);
     try {
-      own_ = reply_view_over(workspace_->room_for_rows(bytes), size.rows, size.fields, nullptr, size.joints);
+      own_ = reply_view_over(workspace_->row_buffer(bytes), size.rows, size.fields, nullptr, size.joints);
     } catch (const DeviceError& error) {
-      refuse(error.what());
+      reject(error.what());
     }
     return own_;
   }
@@ -80,22 +80,22 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
                          void* stream) override {
     assert(first < plan_.size.configurations);
     if (plan_.query.configuration_count > 0) {
-      if (!given.poses && plan_.given_bodies > 0) refuse("poses: expected some");
-      if (!given.positions && !plan_.joints.empty()) refuse("positions: expected some");
+      if (!given.poses && plan_.given_bodies > 0) reject("poses: expected some");
+      if (!given.positions && !plan_.joints.empty()) reject("positions: expected some");
     }
     check_columns(rows);
     try {
       launch_configurations(first, given, rows, stream);
     } catch (const DeviceError& error) {
       backend_.note(error);
-      refuse(error.what());
+      reject(error.what());
     }
     return std::min<std::uint64_t>(first + configurations_, plan_.size.configurations);
   }
 
  protected:
   /// Assigns the pairs to chunks, and sets the number of configurations and rows of a chunk.
-  virtual void deal(QuerySetup& setup) = 0;
+  virtual void assign_pairs(QuerySetup& setup) = 0;
   /// Launches some configurations.
   /// \param chunk settings shared by all
   virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
@@ -104,14 +104,14 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     BodyPair pair{};
     plan_.pairs.copy(index, 1, &pair);
     const std::uint32_t body = backend_.device().hull_of(pair.a) == kNone ? pair.a : pair.b;
-    refuse("the device does not hold '" + scene().bodies()[body].name + "'");
+    reject("the device does not hold '" + scene().bodies()[body].name + "'");
   }
 
   std::shared_ptr<const PairListOnDevice> in_order_;
-  std::shared_ptr<const ChunkPlan> deal_;             // Reduce::kNone only
+  std::shared_ptr<const ChunkPlan> chunk_plan_;       // Reduce::kNone only
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
   ReplyView own_;
-  std::shared_ptr<StandingWorkspace> workspace_;  // last member: destroyed first, which waits for the device
+  std::shared_ptr<ResidentWorkspace> workspace_;  // last member: destroyed first, which waits for the device
 
  private:
   void check_columns(const ReplyView& rows) const {
@@ -119,13 +119,13 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
     const auto column = [&](const auto* at, int) {
       const bool known = (plan_.size.fields >> bit++ & 1) != 0;
       if (!at) return;
-      if (!known) refuse("rows: a column that the plan was not made for");
+      if (!known) reject("rows: a column that the plan was not made for");
       if (reinterpret_cast<std::uintptr_t>(at) % std::min<std::size_t>(alignof_rows(*at), 16) != 0)
-        refuse("rows: a column that is not aligned");
+        reject("rows: a column that is not aligned");
     };
     for_each_column(column, rows);
     if (rows.gradient_joints && rows.joints != plan_.size.joints)
-      refuse("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
+      reject("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
              std::to_string(plan_.size.joints));
   }
   static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in units of 16 bytes
@@ -152,25 +152,25 @@ class StandingQuery : public DevicePlan, protected DeviceQuery {
 };
 
 // A row per configuration and pair.
-class StandingRows final : public StandingQuery {
+class ResidentRows final : public ResidentQuery {
  public:
-  using StandingQuery::StandingQuery;
+  using ResidentQuery::ResidentQuery;
 
  private:
-  void deal(QuerySetup& setup) override {
-    deal_ = backend_.deal_anew(plan_, kMostPlanRows);
-    for (const ChunkPlan::Part& part : deal_->parts)
+  void assign_pairs(QuerySetup& setup) override {
+    chunk_plan_ = backend_.make_chunk_plan(plan_, kMostPlanRows);
+    for (const ChunkPlan::Part& part : chunk_plan_->parts)
       if (!part.on_cpu.empty()) reject_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
-    setup.pairs = deal_->resident.get();
-    configurations_ = deal_->configurations;
-    for (const ChunkPlan::Part& part : deal_->parts)
-      most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * deal_->configurations);
+    setup.pairs = chunk_plan_->resident.get();
+    configurations_ = chunk_plan_->configurations;
+    for (const ChunkPlan::Part& part : chunk_plan_->parts)
+      most_rows_ = std::max(most_rows_, std::uint64_t{part.count} * chunk_plan_->configurations);
   }
 
   void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
-    for (const ChunkPlan::Part& part : deal_->parts) {
-      ChunkSetup s = chunk_of(part, chunk.configurations == deal_->configurations ? part.whole : part.last);
+    for (const ChunkPlan::Part& part : chunk_plan_->parts) {
+      ChunkSetup s = chunk_of(part, chunk.configurations == chunk_plan_->configurations ? part.whole : part.last);
       s.configurations = chunk.configurations;
       s.first_configuration = chunk.first_configuration;
       s.poses = chunk.poses;
@@ -183,15 +183,15 @@ class StandingRows final : public StandingQuery {
 };
 
 // A row per configuration.
-class StandingReduction final : public StandingQuery {
+class ResidentReduction final : public ResidentQuery {
  public:
-  using StandingQuery::StandingQuery;
+  using ResidentQuery::ResidentQuery;
 
  private:
-  void deal(QuerySetup& setup) override {
+  void assign_pairs(QuerySetup& setup) override {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
-    if (P == 0) refuse("no pairs");
-    if (P >= std::uint64_t{1} << 32) refuse("too many pairs");
+    if (P == 0) reject("no pairs");
+    if (P >= std::uint64_t{1} << 32) reject("too many pairs");
     if (!in_order_->resident || !in_order_->of_elements.empty()) reject_pair(first_unknown());
     configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
@@ -223,20 +223,20 @@ class StandingReduction final : public StandingQuery {
 
 std::unique_ptr<DevicePlan> make_device_plan(const JobContext& context, Plan&& plan) {
   if (!context.device || !context.device->usable())
-    refuse(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
+    reject(context.device ? context.device->error() : "the engine has no device (backend cuda or auto)");
   const std::string beyond = beyond_plans(*context.scene, plan);
-  if (!beyond.empty()) refuse(beyond);
+  if (!beyond.empty()) reject(beyond);
   try {
-    std::unique_ptr<StandingQuery> query;
+    std::unique_ptr<ResidentQuery> query;
     if (plan.query.reduce == Reduce::kNone)
-      query = std::make_unique<StandingRows>(context, std::move(plan));
+      query = std::make_unique<ResidentRows>(context, std::move(plan));
     else
-      query = std::make_unique<StandingReduction>(context, std::move(plan));
+      query = std::make_unique<ResidentReduction>(context, std::move(plan));
     query->begin();
     return query;
   } catch (const DeviceError& error) {
     context.device->note(error);
-    refuse(error.what());
+    reject(error.what());
   }
 }
 

@@ -20,7 +20,7 @@ constexpr std::size_t kMostPinned = 1u << 26;  // bytes; larger inputs are copie
 DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply)
     : ParallelJob(context, std::move(plan), reply, plan.query.reduce == Reduce::kNone),
       backend_(*context.device),
-      rooms_(static_cast<std::size_t>(workers())) {
+      scratch_(static_cast<std::size_t>(workers())) {
   info.backend = "cuda";
   for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), options_);
   find_direct_columns();
@@ -66,7 +66,7 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
                    options_.f32};
   s.fields = fields_;
   s.boxes = options_.cull;
-  place_fixed(workspace.room_for_bodies(plan_.snapshot->placed.size()));
+  place_fixed(workspace.body_buffers(plan_.snapshot->placed.size()));
   if (plan_.query.configuration_count > 0) {
     if (std::max(plan_.configurations.size_bytes(), plan_.positions.size_bytes()) <= kMostPinned) {
       take_in(workspace, Given::kPoses, plan_.configurations);
@@ -74,10 +74,10 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     } else {
       plan_.keep_configurations();
     }
-    moved_.emplace(scene(), plan_).tell(s);
+    moved_.emplace(scene(), plan_).fill(s);
   }
-  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).tell(s);
-  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).tell(s);
+  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).fill(s);
+  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).fill(s);
   return s;
 }
 
@@ -85,7 +85,7 @@ template <class T>
 void DeviceQuery::take_in(QueryWorkspace& workspace, Given given, std::span<const T> all) {
   if (all.empty()) return;
   Incoming& in = incoming_[static_cast<std::size_t>(given)];
-  in.pinned = workspace.room_for_all(given, all.size_bytes());
+  in.pinned = workspace.query_input_buffer(given, all.size_bytes());
   in.copy.emplace(all.data(), in.pinned, all.size_bytes(), CopyReader::kDevice);
 }
 
@@ -175,9 +175,9 @@ const T* DeviceQuery::give(QueryWorkspace& workspace, int slot, Given given, std
   if (each == 0) return nullptr;
   if (const std::byte* const pinned = incoming_[static_cast<std::size_t>(given)].pinned)
     return reinterpret_cast<const T*>(pinned) + first * each;
-  std::byte* const room = workspace.room_for(given, slot, count * each * sizeof(T));
-  copy_bytes(all.data() + first * each, room, count * each * sizeof(T), CopyReader::kDevice);
-  return reinterpret_cast<const T*>(room);
+  std::byte* const pinned = workspace.chunk_input_buffer(given, slot, count * each * sizeof(T));
+  copy_bytes(all.data() + first * each, pinned, count * each * sizeof(T), CopyReader::kDevice);
+  return reinterpret_cast<const T*>(pinned);
 }
 
 void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {

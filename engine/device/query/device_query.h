@@ -63,7 +63,7 @@ class DeviceQuery : public ParallelJob {
   /// Copies rows of a column that the device could not write itself.
   void copy_column(const void* from, void* to, std::size_t bytes);
 
-  /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, requested, answer)` receives the
+  /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, bodies, answer)` receives the
   /// answer.
   template <class Open, class Take>
   void answer_on_cpu(std::size_t count, Open open, Take take) {
@@ -72,19 +72,20 @@ class DeviceQuery : public ParallelJob {
     WorkMeter unlimited;
     run_units(next, (count + kRestUnit - 1) / kRestUnit, unlimited, [&](std::uint64_t unit, int worker, WorkMeter&) {
       const auto w = static_cast<std::size_t>(worker);
-      RestScratch& room = rooms_[w];
+      RestScratch& scratch = scratch_[w];
       const std::size_t begin = unit * kRestUnit, end = std::min<std::size_t>(begin + kRestUnit, count);
       std::uint64_t evaluated = 0;
       for (std::size_t i = begin, j; i < end; i = j) {
         const std::uint64_t k = open(i).configuration;
         const BodyPoses& here = placement(worker, k);
-        room.requested.clear();
-        for (j = i; j < end && open(j).configuration == k; ++j) room.requested.push_back(requested(open(j).pair, here));
-        room.answers.resize(std::max(room.answers.size(), room.requested.size()));
-        evaluators_[w].run(room.requested, room.answers);
-        for (std::size_t n = 0; n < room.requested.size(); ++n) {
-          take(i + n, room.requested[n], room.answers[n]);
-          evaluated += reached_narrow_phase(room.answers[n]);
+        scratch.to_evaluate.clear();
+        for (j = i; j < end && open(j).configuration == k; ++j)
+          scratch.to_evaluate.push_back(placed_bodies(open(j).pair, here));
+        scratch.answers.resize(std::max(scratch.answers.size(), scratch.to_evaluate.size()));
+        evaluators_[w].run(scratch.to_evaluate, scratch.answers);
+        for (std::size_t n = 0; n < scratch.to_evaluate.size(); ++n) {
+          take(i + n, scratch.to_evaluate[n], scratch.answers[n]);
+          evaluated += reached_narrow_phase(scratch.answers[n]);
         }
       }
       evaluated_.fetch_add(evaluated, std::memory_order_relaxed);
@@ -103,10 +104,10 @@ class DeviceQuery : public ParallelJob {
   static constexpr std::uint64_t kUnitsPerChunk = 1024;  // work units counted for waiting for a chunk
   static constexpr std::uint64_t kRestUnit = 16;         // rows per thread and unit
   struct RestScratch {
-    std::vector<PlacedBodies> requested;
+    std::vector<PlacedBodies> to_evaluate;
     std::vector<PairAnswer> answers;
   };
-  PlacedBodies requested(std::uint64_t pair, const BodyPoses& placement) const {
+  PlacedBodies placed_bodies(std::uint64_t pair, const BodyPoses& placement) const {
     if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
     const double margin = plan_.margins.of(pair);
     return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};
@@ -131,7 +132,7 @@ class DeviceQuery : public ParallelJob {
   std::optional<MovedChains> moved_;                // empty if the query moves nothing
   std::optional<DeviceUncertainty> uncertainties_;  // empty if no body of the query is uncertain
   std::optional<DeviceMovers> movers_;              // empty without gradients by joints
-  std::vector<RestScratch> rooms_;
+  std::vector<RestScratch> scratch_;
   std::vector<Evaluator> evaluators_;
 };
 

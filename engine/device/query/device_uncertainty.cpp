@@ -11,13 +11,13 @@ namespace {
 template <class IsSo>
 std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so) {
   std::uint32_t found = kNone;
-  const auto look = [&](std::uint32_t body) {
+  const auto add = [&](std::uint32_t body) {
     if (body < scene.bodies().size() && body < found && is_so(body)) found = body;
   };
   if (plan.pairs.is_whole_table())
-    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) look(b);
+    for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) add(b);
   else
-    for (const auto [a, b] : plan.pairs.list()) look(a), look(b);
+    for (const auto [a, b] : plan.pairs.list()) add(a), add(b);
   return found;
 }
 
@@ -43,7 +43,7 @@ std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
 DeviceUncertainty::DeviceUncertainty(const Scene& scene, const Plan& plan) {
   assert(plan.uncertainties.size() == scene.bodies().size());
   for (const PoseUncertainty& uncertainty : plan.uncertainties)
-    fixed_.push_back({uncertainty.slack, uncertainty.beside, uncertainty.link.travel});
+    fixed_.push_back({uncertainty.slack, uncertainty.relative, uncertainty.link.travel});
   take_links(scene);
   if (plan.query.configuration_count > 0) take_moved(scene, plan);
 }
@@ -97,7 +97,7 @@ void DeviceUncertainty::take_moved(const Scene& scene, const Plan& plan) {
   }
 }
 
-void DeviceUncertainty::tell(QuerySetup& setup) const {
+void DeviceUncertainty::fill(QuerySetup& setup) const {
   setup.fixed_slack = fixed_;
   setup.links = links_;
   setup.link_pairs = link_pairs_;

@@ -20,7 +20,7 @@ class DeviceUncertainty {
  public:
   DeviceUncertainty(const Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
-  void tell(QuerySetup& setup) const;
+  void fill(QuerySetup& setup) const;
 
  private:
   void take_links(const Scene& scene);

@@ -11,7 +11,7 @@ namespace clearance::cuda {
 
 namespace {
 
-[[noreturn]] void refuse(const std::string& error) {
+[[noreturn]] void reject(const std::string& error) {
   throw QueryError(QueryErrorCode::kNotSupported, "the device cannot answer, and the CPU may not take over: " + error);
 }
 
@@ -34,11 +34,11 @@ std::unique_ptr<DeviceQuery> begin_on_device(const JobContext& context, Plan& pl
       if (query) plan = query->give_up();
       backend.note(error);
       if (error.kind == DeviceError::kOneLost) continue;  // try the remaining devices
-      if (!backend.fallback()) refuse(error.what());
+      if (!backend.fallback()) reject(error.what());
       return nullptr;
     }
   }
-  if (!backend.fallback()) refuse(backend.error());
+  if (!backend.fallback()) reject(backend.error());
   return nullptr;
 }
 
@@ -55,11 +55,11 @@ class FallbackJob final : public Job::State {
         units = query_->units;
         return done;
       } catch (const DeviceError& error) {
-        begin_elsewhere(error);
+        restart(error);
       }
     }
     assert(!query_);
-    if (!on_cpu_) refuse(context_.device->error());  // repeats the error
+    if (!on_cpu_) reject(context_.device->error());  // repeats the error
     const bool done = on_cpu_->advance(budget);
     info = on_cpu_->info;
     units = on_cpu_->units;
@@ -70,11 +70,11 @@ class FallbackJob final : public Job::State {
 
  private:
   // Restarts on the remaining devices or on the CPU. Rows already written are written again.
-  void begin_elsewhere(const DeviceError& error) {
+  void restart(const DeviceError& error) {
     DeviceBackend& backend = *context_.device;
     backend.note(error);
     const bool others_are_left = error.kind == DeviceError::kOneLost;
-    if (!others_are_left && !backend.fallback()) refuse(error.what());
+    if (!others_are_left && !backend.fallback()) reject(error.what());
     Plan plan = query_->give_up();
     query_.reset();
     if (others_are_left) query_ = begin_on_device(context_, plan, reply_);
@@ -105,7 +105,7 @@ std::string beyond_the_device(const Plan& plan) {
 
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
   const std::string beyond = beyond_the_device(plan);
-  if (!beyond.empty() && !context.device->fallback()) refuse(beyond + " is not supported on a device yet");
+  if (!beyond.empty() && !context.device->fallback()) reject(beyond + " is not supported on a device yet");
   auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);

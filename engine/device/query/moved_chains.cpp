@@ -41,7 +41,7 @@ std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::ui
   return state;
 }
 
-void MovedChains::tell(QuerySetup& setup) const {
+void MovedChains::fill(QuerySetup& setup) const {
   setup.given_count = given_count_;
   setup.moved_body = moved_;
   setup.source = source_;
@@ -51,7 +51,7 @@ void MovedChains::tell(QuerySetup& setup) const {
   setup.base = base_;
   setup.has_base = has_base_;
   setup.slot_state = slot_state_;
-  links_.tell(setup);
+  links_.fill(setup);
 }
 
 }  // namespace clearance::cuda

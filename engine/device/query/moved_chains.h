@@ -14,7 +14,7 @@ class MovedChains {
  public:
   MovedChains(const Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
-  void tell(QuerySetup& setup) const;
+  void fill(QuerySetup& setup) const;
 
  private:
   std::uint8_t state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const;

@@ -26,7 +26,7 @@ void MovedLinks::add(const LinkMotion& motion) {
   frame_count_ += roots + static_cast<std::uint32_t>(steps.size());
 }
 
-void MovedLinks::tell(QuerySetup& setup) const {
+void MovedLinks::fill(QuerySetup& setup) const {
   setup.steps = steps_;
   setup.columns = columns_;
   setup.robots = robots_;

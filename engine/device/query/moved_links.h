@@ -14,7 +14,7 @@ class MovedLinks {
  public:
   explicit MovedLinks(const Plan& plan);
   /// Points a setup to the arrays.
-  void tell(QuerySetup& setup) const;
+  void fill(QuerySetup& setup) const;
   /// Frame of each body placed by joints, in the order of Plan::bodies after the given ones.
   const std::vector<std::uint32_t>& frames() const { return frames_; }
 

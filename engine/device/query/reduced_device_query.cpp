@@ -97,7 +97,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     ReducedResult r = workspace_->finish(slot);
     if (!r.rest.empty()) {
       answer_open_rows(index * configurations_, r.rest);
-      r = workspace_->settle(slot, answers_);
+      r = workspace_->finish_with(slot, answers_);
     }
     const std::uint64_t rows = std::min(r.row_count, plan_.size.rows - written_);
     const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {

@@ -94,7 +94,7 @@ struct Scan {
   HWY_INLINE Pack<T> value(std::size_t i) const {
     return n.x * Pack<T>(x[i]) + n.y * Pack<T>(y[i]) + n.z * Pack<T>(z[i]);
   }
-  HWY_INLINE void look(std::size_t i, Pack<T> i_pack) {
+  HWY_INLINE void update(std::size_t i, Pack<T> i_pack) {
     const Pack<T> s = value(i);
     index = select(s > best, i_pack, index);
     best = max(s, best);
@@ -164,18 +164,18 @@ HWY_INLINE void scan_both(Scan<T>& a, Scan<T>& b) {
   Pack<T> i_pack = one;
   std::size_t i = 1;
   for (; i < common; ++i, i_pack = i_pack + one) {
-    a.look(i, i_pack);
-    b.look(i, i_pack);
+    a.update(i, i_pack);
+    b.update(i, i_pack);
   }
-  for (Pack<T> k = i_pack; i < a.count; ++i, k = k + one) a.look(i, k);
-  for (i = common; i < b.count; ++i, i_pack = i_pack + one) b.look(i, i_pack);
+  for (Pack<T> k = i_pack; i < a.count; ++i, k = k + one) a.update(i, k);
+  for (i = common; i < b.count; ++i, i_pack = i_pack + one) b.update(i, i_pack);
 }
 
 template <class T>
 HWY_INLINE FoundVertex<T> scan_one(const LaneHull& hull, const Vec3<Pack<T>>& n) {
   Scan<T> scan(hull, n);
   Pack<T> i_pack(1.0);
-  for (std::size_t i = 1; i < hull.count; ++i, i_pack = i_pack + Pack<T>(1.0)) scan.look(i, i_pack);
+  for (std::size_t i = 1; i < hull.count; ++i, i_pack = i_pack + Pack<T>(1.0)) scan.update(i, i_pack);
   return scan.found();
 }
 

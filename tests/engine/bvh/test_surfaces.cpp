@@ -123,7 +123,7 @@ TEST(Surface, TakesAtMost64BytesATriangleBesideItsVertices) {
             64 * mesh.triangles.size() + sizeof(Vec3d) * mesh.vertices.size() + sizeof surface);
 }
 
-TEST(Surface, DigestsTellSurfacesApart) {
+TEST(Surface, DigestsDistinguishSurfaces) {
   const Mesh mesh = exact::box_mesh({1, 1, 1});
   EXPECT_EQ(surface_of(mesh, true).digest(), surface_of(mesh, true).digest());
   EXPECT_NE(surface_of(mesh, true).digest(), surface_of(mesh, false).digest());
@@ -170,7 +170,7 @@ TEST(Surface, AMissingOrTurnedTriangleLeavesAnOpenEdge) {
   }
 }
 
-TEST(Surface, RefusesNothingAndIndicesBeyond) {
+TEST(Surface, RejectsNothingAndIndicesBeyond) {
   EXPECT_THROW(Surface({{0, 0, 0}}, {}, false), std::invalid_argument);
   EXPECT_THROW(Surface({{0, 0, 0}, {1, 0, 0}}, {{0, 1, 2}}, false), std::invalid_argument);
   EXPECT_THROW(Surface({}, {{0, 0, 0}}, true), std::invalid_argument);

@@ -71,7 +71,7 @@ TEST_F(CacheTest, GivesBackWhatItWasGiven) {
   EXPECT_EQ(std::distance(fs::directory_iterator(path_), {}), 2) << "nothing unfinished is left";
 }
 
-TEST_F(CacheTest, KeysTellApartWhateverGoesIn) {
+TEST_F(CacheTest, KeysDistinguishAllInputs) {
   const auto key = [](const char* kind, const char* version, auto... parts) {
     CacheKey k(kind, version);
     (k.add(parts), ...);

@@ -46,7 +46,7 @@ struct HostChunk {
       : hulls(engine.scene(), kMostShared),
         bodies(engine.scene(), hulls.view(), q),
         pairs(bodies.refs()),
-        rows(room_for(engine, q)) {
+        rows(empty_answer(engine, q)) {
     const std::uint32_t all = q.configuration_count * static_cast<std::uint32_t>(pairs.size());
     rows.info.rows = rows.info.total = all;
     rest.resize(all);

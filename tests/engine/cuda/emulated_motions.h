@@ -37,10 +37,10 @@ class HostMotions {
     m_.motions = motions;
     m_.max_evaluations = q.max_evaluations;
     m_.seeks_contact = (q.fields & kFieldFirstContact) != 0;
-    const MotionRoom room_for(motions, pairs);
-    m_.span_capacity = span_capacity ? span_capacity : room_for.spans;
-    m_.pair_capacity = pair_capacity ? pair_capacity : room_for.pairs;
-    m_.hit_capacity = hit_capacity ? hit_capacity : room_for.hits;
+    const MotionCapacity capacity(motions, pairs);
+    m_.span_capacity = span_capacity ? span_capacity : capacity.spans;
+    m_.pair_capacity = pair_capacity ? pair_capacity : capacity.pairs;
+    m_.hit_capacity = hit_capacity ? hit_capacity : capacity.hits;
     m_.finds_least = q.reduce == Reduce::kMin;
     m_.abs_tol = q.abs_tol;
     m_.rel_tol = q.rel_tol;
@@ -51,35 +51,35 @@ class HostMotions {
     m_.margins = margins_.data();
     m_.ends = plan.positions.data();
     const std::size_t S = m_.span_capacity;
-    request_question(q, pairs);
+    set_up_query(q, pairs);
     m_.moves = bodies_.moves;
-    m_.positions = room<double>(S * J);
-    m_.travels = room<double>(motions * m_.moves.frames.robot_count);
+    m_.positions = allocate<double>(S * J);
+    m_.travels = allocate<double>(motions * m_.moves.frames.robot_count);
     const std::size_t frames = bodies_.frame_numbers.size() / (7 * std::max<std::size_t>(motions, 1));
-    m_.twists = room<double>(frames * 6 * S);
-    m_.numbers = room<double>(M * kMotionNumbers * S);
-    m_.speeds = room<float>(M * S);
+    m_.twists = allocate<double>(frames * 6 * S);
+    m_.numbers = allocate<double>(M * kMotionNumbers * S);
+    m_.speeds = allocate<float>(M * S);
     m_.moves.frames.positions = m_.positions;
-    m_.moves.frames.numbers = room<double>(frames * 7 * S);
-    m_.moves.frames.facts = room<std::uint8_t>(frames * S);
-    m_.moves.frames.travels = room<double>(m_.moves.frames.robot_count * S);
-    place_rooms(S, M);
-    m_.hit = room<std::uint64_t>(motions);
-    m_.steps = room<std::uint32_t>(motions);
-    m_.open = room<std::uint8_t>(motions);
-    m_.to_cpu = room<std::uint8_t>(motions);
-    m_.unresolved = room<std::uint8_t>(motions);
-    m_.outcomes = room<MotionOutcome>(motions);
-    m_.free_until = room<double>(motions);
-    m_.low = room<std::uint64_t>(motions);
-    m_.seed = room<std::uint64_t>(2 * motions);
-    m_.lock = room<std::uint32_t>(motions);
-    for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = room<MotionSpan>(S);
-    for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = room<std::uint32_t>(2 * S);
-    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.requested}) *at = room<SpanPair>(m_.pair_capacity);
-    m_.hits = room<MotionHitRow>(m_.hit_capacity);
-    for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = room<MotionHitRow>(motions);
-    m_.counts = room<std::uint32_t>(kMotionCounts);
+    m_.moves.frames.numbers = allocate<double>(frames * 7 * S);
+    m_.moves.frames.facts = allocate<std::uint8_t>(frames * S);
+    m_.moves.frames.travels = allocate<double>(m_.moves.frames.robot_count * S);
+    allocate_moved(S, M);
+    m_.hit = allocate<std::uint64_t>(motions);
+    m_.steps = allocate<std::uint32_t>(motions);
+    m_.open = allocate<std::uint8_t>(motions);
+    m_.to_cpu = allocate<std::uint8_t>(motions);
+    m_.unresolved = allocate<std::uint8_t>(motions);
+    m_.outcomes = allocate<MotionOutcome>(motions);
+    m_.free_until = allocate<double>(motions);
+    m_.low = allocate<std::uint64_t>(motions);
+    m_.seed = allocate<std::uint64_t>(2 * motions);
+    m_.lock = allocate<std::uint32_t>(motions);
+    for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = allocate<MotionSpan>(S);
+    for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = allocate<std::uint32_t>(2 * S);
+    for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.to_evaluate}) *at = allocate<SpanPair>(m_.pair_capacity);
+    m_.hits = allocate<MotionHitRow>(m_.hit_capacity);
+    for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = allocate<MotionHitRow>(motions);
+    m_.counts = allocate<std::uint32_t>(kMotionCounts);
   }
   HostMotions(const HostMotions&) = delete;
 
@@ -98,12 +98,12 @@ class HostMotions {
       // A few blocks for all lists.
       if (at_ends) {
         launch(300, [&] { find_seeds_at_ends(m_); });
-        launch(2 * m_.motions, [&] { look_at_seeds(m_); });
+        launch(2 * m_.motions, [&] { evaluate_seeds(m_); });
         launch(2 * m_.motions, [&] { aim_at_ends(m_); });
       }
       launch(300, [&] { is_first ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
-      launch(300, [&] { m_.finds_least ? look_at_span_pairs<true>(m_) : look_at_span_pairs<false>(m_); });
+      launch(300, [&] { m_.finds_least ? evaluate_span_pairs<true>(m_) : evaluate_span_pairs<false>(m_); });
       if (!m_.finds_least) launch(300, [&] { keep_hits(m_); });
       if (at_ends)
         launch(m_.motions, [&] { begin_whole_motions(m_); });
@@ -135,7 +135,7 @@ class HostMotions {
 
  private:
   template <class T>
-  T* room(std::size_t count) {
+  T* allocate(std::size_t count) {
     memory_.emplace_back((count * sizeof(T) + 15) / 16 * 16 + 16, std::byte{0xa5});  // unwritten memory holds garbage
     const auto at = reinterpret_cast<std::uintptr_t>(memory_.back().data());
     return reinterpret_cast<T*>((at + 15) / 16 * 16);
@@ -144,7 +144,7 @@ class HostMotions {
   static void launch(std::size_t threads, const Kernel& kernel) {
     EmulatedGrid::one().launch(static_cast<unsigned>(threads / kMotionThreads + 1), kMotionThreads, kernel);
   }
-  void request_question(const QueryView& q, std::uint32_t pairs) {
+  void set_up_query(const QueryView& q, std::uint32_t pairs) {
     ChunkView& c = m_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
@@ -159,15 +159,15 @@ class HostMotions {
     c.pair_count = pairs;
     c.configurations = m_.span_capacity;
   }
-  void place_rooms(std::size_t S, std::size_t M) {
+  void allocate_moved(std::size_t S, std::size_t M) {
     BodiesView& view = m_.chunk.bodies;
     std::size_t parts = 0;
     for (const std::uint32_t body : bodies_.plan.moved) parts += scene_.bodies()[body].parts.size();
-    view.moved = room<double>(S * M * HostBodies::kComponents);
-    view.moved_state = room<std::uint8_t>(S * M);
-    view.moved_box = room<OuterBox>(S * M);
-    view.moved_part_box = room<double>(S * parts * kBoxComponents);
-    view.uncertainties.moved = room<BodySlack>(S * M);
+    view.moved = allocate<double>(S * M * HostBodies::kComponents);
+    view.moved_state = allocate<std::uint8_t>(S * M);
+    view.moved_box = allocate<OuterBox>(S * M);
+    view.moved_part_box = allocate<double>(S * parts * kBoxComponents);
+    view.uncertainties.moved = allocate<BodySlack>(S * M);
   }
 
   const Scene& scene_;

@@ -83,14 +83,14 @@ class HostReduction {
         bodies_(cpu.scene(), hulls_.view(), q),
         elements_(cpu.scene()),
         pairs_(bodies_.refs()),
-        rows_(room_for(cpu, q)) {
+        rows_(empty_answer(cpu, q)) {
     const auto K = static_cast<std::uint32_t>(bodies_.plan.size.configurations),
                P = static_cast<std::uint32_t>(bodies_.plan.size.pairs);
     r_.reduce = q.reduce;
     r_.groups = q.reduce == Reduce::kNearest ? static_cast<std::uint32_t>(cpu.scene().bodies().size()) : 1;
     r_.rows = r_.capacity = K * P;
     r_.reply_rows = rows_.size.rows;
-    request_question(K, P);
+    set_up_query(K, P);
     const std::size_t groups = std::size_t{K} * r_.groups, words = r_.rows / 32 + 1;
     keys_.assign(6 * groups, kNoKey);
     unusable_.assign(groups, kNoPair);
@@ -127,8 +127,8 @@ class HostReduction {
   template <class List>
   std::uint32_t compare(const std::string& what, const List& list) {
     const bool within = q_.reduce == Reduce::kWithin;
-    const std::uint32_t left = look_at_pairs(list);
-    settle();
+    const std::uint32_t left = evaluate_pairs(list);
+    answer_on_cpu();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
@@ -140,7 +140,7 @@ class HostReduction {
   /// bounds.
   /// \returns number of unresolved pairs
   std::uint32_t compare_alone(const std::string& what) {
-    const std::uint32_t left = look_at_pairs([&] { seed(); });
+    const std::uint32_t left = evaluate_pairs([&] { seed(); });
     launch(500, kItemThreads, [&] { any() ? answer_open_items<true>(r_, 5) : answer_open_items<false>(r_, 5); });
     write();
     rows_.info.rows = rows_.info.total = rows_.size.rows;
@@ -152,8 +152,8 @@ class HostReduction {
   /// \returns number of pairs left to the CPU
   std::uint32_t answer() {
     const bool within = q_.reduce == Reduce::kWithin;
-    const std::uint32_t left = look_at_pairs([&] { within ? mark() : seed(); });
-    settle();
+    const std::uint32_t left = evaluate_pairs([&] { within ? mark() : seed(); });
+    answer_on_cpu();
     write();
     rows_.info.rows = within ? std::min<std::uint64_t>(host_counts_[kHits], rows_.size.rows) : rows_.size.rows;
     rows_.info.total = within ? host_counts_[kHits] : rows_.size.rows;
@@ -189,7 +189,7 @@ class HostReduction {
   ReducedView r_{};
 
  private:
-  void request_question(std::uint32_t K, std::uint32_t P) {
+  void set_up_query(std::uint32_t K, std::uint32_t P) {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
@@ -206,7 +206,7 @@ class HostReduction {
   bool any() const { return q_.reduce == Reduce::kAny; }
 
   template <class List>
-  std::uint32_t look_at_pairs(const List& list) {
+  std::uint32_t evaluate_pairs(const List& list) {
     if (any()) {
       look();
     } else {
@@ -240,8 +240,8 @@ class HostReduction {
     r_.beyond = beyond_all_margins(plan);
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
     launch(r_.rows / 4, kItemThreads,
-           [&] { bodies_.uncertain ? look_at_near_pairs<Slack>(r_) : look_at_near_pairs<NoSlack>(r_); });
-    look_at_elements_of<true>();
+           [&] { bodies_.uncertain ? evaluate_near_pairs<Slack>(r_) : evaluate_near_pairs<NoSlack>(r_); });
+    evaluate_elements_of<true>();
     launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
   }
 
@@ -267,17 +267,17 @@ class HostReduction {
   void solve() {
     launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
     launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
-    look_at_elements_of<false>();
+    evaluate_elements_of<false>();
   }
   template <bool kAny>
-  void look_at_elements_of() {
+  void evaluate_elements_of() {
     if (r_.elements.count == 0) return;
-    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Points>>(r_); });
-    launch(100, kElementThreads, [&] { look_at_elements<kAny, ElementsAndHull<Triangles>>(r_); });
-    launch(100, kElementThreads, [&] { look_at_elements<kAny, Meshes>(r_); });
+    launch(100, kElementThreads, [&] { evaluate_elements<kAny, ElementsAndHull<Points>>(r_); });
+    launch(100, kElementThreads, [&] { evaluate_elements<kAny, ElementsAndHull<Triangles>>(r_); });
+    launch(100, kElementThreads, [&] { evaluate_elements<kAny, Meshes>(r_); });
   }
   // Lets the CPU answer unresolved pairs.
-  void settle() {
+  void answer_on_cpu() {
     const Plan& plan = bodies_.plan;
     EvaluateOptions options;
     options.limits.max_distance = q_.max_distance;

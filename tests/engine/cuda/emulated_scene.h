@@ -75,13 +75,13 @@ struct HostBodies {
         uncertainties(uncertainties_for(scene)),
         uncertain(uncertain_body(scene, plan) != kNone) {
     QuerySetup s;
-    chains.tell(s);
-    if (uncertain) uncertainties.tell(s);
+    chains.fill(s);
+    if (uncertain) uncertainties.fill(s);
     const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
     take_fixed(hulls, n);
     view.uncertainties = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
-    make_room_for_moved(hulls, K, M);
+    reserve_moved(hulls, K, M);
     moves = {plan.configurations.data(),
              s.given_count,
              s.source.data(),
@@ -151,7 +151,7 @@ struct HostBodies {
     for_each_thread(s.robots.size() * K, [&] { place_links(frames, static_cast<std::uint32_t>(K)); });
     return frames;
   }
-  void make_room_for_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
+  void reserve_moved(const HullsView& hulls, std::size_t K, std::size_t M) {
     std::uint32_t parts = 0;
     for (const std::uint32_t body : plan.moved) {
       moved_part_begin.push_back(parts);

@@ -26,7 +26,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   const HostBodies bodies(engine.scene(), hulls.view(), q);
   const std::vector<PairRef> pairs = bodies.refs();
   Decided d;
-  d.rows = room_for(engine, q);
+  d.rows = empty_answer(engine, q);
   d.rows.info.rows = d.rows.info.total = K;
   d.answered.assign(K, 2);
   std::vector<std::uint64_t> keys(5 * K);

@@ -168,7 +168,7 @@ struct TouchingCase {
   }
 };
 
-TEST(DenseKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
+TEST(DenseKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   TouchingCase c;
   const Engine reference(std::move(c.scene), {"reference"});
   HostChunk chunk(reference, c.q);

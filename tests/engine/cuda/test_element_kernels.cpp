@@ -97,7 +97,7 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
 }
 
 // Without a cutoff no bound excludes any of a large mesh at first; the stack must still suffice.
-TEST(ElementKernels, HaveRoomForLargeTrees) {
+TEST(ElementKernels, HoldEnoughForLargeTrees) {
   ElementCase c(ElementKind::kSurface, 40, 0.6, 3, 3, false);
   const Engine cpu(std::move(c.scene), {"cpu"});
   c.q.reduce = Reduce::kWithin;

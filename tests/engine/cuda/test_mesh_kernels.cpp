@@ -173,7 +173,7 @@ TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
 }
 
 // Without a cutoff no bound excludes any of two large meshes at first; the stack must still suffice.
-TEST(MeshKernels, HaveRoomForLargeTrees) {
+TEST(MeshKernels, HoldEnoughForLargeTrees) {
   Scene scene;
   const MeshOfCase mesh(24);
   Random random(3);

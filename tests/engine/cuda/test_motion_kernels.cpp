@@ -35,7 +35,7 @@ Answer request_at(const Engine& engine, const ArmEdges& edges, std::uint32_t mot
 void print_levels(const HostMotions& host) {
   for (std::uint32_t level = 0; level < host.levels(); ++level)
     std::printf(" %u/%u/%u", host.count(kSpanCount, level), host.count(kNearCount, level),
-                host.count(kRequestedCount, level));
+                host.count(kEvaluateCount, level));
   std::printf("\n");
 }
 
@@ -166,7 +166,7 @@ TEST(MotionKernels, FindAnArmsLeastDistancesAsTheCpuDoes) {
   }
 }
 
-TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsHaveNoRoom) {
+TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsAreFull) {
   const ArmEdges edges(5, 60, 1.5);
   const QueryView q = edges.least(0.01, true);
   HostMotions whole(edges.scene, q);
@@ -189,7 +189,7 @@ TEST(MotionKernels, LeaveLeastDistancesToTheCpuWhereListsHaveNoRoom) {
 }
 
 // Lists that overflow leave motions to the CPU, and the results of the others stay correct.
-TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
+TEST(MotionKernels, LeaveToTheCpuWhatListsCannotHold) {
   const ArmEdges edges(5, 60, 1.5);
   for (const bool when : {false, true}) {
     const QueryView q = edges.query(0.01, when);
@@ -220,7 +220,7 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsHaveNoRoomFor) {
 
 // Nearly all pairs of long edges go on in both halves. With capacity for the first level's pairs only, nearly all
 // motions would be left to the CPU.
-TEST(MotionKernels, HaveRoomForLongEdges) {
+TEST(MotionKernels, HoldEnoughForLongEdges) {
   const ArmEdges edges(11, 600, 1.5);
   for (const double margin : {0.0, 0.02}) {
     const QueryView q = edges.query(margin, true);
@@ -424,7 +424,7 @@ TEST(MotionKernels, LeaveSomeColumnsOfLeastDistancesToTheCpu) {
 
 // Ends beyond limits are flagged for the bodies that their joints move, even if the pair is within its margin on the
 // way.
-TEST(MotionKernels, TellOfEndsBeyondLimits) {
+TEST(MotionKernels, FlagEndsBeyondLimits) {
   ArmEdges edges(9, 400, 0.8);
   edges.end_beyond_limits();
   const QueryView q = edges.query(0, true);

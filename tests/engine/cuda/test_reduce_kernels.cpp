@@ -27,7 +27,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
   }
 }
 
-TEST(ReduceKernels, GiveTheBitsOfTheCpuForWhatIsDoubted) {
+TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
   std::uint64_t slack = 0, others = 0, left = 0;
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     UncertainCase c(30, 9);
@@ -114,7 +114,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
   }
 }
 
-TEST(ReduceKernels, DecideAsTheCpuDoesWhatIsDoubted) {
+TEST(ReduceKernels, DecideAsTheCpuDoesUncertainBodies) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     UncertainCase c(30, 9);
     c.q.precision = precision;

@@ -60,7 +60,7 @@ struct Comparison {
     const PoseUncertainty& cpu = placement.uncertainty(body);
     const BodySlack& device = slack_of(view, slot | kMovedBit, k);
     EXPECT_TRUE(same_slack(device.all, cpu.slack)) << what;
-    EXPECT_TRUE(same_slack(device.beside, cpu.beside)) << what;
+    EXPECT_TRUE(same_slack(device.relative, cpu.relative)) << what;
     EXPECT_TRUE(same_bits(device.travel, cpu.link.travel)) << what;
     if (view.hulls.of_body[body] == kNone || scene.bodies()[body].parts.empty()) return;
     const Aabb expected = placement.box(body), box = at.box();
@@ -181,7 +181,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     const JointGradient gradient(cpu.scene(), chunk.bodies.plan);
     const cuda::DeviceMovers movers(gradient, chunk.bodies.plan);
     QuerySetup setup;
-    movers.tell(setup);
+    movers.fill(setup);
     chunk.view.movers = {setup.movers.data(), setup.mover_of_body.data()};
     chunk.view.pair_limits.cull = distance < kInf;
     chunk.view.prove_at_once = true;
@@ -235,7 +235,7 @@ struct CanCase {
 };
 
 // Convex parts that overlap by less than `outer` prove nothing about the exact bodies; an overlap by more does.
-TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
+TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
@@ -262,7 +262,7 @@ TEST(SlackKernels, OverlapsAreProvedByAsMuchAsIsDoubted) {
 }
 
 // Rows that no CPU finishes have bounds that contain the CPU's distances, including slack.
-TEST(SlackKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
+TEST(SlackKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   CanCase c;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);

@@ -54,13 +54,14 @@ struct DeviceTestQuery {
 };
 
 // Runs a query twice; the device has memory only for the second one.
-inline void expect_room_for_the_second(const Engine& device, const DeviceTestQuery& question, const Answer& expected) {
-  const Answer first = evaluate(device, question.q), second = evaluate(device, question.q);
-  expect_same(first, expected, "without room");
-  expect_same(second, expected, "with room");
+inline void expect_memory_for_the_second(const Engine& device, const DeviceTestQuery& device_query,
+                                         const Answer& expected) {
+  const Answer first = evaluate(device, device_query.q), second = evaluate(device, device_query.q);
+  expect_same(first, expected, "without memory");
+  expect_same(second, expected, "with memory");
   EXPECT_EQ(first.info.backend, "cpu");
   EXPECT_EQ(second.info.backend, "cuda");
-  EXPECT_EQ(counter(device, "cuda.queries_without_room"), 1u);
+  EXPECT_EQ(counter(device, "cuda.queries_without_memory"), 1u);
 }
 
 // The owner: a device must not get another device's pairs.
@@ -80,7 +81,7 @@ class IdleSide : public Interface {
  public:
   explicit IdleSide(Fault& fault) : fault_(fault) {}
 
-  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+  cuda::FixedBodies body_buffers(std::size_t bodies) override {
     components_.resize(bodies * cuda::kPoseComponents);
     state_.resize(bodies);
     return {components_.data(), state_.data()};
@@ -96,18 +97,18 @@ class IdleSide : public Interface {
       EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
     }
   }
-  std::byte* room_for(cuda::Given given, int slot, std::size_t bytes) override {
-    return room(given_[static_cast<int>(given)][slot], bytes);
+  std::byte* chunk_input_buffer(cuda::Given given, int slot, std::size_t bytes) override {
+    return buffer_of(given_[static_cast<int>(given)][slot], bytes);
   }
-  std::byte* room_for_all(cuda::Given given, std::size_t bytes) override {
-    return room(all_given_[static_cast<int>(given)], bytes);
+  std::byte* query_input_buffer(cuda::Given given, std::size_t bytes) override {
+    return buffer_of(all_given_[static_cast<int>(given)], bytes);
   }
 
  protected:
   Fault& fault_;
 
  private:
-  static std::byte* room(std::vector<Pose>& memory, std::size_t bytes) {
+  static std::byte* buffer_of(std::vector<Pose>& memory, std::size_t bytes) {
     memory.resize(bytes / sizeof(Pose) + 1);
     return reinterpret_cast<std::byte*>(memory.data());
   }
@@ -149,7 +150,7 @@ class IdleDense : public IdleWorkspace<cuda::Workspace> {
     return r;
   }
 };
-// Has no reductions: `settle()` is called and must fail.
+// Has no reductions: `finish_with()` is called and must fail.
 class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
  public:
   using IdleWorkspace::IdleWorkspace;
@@ -158,8 +159,8 @@ class IdleReduced final : public IdleWorkspace<cuda::ReducedWorkspace> {
     r.rest = all_rows(slot);
     return r;
   }
-  cuda::ReducedResult settle(int, std::span<const PairAnswer>) override {
-    throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "a planted fault while settling");
+  cuda::ReducedResult finish_with(int, std::span<const PairAnswer>) override {
+    throw cuda::DeviceError(cuda::DeviceError::kNoMemory, "a planted fault while settling");
   }
 };
 

@@ -22,7 +22,8 @@ const bool may_be_opened = [] {
 #ifndef CLEARANCE_FOREIGN
 // Host memory in place of a device's. Calls are printed, so that a test can check them.
 static clearance::cuda::SharedBlock share(int device, std::size_t bytes) {
-  if (device == 7) throw clearance::cuda::DeviceError(clearance::cuda::DeviceError::kNoRoom, "a planted lack of room");
+  if (device == 7)
+    throw clearance::cuda::DeviceError(clearance::cuda::DeviceError::kNoMemory, "a planted lack of room");
   std::fprintf(stderr, "share %zu on %d, ", bytes, device);
   clearance::cuda::SharedBlock block;
   block.data = static_cast<std::byte*>(std::calloc(bytes, 1));

@@ -14,7 +14,7 @@ class DeviceFaults : public testing::Test {
   cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
                                   fault_.call("opening");
                                   if (memory_limit < 1000)
-                                    throw DeviceError(DeviceError::kNoRoom, "1000 bytes would be needed");
+                                    throw DeviceError(DeviceError::kNoMemory, "1000 bytes would be needed");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};
 
@@ -33,11 +33,11 @@ DeviceTestQuery query_about(Reduce reduce) {
 }
 // A whole table at the current poses.
 DeviceTestQuery query_of_table(Reduce reduce) {
-  DeviceTestQuery question(0, reduce);
-  question.q.configurations = {};
-  question.q.bodies = {};
-  question.q.max_distance = 0.5;
-  return question;
+  DeviceTestQuery device_query(0, reduce);
+  device_query.q.configurations = {};
+  device_query.q.bodies = {};
+  device_query.q.max_distance = 0.5;
+  return device_query;
 }
 Scene scene() {
   return spheres(80);
@@ -55,14 +55,14 @@ TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
 
 TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const DeviceTestQuery question = query_about(Reduce::kNone);
-  const Answer expected = evaluate(cpu, question.q);
+  const DeviceTestQuery device_query = query_about(Reduce::kNone);
+  const Answer expected = evaluate(cpu, device_query.q);
   bool failed = true;
   int tried = 0;
   for (int at = 0; failed; ++at, ++tried) {
     fault_ = {at};
     const Engine device(scene(), options());
-    const Answer a = evaluate(device, question.q, std::chrono::nanoseconds(1));
+    const Answer a = evaluate(device, device_query.q, std::chrono::nanoseconds(1));
     failed = fault_.calls > at;  // else there is no such call
     expect_same(a, expected, "fault at call " + std::to_string(at));
     EXPECT_EQ(a.info.backend, failed ? "cpu" : "cuda");
@@ -72,7 +72,7 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
     EXPECT_EQ(counter(device, "cuda.usable"), 0u);
     // A lost device is not used again.
     const int calls = fault_.calls;
-    expect_same(evaluate(device, question.q), expected, "the next query");
+    expect_same(evaluate(device, device_query.q), expected, "the next query");
     EXPECT_EQ(fault_.calls, calls);
   }
   EXPECT_GT(tried, 8);
@@ -80,12 +80,12 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
   const Engine cpu(scene(), {"cpu", 2});
-  const DeviceTestQuery questions[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
-                                       query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
+  const DeviceTestQuery queries[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
+                                     query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
   int calls[2] = {};  // number of calls, cold and warm
-  for (const DeviceTestQuery& question : questions)
+  for (const DeviceTestQuery& device_query : queries)
     for (const std::uint64_t client : {0, 1}) {
-      QueryView q = question.q;
+      QueryView q = device_query.q;
       q.warm_slot = client;
       const Answer expected = evaluate(cpu, q);
       int at = 0;
@@ -100,25 +100,25 @@ TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
       EXPECT_GT(at, 3);
       calls[client] += at;
     }
-  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes room for warm state";
+  EXPECT_EQ(calls[1], calls[0] + 4) << "each makes buffer_of for warm state";
 }
 
-TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
-  const DeviceTestQuery question = query_about(Reduce::kNone);
+TEST_F(DeviceFaults, AreRejectionsWhereTheCpuMayNotTakeOver) {
+  const DeviceTestQuery device_query = query_about(Reduce::kNone);
   int rejected = 0;
   for (int at = 0;; ++at) {
     fault_ = {at};
     try {
       const Engine device(scene(), options(false));
       try {
-        evaluate(device, question.q);
+        evaluate(device, device_query.q);
         break;  // no such call
       } catch (const QueryError& e) {
         EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
         EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
         ++rejected;
       }
-      EXPECT_THROW(evaluate(device, question.q), QueryError) << "the device is lost";
+      EXPECT_THROW(evaluate(device, device_query.q), QueryError) << "the device is lost";
     } catch (const DeviceError& e) {
       EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
     }
@@ -128,16 +128,16 @@ TEST_F(DeviceFaults, AreRefusalsWhereTheCpuMayNotTakeOver) {
 
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const Engine cpu(scene(), {"cpu", 2});
-  const DeviceTestQuery question = query_about(Reduce::kNone);
-  const Answer expected = evaluate(cpu, question.q);
-  fault_ = {5, DeviceError::kNoRoom};
+  const DeviceTestQuery device_query = query_about(Reduce::kNone);
+  const Answer expected = evaluate(cpu, device_query.q);
+  fault_ = {5, DeviceError::kNoMemory};
   const Engine device(scene(), options());
-  expect_room_for_the_second(device, question, expected);
+  expect_memory_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
   EXPECT_EQ(counter(device, "cuda.usable"), 1u);
 }
 
-TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRefused) {
+TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRejected) {
   Engine::Options small = options();
   small.device_memory = 999;
   const Engine device(scene(), small), cpu(scene(), {"cpu", 2});

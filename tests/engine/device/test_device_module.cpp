@@ -108,7 +108,7 @@ TEST_F(DeviceModuleDeathTest, WithoutItNothingIsPinned) {
 }
 
 // CUDA exports memory in whole blocks, so a block must hold nothing else of this process.
-TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackOnce) {
+TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPartsForItselfAndGivesThemBackOnce) {
   EXPECT_EXIT(share_some_sizes(), testing::ExitedWithCode(0),
               "^share 2097152 on 3, wait on 3, release on 3, share 2097152 on 3, wait on 3, release on 3, "
               "share 4194304 on 3, wait on 3, release on 3, $");
@@ -121,7 +121,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
     try {
       const cuda::SharedMemory memory(device, bytes);
     } catch (const cuda::DeviceError& error) {
-      rejected += error.kind == cuda::DeviceError::kNoRoom;
+      rejected += error.kind == cuda::DeviceError::kNoMemory;
       std::fprintf(stderr, "%s; ", error.what());
     }
   };
@@ -131,7 +131,7 @@ TEST_F(DeviceModuleDeathTest, SharedMemoryHasItsPiecesForItselfAndGivesThemBackO
   std::exit(rejected);
 }
 
-TEST_F(DeviceModuleDeathTest, SharedMemoryThatIsNotToBeHadIsRefused) {
+TEST_F(DeviceModuleDeathTest, SharedMemoryThatIsNotToBeHadIsRejected) {
   EXPECT_EXIT(share_what_is_not_there(), testing::ExitedWithCode(3),
               "^a planted lack of room; shared device memory: expected 1 to 9223372036854775807 bytes, not 0; "
               "shared device memory: expected 1 to 9223372036854775807 bytes, not 18446744073709551615; $");

@@ -56,9 +56,9 @@ TEST(DeviceSelfTest, TakesWhatTheCpuAnswersInstead) {
   EXPECT_GT(test.answers, 300u);
 }
 
-TEST(DeviceSelfTest, BlamesNoDeviceThatCannotBeAsked) {
+TEST(DeviceSelfTest, BlamesNoDeviceThatCannotBeTested) {
   for (int at = 0; at < 6; ++at)
-    for (const cuda::DeviceError::Kind kind : {cuda::DeviceError::kLost, cuda::DeviceError::kNoRoom}) {
+    for (const cuda::DeviceError::Kind kind : {cuda::DeviceError::kLost, cuda::DeviceError::kNoMemory}) {
       Fault fault;
       fault.at = at;
       fault.kind = kind;

@@ -22,11 +22,11 @@ struct Told {
   std::vector<Launch> launches;
 };
 
-class Scribe final : public cuda::StandingWorkspace {
+class Scribe final : public cuda::ResidentWorkspace {
  public:
   explicit Scribe(Told& told) : told_(told) {}
 
-  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+  cuda::FixedBodies body_buffers(std::size_t bodies) override {
     components_.resize(bodies * cuda::kPoseComponents);
     state_.resize(bodies);
     return {components_.data(), state_.data()};
@@ -36,15 +36,15 @@ class Scribe final : public cuda::StandingWorkspace {
     told_.margins.assign(setup.margins.begin(), setup.margins.end());
     told_.mover_of_body.assign(setup.mover_of_body.begin(), setup.mover_of_body.end());
   }
-  std::byte* room_for(cuda::Given, int, std::size_t) override { return nullptr; }
-  std::byte* room_for_all(cuda::Given, std::size_t) override { return nullptr; }
-  void make_room(std::uint64_t rows, std::uint32_t configurations) override {
+  std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
+  std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }
+  void reserve(std::uint64_t rows, std::uint32_t configurations) override {
     told_.rows = rows;
     told_.configurations = configurations;
   }
   int device() const override { return 3; }
   std::uint64_t bytes() const override { return memory_.size(); }
-  std::byte* room_for_rows(std::size_t bytes) override {
+  std::byte* row_buffer(std::size_t bytes) override {
     memory_.resize(bytes);
     return memory_.data();
   }
@@ -63,7 +63,7 @@ class Scribe final : public cuda::StandingWorkspace {
 class ScribesDevice final : public IdleDevice {
  public:
   ScribesDevice(Fault& fault, Told& told) : IdleDevice(fault), told_(told) {}
-  std::shared_ptr<cuda::StandingWorkspace> make_standing(Reduce reduce) override {
+  std::shared_ptr<cuda::ResidentWorkspace> make_resident(Reduce reduce) override {
     told_.reduce = reduce;
     return std::make_shared<Scribe>(told_);
   }
@@ -171,7 +171,7 @@ TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
   EXPECT_EQ(told_.launches[0].chunk.configurations, 5u);
 }
 
-TEST_F(PlanLaunches, AreRefusedByName) {
+TEST_F(PlanLaunches, AreRejectedByName) {
   Scene scene = uncertain_robot_scene(false);
   scene.add_box("mover", {0.1, 0.1, 0.1}, {.pose = Pose(), .max_speed = 1});
   scene.add_box("rider of it", {0.1, 0.1, 0.1}, {.parent = "mover", .pose = Pose()});

@@ -102,7 +102,7 @@ TEST(Router, FollowsAMachineThatChanges) {
   EXPECT_LT(after.on_device, 100);
 }
 
-TEST(Router, TellsKindsApartByWhatIsAsked) {
+TEST(Router, DistinguishesKindsByTheirOptions) {
   QueryView q;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kDense);
   q.warm_slot = 1;
@@ -148,7 +148,7 @@ class RoutedEngine : public testing::Test {
                                 }};
 };
 
-TEST_F(RoutedEngine, AnswersTheSameWhoeverAnswers) {
+TEST_F(RoutedEngine, AnswersTheSameOnEachBackend) {
   const Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
   EXPECT_EQ(engine.backend(), "auto");
   const std::vector<BodyPair> all = engine.pairs({});

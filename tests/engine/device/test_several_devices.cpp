@@ -33,14 +33,14 @@ class SeveralDevices : public testing::Test {
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
-  DeviceTestQuery question(30'000);  // more chunks than two devices have in flight
-  question.q.fields = kDefaultFields;
-  const Answer expected = evaluate(cpu, question.q);
+  DeviceTestQuery device_query(30'000);  // more chunks than two devices have in flight
+  device_query.q.fields = kDefaultFields;
+  const Answer expected = evaluate(cpu, device_query.q);
   int most = 0;
   for (const std::uint64_t warm : {0u, 1u}) {
-    question.q.warm_slot = warm;
+    device_query.q.warm_slot = warm;
     for (Fault& fault : faults_) fault.launches = 0;
-    const Answer a = evaluate(device, question.q);
+    const Answer a = evaluate(device, device_query.q);
     EXPECT_EQ(a.info.backend, "cuda");
     if (warm == 0) expect_same(a, expected, "on two devices");
     for (const Fault& fault : {faults_[0], faults_[2]}) {
@@ -72,14 +72,14 @@ TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
 TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
   const Engine cpu(spheres(80), {"cpu", 2});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin}) {
-    const DeviceTestQuery question(kConfigurations, reduce);
-    const Answer expected = evaluate(cpu, question.q);
+    const DeviceTestQuery device_query(kConfigurations, reduce);
+    const Answer expected = evaluate(cpu, device_query.q);
     int at = 1;  // call 0 opens it
     for (bool failed = true; failed; ++at) {
       faults_ = {};
       faults_[1].at = at;
       const Engine device(spheres(80), options({0, 1}, reduce != Reduce::kNone));
-      const Answer a = evaluate(device, question.q, std::chrono::nanoseconds(1));
+      const Answer a = evaluate(device, device_query.q, std::chrono::nanoseconds(1));
       failed = faults_[1].calls > at;
       expect_same(a, expected, "fault at call " + std::to_string(at), reduce != Reduce::kNone);
       EXPECT_EQ(a.info.backend, reduce == Reduce::kNone ? "cuda" : "cpu") << "the stand-in cannot reduce";
@@ -91,7 +91,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
       EXPECT_EQ(counter(device, "cuda.0.usable"), 1u);
       EXPECT_EQ(counter(device, "cuda.1.usable"), 0u);
       const int calls = faults_[1].calls;
-      expect_same(evaluate(device, question.q), expected, "the next query", reduce != Reduce::kNone);
+      expect_same(evaluate(device, device_query.q), expected, "the next query", reduce != Reduce::kNone);
       EXPECT_EQ(faults_[1].calls, calls) << "a lost device is not asked again";
     }
     EXPECT_GE(at, reduce == Reduce::kNone ? 8 : 5);
@@ -101,29 +101,29 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
 TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
       strict(spheres(80), options({0, 1, 2}, false));
-  const DeviceTestQuery question(kConfigurations);
-  const Answer expected = evaluate(cpu, question.q);
-  evaluate(device, question.q);
+  const DeviceTestQuery device_query(kConfigurations);
+  const Answer expected = evaluate(cpu, device_query.q);
+  evaluate(device, device_query.q);
   for (Fault& fault : faults_) fault.at = fault.calls + 5;
-  const Answer a = evaluate(device, question.q);
+  const Answer a = evaluate(device, device_query.q);
   expect_same(a, expected, "none is left");
   EXPECT_EQ(a.info.backend, "cpu");
   EXPECT_EQ(counter(device, "cuda.usable"), 0u);
   EXPECT_EQ(device.backend(), "cpu");
-  EXPECT_THROW(evaluate(strict, question.q), QueryError);
-  EXPECT_THROW(evaluate(strict, question.q), QueryError) << "again";
+  EXPECT_THROW(evaluate(strict, device_query.q), QueryError);
+  EXPECT_THROW(evaluate(strict, device_query.q), QueryError) << "again";
 }
 
-TEST_F(SeveralDevices, WithoutRoomLeaveOneQueryToTheCpu) {
+TEST_F(SeveralDevices, WithoutMemoryLeaveOneQueryToTheCpu) {
   const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
-  const DeviceTestQuery question(kConfigurations);
-  const Answer expected = evaluate(cpu, question.q);
-  faults_[1] = {6, DeviceError::kNoRoom, faults_[1].calls};
-  expect_room_for_the_second(device, question, expected);
+  const DeviceTestQuery device_query(kConfigurations);
+  const Answer expected = evaluate(cpu, device_query.q);
+  faults_[1] = {6, DeviceError::kNoMemory, faults_[1].calls};
+  expect_memory_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.1.usable"), 1u);
 }
 
-TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRefused) {
+TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRejected) {
   faults_[1].at = 0;
   const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1}));
   expect_same(evaluate(device, {}), evaluate(cpu, {}), "with the one that is left");

@@ -174,7 +174,7 @@ TEST(Hull, PointsOnFacesAndEdgesAreDroppedWhereExactlyThere) {
   expect_same_hull(grid, reduce_to_hull(grid), random);
 }
 
-TEST(Hull, NearlyCoplanarPointsAreJudgedByTheLastBit) {
+TEST(Hull, NearlyCoplanarPointsAreDecidedByTheLastBit) {
   // A rotated box whose faces carry points that lie on them only up to rounding (to 2^-52): half of them are outside by
   // that much. Directions near the normals of faces distinguish them; supports are compared in integers, exactly.
   std::mt19937_64 random(6);

@@ -262,7 +262,7 @@ std::vector<BadMesh> bad_meshes() {
   };
 }
 
-TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
+TEST(Mesh, EveryDamagedFileIsRejectedWithItsCause) {
   const TemporaryFolder folder;
   int cases = 0;
   for (const BadMesh& bad : bad_meshes()) {
@@ -279,7 +279,7 @@ TEST(Mesh, EveryDamagedFileIsRefusedWithItsCause) {
 }
 
 // Small files whose nodes multiply are rejected by counting alone, so that little memory suffices.
-TEST(Mesh, NodesThatMultiplyAreRefusedBeforeTheyAreMade) {
+TEST(Mesh, NodesThatMultiplyAreRejectedBeforeTheyAreMade) {
   const TemporaryFolder folder;
   const Source source = tetrahedron();
   MeshLimits limits;

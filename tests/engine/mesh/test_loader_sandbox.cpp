@@ -38,7 +38,7 @@ TEST_F(LoaderSandbox, WhatAMeshNeedsIsAllowed) {
   EXPECT_EQ(attempt("take_memory"), "done");
 }
 
-TEST_F(LoaderSandbox, AnythingElseEndsTheLoaderAndSaysSo) {
+TEST_F(LoaderSandbox, AnythingElseEndsTheLoaderAndReportsIt) {
   for (const char* what : {"open_a_network_socket",
                            "open_a_unix_socket",
                            "run_a_program",
@@ -102,7 +102,7 @@ TEST_F(LoaderSandbox, TheRealLoaderIsHeldByItAndReadsEveryFormat) {
 }
 
 // The last, since the warning stays.
-TEST_F(LoaderSandbox, WhereTheKernelRefusesFiltersMeshesAreReadAndTheDaemonIsTold) {
+TEST_F(LoaderSandbox, WhereTheKernelRejectsFiltersMeshesAreReadAndTheDaemonLearnsIt) {
   ::setenv("CLEARANCE_TEST_REFUSE_FILTERS", "1", 1);
   EXPECT_EQ(attempt("open_a_unix_socket"), "done");
   EXPECT_NE(mesh_loader_warning().find("without a filter of system calls"), std::string::npos);

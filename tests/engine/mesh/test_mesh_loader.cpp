@@ -84,7 +84,7 @@ TEST(Mesh, ALoaderThatHangsCrashesOrTalksNonsenseDoesNoHarm) {
 }
 
 #if !defined(CLEARANCE_ASAN) && !defined(CLEARANCE_TSAN)
-TEST(Mesh, AFileThatNeedsMoreMemoryThanAllowedIsRefused) {
+TEST(Mesh, AFileThatNeedsMoreMemoryThanAllowedIsRejected) {
   const TemporaryFolder folder;
   const Shape shape = make_uv_sphere(1, 400);
   const std::string file = folder.write("a.ply", ply({shape.vertices, shape.triangles}, Ply::kLittle));

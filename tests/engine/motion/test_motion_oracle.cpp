@@ -10,7 +10,7 @@ namespace {
 
 class MotionOracleTest : public ::testing::TestWithParam<int> {};
 
-TEST_P(MotionOracleTest, NothingIsNearerThanIsSaidNorFarther) {
+TEST_P(MotionOracleTest, NothingIsNearerThanReportedNorFarther) {
   const MotionFindings found = check_many(11, 40, GetParam());
   std::printf("%s\n", found.text().c_str());
   EXPECT_EQ(found.wrong(), 0) << found.text();

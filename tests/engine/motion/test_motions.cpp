@@ -378,7 +378,7 @@ TEST(Motions, ContactAtEitherEndIsFound) {
 }
 
 // One evaluation of all pairs is not divided into slices.
-TEST(Motions, TooManyPairsAreRefusedByName) {
+TEST(Motions, TooManyPairsAreRejectedByName) {
   Scene scene;
   Motions motions;
   for (int i = 0; i < 364; ++i)
@@ -394,7 +394,7 @@ TEST(Motions, TooManyPairsAreRefusedByName) {
   }
 }
 
-TEST(Motions, NoPoseAndBadPositionsAreSaid) {
+TEST(Motions, NoPoseAndBadPositionsAreReported) {
   RobotOptions options;
   options.urdf = kArm;  // without a home
   Scene scene = arm_scene(options);

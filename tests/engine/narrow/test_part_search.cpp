@@ -49,7 +49,7 @@ void expect_order(const std::vector<Aabb>& a, const std::vector<Aabb>& b, std::s
   EXPECT_FALSE(nearest.next(p));
 }
 
-TEST(PartSearch, FindsPiecePairsInTheirOrder) {
+TEST(PartSearch, FindsPartPairsInTheirOrder) {
   Random random(1);
   std::size_t ties = 0;
   for (const std::size_t count_a : {1u, 2u, 7u, 40u})

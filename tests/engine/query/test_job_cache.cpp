@@ -309,7 +309,7 @@ TEST(JobCache, OnlyWholeJobsComeBack) {
   const QueryView q = arm.query();
   const Answer wanted = evaluate(engine, q);
   for (int i = 0; i < 2; ++i) {
-    Answer room = room_for(engine, q);
+    Answer room = empty_answer(engine, q);
     Job job = engine.start(q, room.view);
     EXPECT_FALSE(job.advance(WorkBudget{.units = 0}));
     EXPECT_EQ(cache_hits(engine), 1u);  // the second time there was none

@@ -301,13 +301,13 @@ std::string error_of(F&& f) {
 }
 
 class BadUrdf : public testing::TestWithParam<BadCase> {};
-TEST_P(BadUrdf, IsRefused) {
+TEST_P(BadUrdf, IsRejected) {
   EXPECT_EQ(error_of([] { parse_urdf(GetParam().text, "bad.urdf"); }), "bad.urdf:" + GetParam().error);
 }
 INSTANTIATE_TEST_SUITE_P(, BadUrdf, testing::ValuesIn(kBadUrdfs), [](const auto& p) { return p.param.name; });
 
 class BadSrdf : public testing::TestWithParam<BadCase> {};
-TEST_P(BadSrdf, IsRefusedAndLeavesNothing) {
+TEST_P(BadSrdf, IsRejectedAndLeavesNothing) {
   RobotModel robot = parse_urdf(joint("continuous", ""), "good.urdf");
   EXPECT_EQ(error_of([&] { parse_srdf(GetParam().text, "bad.srdf", &robot); }), "bad.srdf:" + GetParam().error);
   EXPECT_TRUE(robot.groups.empty() && robot.states.empty() && robot.disabled.empty() && robot.warnings.empty());

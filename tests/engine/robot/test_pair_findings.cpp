@@ -75,7 +75,7 @@ TEST(PairFindings, WhatAlwaysTouchesIsProvedSo) {
   EXPECT_EQ(arm.find(1, 3).finding, PairFinding::kAlways);
 }
 
-TEST(PairFindings, WhatDoesBothIsSaidTo) {
+TEST(PairFindings, WhatDoesBothIsReported) {
   FlatArm arm(3, 3, 0.2);
   EXPECT_EQ(arm.find(1, 3).finding, PairFinding::kSometimes);
 }
@@ -104,7 +104,7 @@ TEST(PairFindings, WhereTheProofEndsItIsOnlySeen) {
   EXPECT_LE(found.steps, options.most_steps);
 }
 
-TEST(PairFindings, SlidingWithoutLimitsIsRefused) {
+TEST(PairFindings, SlidingWithoutLimitsIsRejected) {
   const RobotModel robot = parse_urdf(R"(<robot name='cart'><link name='a'/><link name='b'/><link name='c'/>
     <joint name='on' type='planar'><parent link='a'/><child link='b'/><axis xyz='0 0 1'/></joint>
     <joint name='over' type='continuous'><parent link='b'/><child link='c'/></joint></robot>)",

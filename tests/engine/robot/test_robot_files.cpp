@@ -277,7 +277,7 @@ TEST(Robot, AnSrdfMayDisableAllPairsOfALink) {
   EXPECT_TRUE(robot.warnings.empty());
 }
 
-TEST(Robot, PairsThatContradictOrNameNobodyAreWarnedOf) {
+TEST(Robot, PairsThatContradictOrNameNoBodyAreWarnedOf) {
   RobotModel robot;
   EXPECT_EQ(left_out("<enable_collisions link1='a' link2='b'/>\n<disable_collisions link1='b' link2='a'/>\n"
                      "<disable_default_collisions link='x'/>\n<enable_collisions link1='a' link2='y'/>\n",

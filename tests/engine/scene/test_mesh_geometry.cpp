@@ -155,7 +155,7 @@ TEST_F(MeshGeometryTest, WhateverItDependsOnMakesAnotherEntry) {
 }
 
 // A forged table next to a mesh: its name, checksum and a few supports are right, one vertex is missing from its lists.
-TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
+TEST_F(MeshGeometryTest, NothingNextToAMeshIsBelieved) {
   const Shape sphere = make_uv_sphere(2, 75);
   const std::string mesh = write("ball.off", sphere);
   Scene first;
@@ -214,7 +214,7 @@ TEST_F(MeshGeometryTest, NothingBesideAMeshIsBelieved) {
       << "mesh, table, loader, its starts, the cache: nothing else was left there";
 }
 
-TEST_F(MeshGeometryTest, AnEntryThatWillNotDoIsMadeAnew) {
+TEST_F(MeshGeometryTest, AnEntryThatWillNotDoIsMadeAgain) {
   const std::string ball = write("ball.off", make_uv_sphere(2, 20));
   const Body right = body(ball);
   ASSERT_EQ(entries().size(), 1u);

@@ -47,7 +47,7 @@ TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
   EXPECT_FALSE(bodies[0].pose.has_value());
 }
 
-TEST(Scene, PrimitivesArePiecesOfTheirOwn) {
+TEST(Scene, PrimitivesArePartsOfTheirOwn) {
   Scene scene;
   scene.add_cone("cone", 0.5, 2, {});
   scene.add_ellipsoid("egg", {1, 2, 3}, {.radius = 0.25});
@@ -96,7 +96,7 @@ TEST(Scene, HalfSpacesStandStill) {
   EXPECT_NE(error_text<SceneError>([&] { scene.add_body(both); }).find("the only part of its body"), std::string::npos);
 }
 
-TEST(Scene, RadiusGrowsThePieces) {
+TEST(Scene, RadiusGrowsTheParts) {
   Scene scene;
   Options grown;
   grown.radius = 0.25;
@@ -132,7 +132,7 @@ TEST(Scene, IgnoredPairsAreSortedAndDistinct) {
   EXPECT_EQ(all.ignored(), (Pairs{{0, 1}, {1, 2}}));
 }
 
-TEST(Scene, RevisionTellsScenesApartAndIsRepeatable) {
+TEST(Scene, RevisionDistinguishesScenesAndIsRepeatable) {
   const std::uint64_t plain = three_boxes().revision();
   EXPECT_EQ(plain, three_boxes().revision());
   std::vector<std::uint64_t> seen = {plain, 0};
@@ -162,7 +162,7 @@ TEST(Scene, RevisionTellsScenesApartAndIsRepeatable) {
   expect_new("ignore another", [](Scene& s) { s.ignore("a", "c"); });
 }
 
-TEST(Scene, BadInputIsRefusedInWords) {
+TEST(Scene, BadInputIsRejectedWithTheReason) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const auto text = [](const std::function<void(Scene&)>& f) {
     Scene scene = three_boxes();

@@ -72,7 +72,7 @@ void expect_same_surfaces(const Surface& a, const Surface& b) {
   EXPECT_EQ(a.vertices().size(), b.vertices().size());
 }
 
-TEST(TrueMesh, IsOnePieceThatStandsForItsTriangles) {
+TEST(TrueMesh, IsOneProxyOfItsTriangles) {
   Scene scene;
   for (const MeshAs how : {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid})
     add(scene, std::string(word_of(how)), cup(), how);
@@ -117,7 +117,7 @@ Source beside(Source a, const Source& b) {
   return a;
 }
 
-TEST(TrueMesh, TheDefaultIsTheTruth) {
+TEST(TrueMesh, TheDefaultIsExact) {
   Source open = cup(), turned = cup();
   open.triangles.pop_back();
   std::swap(turned.triangles[3][0], turned.triangles[3][1]);
@@ -213,7 +213,7 @@ TEST(TrueMesh, TheDefaultIsKeptInTheCache) {
   }
 }
 
-TEST(TrueMesh, PiecesOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
+TEST(TrueMesh, PartsOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
   Scene scene;
   add(scene, "one", cup(), MeshAs::kSolid);
   add(scene, "same", cup(), MeshAs::kSolid);
@@ -296,7 +296,7 @@ TEST(TrueMesh, MovesWithItsHullAroundIt) {
   EXPECT_GT(outside, 0) << "no rounding moved a vertex out of the hull of the others: the case is not met";
 }
 
-TEST(TrueMesh, JoinsOtherShapesAsOnePieceOfThem) {
+TEST(TrueMesh, JoinsOtherShapesAsOnePartOfThem) {
   std::vector<Geometry> parts;
   const Source mesh = cup();
   parts.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, MeshAs::kSolid, 0));
@@ -359,7 +359,7 @@ struct BadMesh {
   void (*spoil)(Source&);
 };
 
-TEST(TrueMesh, WhatIsWrongWithAMeshIsSaid) {
+TEST(TrueMesh, WhatIsWrongWithAMeshIsReported) {
   const BadMesh cases[] = {
       {"mesh_as: solid: the mesh encloses no volume: the edge from (1, 1, 1) to (1, -1, 1) of triangle 11 "
        "belongs to no other triangle: the mesh is open there",

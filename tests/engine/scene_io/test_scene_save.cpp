@@ -136,7 +136,7 @@ Scene everything(const TemporaryFolder& folder) {
   return scene;
 }
 
-TEST(SavedScene, RobotsAndAllThatIsSaidOfBodiesComeBack) {
+TEST(SavedScene, RobotsAndAllThatIsDeclaredOfBodiesComeBack) {
   const TemporaryFolder folder;
   const Scene scene = everything(folder);
   const Scene saved = again(scene, folder);
@@ -181,7 +181,7 @@ TEST(SavedScene, IgnoringEverythingSaysNothingOfFrames) {
   EXPECT_EQ(Engine(scene).pairs({}), Engine(saved).pairs({}));
 }
 
-TEST(SavedScene, WhatCannotBeSavedIsSaid) {
+TEST(SavedScene, WhatCannotBeSavedIsReported) {
   const TemporaryFolder folder;
   const auto error = [&](const Scene& scene, const std::string& to) {
     return error_text<SceneError>([&] { scene.save(to); });
@@ -203,7 +203,7 @@ TEST(SavedScene, WhatCannotBeSavedIsSaid) {
                 "cannot express for a link");
 }
 
-TEST(SavedScene, WhatIsWrongWithItsFilesIsSaidWithTheirPlace) {
+TEST(SavedScene, WhatIsWrongWithItsFilesIsReportedWithItsPlace) {
   const TemporaryFolder folder;
   Scene scene;
   scene.add_box("box", {1, 1, 1}, {});

@@ -96,7 +96,7 @@ ignore: [[base, cup], [arm, arm], [things, base]]
   EXPECT_EQ(scene.ignored(), (Pairs{{0, 1}, {0, 2}, {1, 3}, {1, 4}, {1, 5}}));
 }
 
-TEST(SceneFile, SameMeshAndScaleShareTheirPiece) {
+TEST(SceneFile, SameMeshAndScaleShareTheirPart) {
   const TemporaryFolder folder;
   folder.write("t.obj", kTetrahedron);
   const Scene scene = load(folder, R"(
@@ -438,7 +438,7 @@ TEST(SceneFile, FilesThatAreNoSceneFile) {
             folder / "huge.yaml: 1099511627776 bytes; a scene file may have at most 67108864");
 }
 
-TEST(SceneFile, FilesMadeToExhaustAreRefusedSoon) {
+TEST(SceneFile, FilesMadeToExhaustAreRejectedSoon) {
   const TemporaryFolder folder;
   const auto error = [&](const std::string& yaml) {
     const std::string text = error_text<SceneError>([&] { load(folder, yaml); });

@@ -95,7 +95,7 @@ TEST(Points, MayBeNoneAndThenNothingIsNear) {
   EXPECT_EQ(static_cast<Status>(evaluate(engine, least).view.status[0]), Status::kBeyond);
 }
 
-TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
+TEST(Points, OfAnotherBodyAreRejectedAndSoIsWhatIsNotFinite) {
   Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   const auto rejected = [&](std::uint32_t body, const std::vector<CloudPoint>& points, std::optional<double> radius,
                             const std::string& text) {
@@ -115,7 +115,7 @@ TEST(Points, OfAnotherBodyAreRefusedAndSoIsWhatIsNotFinite) {
   expect_near(look(engine), 9.5);
 }
 
-TEST(Points, OfAnOlderStampAreRefused) {
+TEST(Points, OfAnOlderStampAreRejected) {
   Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   engine.set_points(kCloud, std::vector<CloudPoint>{{1, 0, 0}}, {}, 1000, 1, 5);
   EXPECT_THROW(engine.set_points(kCloud, std::vector<CloudPoint>{{2, 0, 0}}, {}, 999, 2, 5), QueryError);

@@ -100,7 +100,7 @@ TEST(SceneHistory, BodiesThatComeAndGoChangeTheirIdsAndEveryBody) {
   EXPECT_FALSE(answers(fewer, {{0, 5}}, before + 1)) << "a revision that never was";
 }
 
-TEST(SceneHistory, ASceneThatWasLoadedAnewIsAnotherOne) {
+TEST(SceneHistory, ASceneThatWasLoadedAgainIsAnotherOne) {
   Engine first(six_balls(), {.threads = 1});
   Scene changed = six_balls();
   changed.add_sphere("seventh", 0.1, at_x(7));

@@ -55,7 +55,7 @@ class Stamps : public testing::Test {
   std::unique_ptr<Engine> engine_ = std::make_unique<Engine>(three_balls(), Engine::Options{.threads = 1});
 };
 
-TEST_F(Stamps, WhatIsNoTimeIsRefusedAndPoisonsNothing) {
+TEST_F(Stamps, WhatIsNoTimeIsRejectedAndPoisonsNothing) {
   EXPECT_EQ(set(0, 1, 1000), "");
   std::uint64_t rejected = 0;
   for (int round = 0; round < 2; ++round) {
@@ -75,7 +75,7 @@ TEST_F(Stamps, WhatIsNoTimeIsRefusedAndPoisonsNothing) {
   EXPECT_NE(set(0, 9, -5).find("stamp_ns: -5 is below 0"), std::string::npos);
 }
 
-TEST_F(Stamps, AClockMayBeAheadAsFarAsIsSaid) {
+TEST_F(Stamps, AClockMayBeAheadAsFarAsConfigured) {
   EXPECT_EQ(set(0, 1, now() + 37'000'000'000), "") << "TAI";
   Engine::Options options{.threads = 1};
   options.max_stamp_lead = 2h;
@@ -84,7 +84,7 @@ TEST_F(Stamps, AClockMayBeAheadAsFarAsIsSaid) {
   EXPECT_NE(set(0, 1, now() + 3 * 3'600'000'000'000), "");
 }
 
-TEST_F(Stamps, OlderOnesOfAPublisherAreRefusedForEachBody) {
+TEST_F(Stamps, OlderOnesOfAPublisherAreRejectedForEachBody) {
   EXPECT_EQ(set(0, 1, 100, 7), "");
   EXPECT_EQ(set(0, 2, 100, 7), "") << "parts of one update have one stamp";
   EXPECT_NE(set(0, 3, 99, 7).find("is older than 100, the last from this publisher for 'a'"), std::string::npos);
@@ -105,7 +105,7 @@ TEST_F(Stamps, OlderOnesOfAPublisherAreRefusedForEachBody) {
   EXPECT_EQ(set(1, 13, 80, 7), "") << "the refused batch has left no mark";
 }
 
-TEST_F(Stamps, WithoutOneAPublisherMayBeginAnew) {
+TEST_F(Stamps, WithoutOneAPublisherMayBeginAgain) {
   EXPECT_EQ(set(0, 1, 100), "");
   EXPECT_EQ(set(0, 2, 0), "");
   EXPECT_EQ(set(0, 3, 5), "");
@@ -127,7 +127,7 @@ TEST_F(Stamps, TheNewestIsThatOfThePosesThatAreThere) {
 
 TEST(StampMarks, RememberSoManyPublishersOfABody) {
   StampMarks marks(1);
-  for (std::uint64_t p = 1; p <= StampMarks::kRemembered; ++p) marks.note(0, p, 100 + static_cast<std::int64_t>(p));
+  for (std::uint64_t p = 1; p <= StampMarks::kMostMarks; ++p) marks.note(0, p, 100 + static_cast<std::int64_t>(p));
   marks.note(0, 1, 200);
   marks.note(0, 99, 300);
   EXPECT_EQ(marks.last(0, 1), 200);

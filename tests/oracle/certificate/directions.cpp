@@ -149,9 +149,9 @@ void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const
     for (const ConvexPart* whole : held.wholes)
       for (const Vector& seed : whole->seeds()) {
         const Vector p = X_wo.divisor * turned(X_wh.rows, seed);
-        bool is_beside = false;
-        for (std::size_t k = 0; k < 3; ++k) is_beside = is_beside || p[k] < low[k] || p[k] > high[k];
-        if (is_beside) continue;
+        bool is_outside = false;
+        for (std::size_t k = 0; k < 3; ++k) is_outside = is_outside || p[k] < low[k] || p[k] > high[k];
+        if (is_outside) continue;
         std::vector<Vector> around;
         for (const Vector& corner : corners) around.push_back(corner - p);
         require(turns_around(solid->faces(), around, apart * over) == 0, "a body is within another");

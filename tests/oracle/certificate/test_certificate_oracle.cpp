@@ -92,7 +92,7 @@ TEST(CertificateOracle, AQuarterTurnsSineIsOne) {
   EXPECT_EQ(chord_above(4.0), Dyadic(2.0));
 }
 
-TEST(CertificateOracle, WhatIsNoDocumentIsRefused) {
+TEST(CertificateOracle, WhatIsNoDocumentIsRejected) {
   for (const char* text : {"", "{", "[1,]", "{\"a\":1,\"a\":2}", "[NaN]", "[1e999]", "{\"a\":1} x", "\"\xff\""})
     EXPECT_THROW(Document{text}, Rejection) << text;
   EXPECT_THROW(Document{std::string(100'000, '[')}, Rejection);
@@ -114,7 +114,7 @@ void expect_just_above(const Dyadic& x, const Dyadic& y) {
   EXPECT_LT(x - y, kTiny);
 }
 
-TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreSaidTo) {
+TEST(CertificateOracle, RoundCoresReachAsFarAsTheyAreDeclaredTo) {
   const auto part = [](const std::string& kind) {
     const Document document(R"({"radius":0.5,"core":{"kind":")" + kind +
                             R"(","size":[3,4,4]},"count":1,"vertices":[[0,0,0]]})");

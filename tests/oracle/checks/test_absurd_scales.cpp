@@ -54,7 +54,7 @@ TEST(AbsurdScales, AreNeverAnsweredWrongly) {
   EXPECT_GT(undecided, 1000);  // below 1e-150 m everything is contact
 }
 
-TEST(AbsurdScales, BeyondTheLimitAreRefused) {
+TEST(AbsurdScales, BeyondTheLimitAreRejected) {
   for (const double x : {1e61, 1e200, 1e308}) {
     EXPECT_THROW(make_convex_part({{x, 0, 0}}), std::invalid_argument);
     EXPECT_THROW(make_convex_part({{0, 0, 0}}, x), std::invalid_argument);

@@ -55,7 +55,7 @@ Bench misled(const Spheres& spheres, const std::string& backend) {
   });
 }
 
-TEST(Contradictions, OfAMisleadingTableAreAnsweredAnewAndCounted) {
+TEST(Contradictions, OfAMisleadingTableAreAnsweredAgainAndCounted) {
   const Spheres spheres;
   for (const std::string backend : {"cpu", "reference"}) {
     const Bench bench = misled(spheres, backend);
@@ -154,7 +154,7 @@ std::vector<Case> some_of_every_class() {
   return cases;
 }
 
-TEST(Contradictions, OfABrokenLaneAreAnsweredAnewAndCounted) {
+TEST(Contradictions, OfABrokenLaneAreAnsweredAgainAndCounted) {
   const LaneKernel broken{"broken", lane_kernel("baseline").lanes, run_broken_lanes, run_broken_f32_lanes};
   const std::vector<Case> cases = some_of_every_class();
   const Batch batch(cases);
@@ -190,7 +190,7 @@ TEST(Contradictions, LeaveNothingProvedOfTheirGroups) {
 }
 
 // Bounds that lanes and GPU kernels would return.
-TEST(Contradictions, AreNotSettledInARun) {
+TEST(Contradictions, DoNotConvergeInARun) {
   Gjk<double> g;
   g.v = {1, 0, 0};
   g.squared_distance = 1;

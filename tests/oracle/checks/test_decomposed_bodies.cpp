@@ -129,7 +129,7 @@ TEST(DecomposedBodies, MutantsAreFound) {
   EXPECT_GT(found.wrong, 0);
 }
 #else
-TEST(DecomposedBodies, AreNoFartherThanTheJudgeSays) {
+TEST(DecomposedBodies, AreNoFartherThanTheOracleAllows) {
   Random random(kSeed);
   Found found;
   for (int i = 0; i < 3; ++i) {

@@ -166,7 +166,7 @@ TEST(Decomposition, ABareSurfaceHasNothingWithin) {
   EXPECT_LE(bare.inner, 1e-9);
 }
 
-TEST(Decomposition, SaysWhichPieceIsNone) {
+TEST(Decomposition, SaysWhichPartIsInvalid) {
   const Mesh box = box_mesh({1, 1, 1});
   const Surface exact_value(box.vertices, box.triangles, true);
   const auto rejection = [&](const ConvexParts& parts) -> std::string {

@@ -169,7 +169,7 @@ TEST(FpEnvironment, SoTheyHaveInWorkersThatAreInAnotherState) {
 }
 
 // A caller's own parallel loop, with a query on each thread.
-TEST(FpEnvironment, SoTheyHaveWhereEachOfACallersThreadsAsks) {
+TEST(FpEnvironment, SoTheyHaveWhereEachOfACallersThreadsRuns) {
   std::vector<Case> cases = hard_cases();
   cases.resize(40);
   const Bytes expected = request_all(cases, 1);

@@ -201,7 +201,7 @@ mpq_class exact_of(const Scene& scene, const std::vector<Pose>& planes, BodyPair
   return least;
 }
 
-TEST(HalfSpace, IsAskedLikeAnyBody) {
+TEST(HalfSpace, IsQueriedLikeAnyBody) {
   Random random(3);
   std::vector<Pose> planes;
   const Scene scene = room_scene(random, planes);
@@ -253,7 +253,7 @@ TEST(HalfSpace, IsAskedLikeAnyBody) {
   EXPECT_GT(statuses[static_cast<int>(Status::kOverlap)], 100);
 }
 
-TEST(HalfSpace, TwoOfThemAreNotAskedAboutUnlessNamed) {
+TEST(HalfSpace, TwoOfThemAreNotIncludedUnlessNamed) {
   Random random(4);
   std::vector<Pose> planes;
   const Engine engine(room_scene(random, planes), {.backend = "cpu"});

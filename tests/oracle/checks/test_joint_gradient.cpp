@@ -154,7 +154,7 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
   EXPECT_EQ(evaluate(engine, query).size.joints, 1u);
 }
 
-TEST(JointGradient, WithoutJointsItIsRefusedByName) {
+TEST(JointGradient, WithoutJointsItIsRejectedByName) {
   Scene scene;
   scene.add_sphere("a", 1, {.pose = Pose{}});
   const Engine engine(std::move(scene));

@@ -98,7 +98,7 @@ TEST(MeshDepths, WhatTakesHullsApartTakesApartWhatTheyAreAround) {
   EXPECT_GE(converged, apart / 2);
 }
 
-TEST(MeshDepths, TheDeepestPairOfPiecesCounts) {
+TEST(MeshDepths, TheDeepestPairOfPartsCounts) {
   int first = 0, second = 0;
   for (const CaseClass& cls : mesh_classes())
     for (std::uint64_t i = kFirst; i < kFirst + kCases; ++i) {

@@ -355,7 +355,7 @@ TEST(ModelParts, MutantsAreFound) {
   EXPECT_GT(found.wrong, 0);
 }
 #else
-TEST(ModelParts, HoldWhatTheJudgeSays) {
+TEST(ModelParts, HoldWhatTheOracleAllows) {
   Random random(kSeed);
   Found found;
   look_at_tube(found);

@@ -20,7 +20,7 @@ std::vector<Case> some_of_every_class() {
   return cases;
 }
 
-TEST(ContradictionMutant, ProvesNothingAndSaysSo) {
+TEST(ContradictionMutant, ProvesNothingAndReportsIt) {
   const std::vector<Case> cases = some_of_every_class();
   int answers = 0, nothing = 0;
   for (const std::string backend : {"cpu", "reference"}) {

@@ -65,7 +65,7 @@ void too_wide(const LaneBatch& batch) {
   run_spoilt(batch, [](LaneAnswer& a, std::size_t) { a.lower = -1; });
 }
 
-TEST(SelfTest, WhatComputesWronglyIsRefusedByName) {
+TEST(SelfTest, WhatComputesWronglyIsRejectedByName) {
   const LaneKernel good = lane_kernel("baseline");
   std::vector<LaneKernel> kernels;
   for (const auto run : {too_high, one_lane_too_low, contradictory, too_wide}) {

@@ -40,7 +40,7 @@ TEST(Slack, HoldsAllThatIsAllowed) {
   EXPECT_EQ(found.all(), 0);
 }
 
-TEST(Slack, HoldsShapesThatPiecesMiss) {
+TEST(Slack, HoldsShapesThatPartsMiss) {
   for (const bool depth : {false, true}) {
     const Findings found = run([depth](Random& random, Findings& f) { try_shapes(random, depth, f); }, 400, 6);
     EXPECT_EQ(found.requested, 800);

@@ -69,7 +69,7 @@ TEST(Surface, IsProvedAndNeverDeeperThanExact) {
   EXPECT_GT(proved, deep * 9 / 10);
 }
 
-TEST(Surface, WithADamagedFaceIsRefused) {
+TEST(Surface, WithADamagedFaceIsRejected) {
   int tried = 0;
   for_cases([&](Surfaced& s, const std::string& where) {
     if (!(s.ball() > 0)) return;
@@ -106,7 +106,7 @@ TEST(Surface, WithADamagedFaceIsRefused) {
 
 // All faces of a separated body lie beyond planes normal to the separating direction: closed, but not around the
 // origin.
-TEST(Surface, ThatIsClosedButElsewhereIsRefused) {
+TEST(Surface, ThatIsClosedButElsewhereIsRejected) {
   int tried = 0;
   for_cases([&](Surfaced& s, const std::string& where) {
     if (!s.epa.probed() || !(s.epa.gap() > 1e-6 * s.pair.scale)) return;

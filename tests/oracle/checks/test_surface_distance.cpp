@@ -291,7 +291,7 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
 }
 
 // A body of a mesh and another part, hull or mesh, both grown by padding: the nearer of them counts.
-TEST(MeshCrowds, PiecesOfAllKindsMakeABody) {
+TEST(MeshCrowds, PartsOfAllKindsMakeABody) {
   constexpr double kPadding = 0.0625;
   int first_is_nearer = 0, second_is_nearer = 0, overlapping = 0;
   for (const CaseClass& cls : mesh_classes())

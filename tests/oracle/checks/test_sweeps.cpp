@@ -93,7 +93,7 @@ Vec3d step_of(Random& random, const Case& c) {
   return random.direction() * (size * random.log_uniform(1e-6, 1.0) / kSteps);
 }
 
-TEST(Sweeps, OfPiecesAreConvexAndLipschitzAndContainTheExactDistance) {
+TEST(Sweeps, OfPartsAreConvexAndLipschitzAndContainTheExactDistance) {
   constexpr std::uint64_t kSeed = 31;
   int through_contact = 0, sweeps = 0;
   for (const CaseClass& cls : case_classes()) {
@@ -150,7 +150,7 @@ std::vector<SolidPtr> several(Random& random, std::uint64_t seed) {
   return solids;
 }
 
-TEST(Sweeps, OfBodiesOfSeveralPiecesAreLipschitzAndContainTheLeastOfTheirPairs) {
+TEST(Sweeps, OfBodiesOfSeveralPartsAreLipschitzAndContainTheLeastOfTheirPairs) {
   constexpr std::uint64_t kSeed = 32;
   Random random(kSeed);
   int through_contact = 0;

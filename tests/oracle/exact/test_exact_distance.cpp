@@ -131,7 +131,7 @@ TEST(ExactDistance, HugeTinyAndMixedScales) {
 
 // The first face of the polytope is 1e-324 from the origin, the answer 1: found by clearance-mine, when the two did not
 // fit into one range of doubles.
-TEST(ExactDistance, DepthBesideADenormal) {
+TEST(ExactDistance, DepthNextToADenormal) {
   const double denormal = std::numeric_limits<double>::denorm_min();
   const Vertices cube = box({0, 0, 0}, {1, 1, 1});
   for (int k = 0; k < 3; ++k) {
@@ -154,7 +154,7 @@ TEST(ExactDistance, DepthBesideADenormal) {
   }
 }
 
-TEST(ExactDistance, BadInputIsRefused) {
+TEST(ExactDistance, BadInputIsRejected) {
   const Vertices p = {{0, 0, 0}};
   EXPECT_THROW(exact_distance({{}, 0}, {}, {p, 0}, {}), std::invalid_argument);
   EXPECT_THROW(exact_distance({p, 0}, {}, {p, 0}, {{0, 0, 0}, 0, 0, 0, 0}), std::invalid_argument);

@@ -126,7 +126,7 @@ TEST(ExactSurface, KnowsInsideFromOutside) {
   EXPECT_EQ(distance_in(outer, true, {2, 0, 0}), 0.625);
 }
 
-TEST(ExactSurface, RefusesThePointsOfTriangles) {
+TEST(ExactSurface, RejectsThePointsOfTriangles) {
   const Mesh mesh = box_mesh({1, 1, 1});
   const Solid s{mesh.vertices, 0, mesh.triangles, true};
   for (const Vec3d& p : {Vec3d{1, 1, 1}, Vec3d{1, 0.5, 1}, Vec3d{1, 0.5, 0.25}})

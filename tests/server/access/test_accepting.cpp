@@ -36,7 +36,7 @@ UniqueFd socket_at(const std::string& path, bool listening) {
 }
 
 /// Connects to each in turn, as soon as the previous one has hung up. Returns the number that sent anything.
-int knock(const std::array<std::string, 2>& paths) {
+int connect_to(const std::array<std::string, 2>& paths) {
   int answered = 0;
   for (int i = 0; i < kRounds; ++i)
     for (const std::string& path : paths) {
@@ -55,7 +55,7 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
   const std::array<std::string, 2> paths{folder / "a", folder / "b"};
   const std::array<UniqueFd, 2> listeners{socket_at(paths[0], true), socket_at(paths[1], true)};
   const pid_t stranger = ::fork();
-  if (stranger == 0) ::_exit(knock(paths) == 0 ? 0 : 1);
+  if (stranger == 0) ::_exit(connect_to(paths) == 0 ? 0 : 1);
   reserve_descriptor();
   const std::ptrdiff_t before = descriptors();
 

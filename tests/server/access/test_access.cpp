@@ -232,15 +232,15 @@ void SocketGroup::expect_rights_of_members(const std::vector<std::string>& envir
   EXPECT_EQ(stranger, 0);
 }
 
-TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRefused) {
+TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRejected) {
   expect_rights_of_members({});
 }
 
-TEST_F(SocketGroup, TheDoormanTellsWhoIsBehindAConnection) {
+TEST_F(SocketGroup, TheProxyReportsThePeerOfAConnection) {
   expect_rights_of_members({"CLEARANCE_FD_FILTER_PROXY=on"});
 }
 
-TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNobodyElse) {
+TEST_F(SocketGroup, AMemberWhoTakesAllPlacesShutsOutNoOthers) {
   const auto daemon = start({"--socket-group", std::to_string(kGroup), "--limit", "max-clients=8"});
   const std::string shm = daemon->urls()[0] + "?user=root";
   int go[2], ready[2];

@@ -92,7 +92,7 @@ bool send_with(int socket, const void* bytes, std::size_t size, int descriptor) 
   return sent >= 0;
 }
 
-TEST(Lingering, KeepsWhoeverReceivesOneWaiting) {
+TEST(Lingering, KeepsItsReceiverWaiting) {
   Lingering lingering;
   int ends[2];
   ASSERT_EQ(::socketpair(AF_UNIX, SOCK_STREAM | SOCK_CLOEXEC, 0, ends), 0);
@@ -144,7 +144,7 @@ class FdFilterProxy : public testing::TestWithParam<const char*> {
   std::optional<Daemon> daemon_;
 };
 
-TEST_P(FdFilterProxy, NobodyWaitsForDescriptorsOfOthers) {
+TEST_P(FdFilterProxy, NoClientWaitsForDescriptorsOfOthers) {
   EXPECT_NE(
       daemon_->log().find(std::string("event=descriptor_filter rejected_by=") + (uses_proxy() ? "proxy" : "kernel")),
       std::string::npos)

@@ -122,7 +122,7 @@ TEST_F(Keys, EachMayDoWhatTheListSays) {
             "kReload needs the right \"admin\"; this client has query");
 }
 
-TEST_F(Keys, StrangersAreRefusedWithAReasonAndLogged) {
+TEST_F(Keys, UnauthenticatedPeersAreRejectedWithAReasonAndLogged) {
   start();
   Client witness = come("all");
   evaluate(witness);

@@ -108,7 +108,7 @@ TEST_F(BoundedLoop, PairsWithinADistanceAreFoundElsewhere) {
   EXPECT_EQ(Reply(request_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
 }
 
-TEST_F(BoundedLoop, BodiesOfManyPiecesAreAnsweredElsewhere) {
+TEST_F(BoundedLoop, BodiesOfManyPartsAreAnsweredElsewhere) {
   start(heaps(60));
   TestQuery query = small_query();
   query.header.signed_distance = 1;
@@ -116,7 +116,7 @@ TEST_F(BoundedLoop, BodiesOfManyPiecesAreAnsweredElsewhere) {
   EXPECT_LT(reply.upper()[0], 0);
 }
 
-TEST_F(BoundedLoop, ASmallQueryOfDearPairsIsHandedOver) {
+TEST_F(BoundedLoop, ASmallQueryOfExpensivePairsIsHandedOver) {
   // Few convex parts, so that it starts on the loop, but each with a thousand vertices, so that it does not finish
   // there.
   Scene scene;
@@ -225,7 +225,7 @@ TEST_F(BoundedLoop, ThoseThatWaitForPosesAreLookedAtTogether) {
   EXPECT_EQ(loop_->held(), 0u);
 }
 
-TEST_F(BoundedLoop, TooManyPairsOfPiecesAreRefusedBeforeAnyIsLookedAt) {
+TEST_F(BoundedLoop, TooManyPairsOfPartsAreRejectedBeforeAnyIsEvaluated) {
   Loop::Options options;
   options.max_part_pairs = 3599;
   start(heaps(60), options);

@@ -51,7 +51,7 @@ TEST_F(Classes, ASmallControlQueryIsAnsweredBeforeSmallOnesThatCameEarlier) {
   serve(b_, 20);
 }
 
-TEST_F(Classes, AQueryMayAskForLessThanItsClientHas) {
+TEST_F(Classes, AQueryMayRequestLessThanItsClientHas) {
   start(scattered_scene(20), short_slices());
   send(b_, large_query(20));
   loop_->turn();

@@ -44,7 +44,7 @@ TEST_F(Deadlines, OneThatIsKeptChangesNothing) {
   EXPECT_EQ(std::memcmp(with.lower().data(), without.lower().data(), 8 * with.rows()), 0);
 }
 
-TEST_F(Deadlines, OneThatHasPassedIsRefusedAtOnce) {
+TEST_F(Deadlines, OneThatHasPassedIsRejectedAtOnce) {
   start(small_scene());
   send(a_, with_deadline(small_query(), 1ns));
   turn_until_idle();
@@ -53,7 +53,7 @@ TEST_F(Deadlines, OneThatHasPassedIsRefusedAtOnce) {
   EXPECT_EQ(loop_->counter("errors.deadline"), 1u);
 }
 
-TEST_F(Deadlines, AQueryThatWaitsIsRefusedWhenItsDeadlinePasses) {
+TEST_F(Deadlines, AQueryThatWaitsIsRejectedWhenItsDeadlinePasses) {
   start(scattered_scene(20), short_slices());
   transport_->send(b_, large_query(20).frame(1));
   loop_->turn();
@@ -86,7 +86,7 @@ TEST_F(Deadlines, AQueryThatOverrunsIsGivenUp) {
   EXPECT_EQ(evaluate(a_, small_query()).rows(), 1u);
 }
 
-TEST_F(Deadlines, OneThatLikeQueriesDidNotKeepIsRefusedBeforeAnyWork) {
+TEST_F(Deadlines, OneThatLikeQueriesDidNotKeepIsRejectedBeforeAnyWork) {
   start(scattered_scene(20), short_slices());
   evaluate(a_, large_query(20));
   std::string said;
@@ -164,7 +164,7 @@ TEST(Forecast, OneThatLostItsCpuSpoilsNoOthers) {
   EXPECT_THROW(forecast.check(work, 1ms, 1ms), RejectedRequest) << "where all of them take long that is learnt";
 }
 
-TEST(Forecast, TriesAgainAfterSomeRefusals) {
+TEST(Forecast, TriesAgainAfterSomeRejections) {
   Forecast forecast;
   const auto work = Forecast::work_of({}, {.part_pairs = 1000});
   forecast.note(work, 10ms, false);

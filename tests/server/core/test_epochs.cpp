@@ -91,7 +91,7 @@ TEST_F(Epochs, AreNotTheSameTwice) {
   EXPECT_NE(loop_->epoch(), first);
 }
 
-TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
+TEST_F(Epochs, RequestsForAnotherOneAreRejectedAndChangeNothing) {
   begin();
   const Pose before = engine_->body_state(1).X_wb;
   for (const auto& [name, request] : requests_) {
@@ -108,7 +108,7 @@ TEST_F(Epochs, RequestsForAnotherOneAreRefusedAndChangeNothing) {
   EXPECT_EQ(loop_->counter("errors.new_epoch"), requests_.size());
 }
 
-TEST_F(Epochs, RecordsThatNameNoneAreRefused) {
+TEST_F(Epochs, RecordsThatNameNoneAreRejected) {
   begin();
   const auto rejection = [&](std::size_t bytes, std::byte value) {
     TestQuery query = small_query();

@@ -168,7 +168,7 @@ TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {
   EXPECT_EQ(reply.pair()[2], (IdPair{kNone, kNone}));
 }
 
-TEST_F(FreeScaleTest, WhatItIsNotForIsSaid) {
+TEST_F(FreeScaleTest, WhatItIsNotForIsReported) {
   start(arm_scene());
   TestQuery query = scale_query();
   query.weights = {1};
@@ -272,7 +272,7 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
   EXPECT_EQ(take(a_)->type(), FrameType::kReply);
 }
 
-TEST_F(JointsTest, WhatIsWrongIsRefusedAndNamed) {
+TEST_F(JointsTest, WhatIsWrongIsRejectedAndNamed) {
   start(arm_scene());
   const auto rejected = [&](std::vector<std::byte> frame, ErrorCode code, const std::string& text) {
     const auto error = error_of(evaluate(a_, std::move(frame)));

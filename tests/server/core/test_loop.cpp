@@ -122,7 +122,7 @@ TEST_F(LoopTest, AClientOfManyQueriesDelaysNoOther) {
   EXPECT_EQ(a_.replies.size(), 50u);
 }
 
-TEST_F(LoopTest, TooManyQueriesOfOneClientAreRefused) {
+TEST_F(LoopTest, TooManyQueriesOfOneClientAreRejected) {
   Loop::Options options = short_slices();
   options.max_waiting_per_client = 3;
   start(small_scene(), options);
@@ -210,7 +210,7 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   EXPECT_EQ(few.total(), near);
 }
 
-TEST_F(LoopTest, WhatAClientHasNoRoomForIsSaid) {
+TEST_F(LoopTest, WhatAClientCannotHoldIsReported) {
   start(small_scene());
   a_.room = 400;
   const auto error = error_of(evaluate(a_, small_query().frame(1)));

@@ -30,7 +30,7 @@ TEST_F(LoopTest, DescribesItsScene) {
   EXPECT_EQ(scene.members[1], 3u);
 }
 
-TEST_F(LoopTest, SetsPosesAndTellsWhatBecameOfThem) {
+TEST_F(LoopTest, SetsPosesAndReportsTheirResults) {
   start(small_scene());
   wire::PosesHeader header;
   header.count = 4;
@@ -102,7 +102,7 @@ TEST_F(LoopTest, AttachmentsChangeTheScene) {
             static_cast<std::uint16_t>(ErrorCode::kWrongScene));
 }
 
-TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
+TEST_F(LoopTest, AnAttachmentRejectsThoseAloneWhomItConcerns) {
   start(scattered_scene(6));  // body0 to body5
   wire::AttachRecord record;
   record.child = 1;
@@ -158,7 +158,7 @@ TEST_F(LoopTest, AnAttachmentRefusesThoseAloneWhomItConcerns) {
       << "it does not know what the first one did";
 }
 
-TEST_F(LoopTest, TellsTheOrderOfPairs) {
+TEST_F(LoopTest, ReturnsTheOrderOfPairs) {
   start(small_scene());
   TestQuery query;
   query.pairs = {{kGroupBit | 0u, 0}, {2, 1}};

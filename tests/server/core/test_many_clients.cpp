@@ -49,7 +49,7 @@ class ManyClients : public LoopTest {
   int turns_ = 0;
 };
 
-TEST_F(ManyClients, TakeTurnsBesideALargeBatch) {
+TEST_F(ManyClients, TakeTurnsWithALargeBatch) {
   // A slice of 1 ns: each turn works on one query for one slice, so that turns count slices.
   start(scattered_scene(60), short_slices());
   transport_->send(large_, large_query(60).frame(1));
@@ -75,7 +75,7 @@ TEST_F(ManyClients, TakeTurnsBesideALargeBatch) {
   EXPECT_GE(least(), kBatches);
 }
 
-TEST_F(ManyClients, ABatchOfTenMillionPairsDelaysNobodyByMoreThanItsSlices) {
+TEST_F(ManyClients, ABatchOfTenMillionPairsDelaysNoOtherByMoreThanItsSlices) {
   constexpr std::uint32_t kConfigurations = 85'500;
   start(scattered_scene(60));
   TestQuery batch;  // two bodies move: 117 pairs in each configuration

@@ -84,7 +84,7 @@ TEST_F(Reload, ThatFailsLeavesTheOldScene) {
   EXPECT_EQ(evaluate(a_, small_query()).scene_revision(), before);
 }
 
-TEST_F(Reload, AskedForWhileOneIsUnderWayFollowsIt) {
+TEST_F(Reload, RequestedWhileOneIsUnderWayFollowsIt) {
   start(small_scene());
   std::atomic<int> begun{0};
   std::atomic<bool> may_end{false};
@@ -105,7 +105,7 @@ TEST_F(Reload, AskedForWhileOneIsUnderWayFollowsIt) {
   EXPECT_EQ(begun, 2);
 }
 
-TEST_F(Reload, ARequestForTheOldSceneIsRefused) {
+TEST_F(Reload, ARequestForTheOldSceneIsRejected) {
   start(small_scene());
   const std::uint64_t before = revision();
   loop_->reload_by([] {
@@ -180,7 +180,7 @@ TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
   EXPECT_EQ(a_.sinks + b_.sinks, 0);
 }
 
-TEST_F(Reload, ARequestThatFailsGetsTheLoadersWords) {
+TEST_F(Reload, ARequestThatFailsGetsTheLoadersError) {
   start(small_scene());
   loop_->reload_by([]() -> std::unique_ptr<Engine> { throw SceneError("scene.yaml:3: no such thing"); });
   transport_->send(a_, simple_frame(FrameType::kReload, 1));

@@ -48,8 +48,8 @@ void act(Link& link, const std::string& what) {
   if (what == "wrong key") link.send(frame("short"));
   if (what == "nameless") link.send({Kind::kFrame, 0, "", frame("").extra, {}});
   if (what == "headless") link.send({Kind::kFrame, 0, kSomebody, "x", {}});
-  if (what == "handed over") link.send({Kind::kHandedOver, 12345, {}, {}, {}});
-  if (what == "knock") link.send({Kind::kAuthenticate, 0, "127.0.0.1", "no key", {}});
+  if (what == "reply released") link.send({Kind::kReplyReleased, 12345, {}, {}, {}});
+  if (what == "authenticate") link.send({Kind::kAuthenticate, 0, "127.0.0.1", "no key", {}});
   if (what == "bodies")  // started and never finished, until there are too many
     for (int i = 0; i < 100; ++i)
       send_datagram({static_cast<std::uint32_t>(Kind::kFrame), 3, 0, 0, 8 << 20, 0}, std::to_string(100 + i) + "x");
@@ -84,7 +84,7 @@ int main() try {
   link.send({Kind::kReady, 0, {}, {}, {}});
   // The daemon is ready once it has received this; it must tolerate everything that follows.
   act(link, std::getenv("CLEARANCE_HOSTILE"));
-  for (;;) await(link, Kind::kAdmission);
+  for (;;) await(link, Kind::kAuthenticated);
 } catch (const clearance::gateway::Broken&) {
   return 0;
 }

@@ -88,7 +88,7 @@ void live() {
   (void)!::write(1, memory.data(), 0);
 }
 
-TEST(Confined, DoesNothingBesideItsConnections) {
+TEST(Confined, DoesNothingButItsConnections) {
   if (!kernel_has_filters()) GTEST_SKIP() << "this kernel has no filters";
   EXPECT_EQ(ending(&confine_to_connections, &live), kDone);
   for (void (*act)() :

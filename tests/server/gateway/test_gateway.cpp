@@ -195,7 +195,7 @@ TEST_F(Gateway, ItEndsWithTheCore) {
   while (kill(pid, 0) == 0 && status_kib(pid, "VmSize") > 0) std::this_thread::sleep_for(1ms);
 }
 
-TEST_F(Gateway, ARequestOrReplyBeyondItsShareOfMemoryIsRefused) {
+TEST_F(Gateway, ARequestOrReplyBeyondItsShareOfMemoryIsRejected) {
   start({"--limit", "gateway-mib=64"});  // an eighth: 8 MiB
   Client client = patient(tcp());
   Query query;
@@ -256,7 +256,7 @@ class GatewayWithKeys : public Gateway {
   ConnectOptions own() const { return {20s, folder_ / "keys/server.key.pub", folder_ / "own.key"}; }
 };
 
-TEST_F(GatewayWithKeys, StrangersSayLittleBeforeAHandshake) {
+TEST_F(GatewayWithKeys, UnauthenticatedPeersMaySendLittleBeforeAHandshake) {
   const Busy busy(shm());
   Client good = patient(tcp(), own());
   const std::uint64_t before = high_water_kib();
@@ -282,7 +282,7 @@ TEST_F(GatewayWithKeys, StrangersSayLittleBeforeAHandshake) {
   EXPECT_EQ(counter("gateway.restarts"), 0u);
 }
 
-TEST_F(GatewayWithKeys, StrangersWhoSayNothingAreHungUpOn) {
+TEST_F(GatewayWithKeys, UnauthenticatedPeersThatSendNothingAreDisconnected) {
   RawTcp silent(tcp()), halfway(tcp());
   halfway.say(RawTcp::greeting("CURVE"));
   EXPECT_TRUE(silent.is_hung_up(kPatience));
@@ -327,8 +327,8 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
                         {"wrong key", "it names an invalid client"},
                         {"nameless", "it names an invalid client"},
                         {"headless", "it sent something other than a ZeroMQ message"},
-                        {"handed over", "it hands over a message that it did not receive"},
-                        {"knock", "it reports a client without a valid key"},
+                        {"reply released", "it releases a reply that it did not receive"},
+                        {"authenticate", "it reports a client without a valid key"},
                         {"bodies", "it sends too many bodies at once"},
                         {"stranger's key", "forbidden as it should be"}}) {
     start_hostile(c.what);
@@ -338,7 +338,7 @@ TEST_F(GatewayWithKeys, OneThatWasTakenOverIsEndedAtItsFirstWrongWord) {
   }
 }
 
-TEST_F(GatewayWithKeys, OneThatAsksAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) {
+TEST_F(GatewayWithKeys, OneThatSendsAndDoesNotReadTakesNoMoreOfTheCoreThanItMay) {
   start_hostile("greedy");
   const Busy busy(shm());
   busy.expect_answers();

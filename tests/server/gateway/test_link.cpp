@@ -136,7 +136,7 @@ TEST_F(LinkTest, WhoDoesNotReadBreaksIt) {
   EXPECT_THROW(for (int i = 0; i < 1000; ++i) core_->send(message("a", 100'000)), Broken);
 }
 
-TEST_F(LinkTest, WhatNobodyHonestSendsBreaksIt) {
+TEST_F(LinkTest, InvalidMessagesBreakIt) {
   ASSERT_EQ(::send(raw_, "short", 5, 0), 5);
   EXPECT_EQ(why(), "it sends less than a header");
   EXPECT_EQ(broken_by(head(256, 0, 0), 256), "it sends a name or extra data of a wrong length");

@@ -49,7 +49,7 @@ TEST(ErrorLog, CountsKindsAndForgetsTheOldest) {
   EXPECT_EQ(error_text({log.entries()[0]}).find("a\nb"), std::string::npos);
 }
 
-TEST_F(LoopTest, FiguresAreReadFromAnotherThread) {
+TEST_F(LoopTest, MetricsAreReadFromAnotherThread) {
   start(small_scene());
   EXPECT_FALSE(loop_->read_metrics(1ms)) << "nobody turns the loop";
   std::thread serving([&] { loop_->run(); });
@@ -63,7 +63,7 @@ TEST_F(LoopTest, FiguresAreReadFromAnotherThread) {
   EXPECT_TRUE(metrics->errors.empty());
 }
 
-TEST_F(LoopTest, RefusalsAreAmongTheFigures) {
+TEST_F(LoopTest, RejectionsAreAmongTheMetrics) {
   start(small_scene());
   for (const auto& bad : bad_requests(engine_->scene_revision())) {
     std::vector<std::byte> frame(sizeof bad.header);
@@ -363,7 +363,7 @@ TEST_F(Metrics, OnTheLoopback) {
   EXPECT_TRUE(has(request_http(port, kGet), "clearance_uptime_s "));
 }
 
-TEST_F(Metrics, WhoIsSlowOrGoesKeepsNobodyFromAnAnswer) {
+TEST_F(Metrics, SlowOrLeavingReadersBlockNoOthers) {
   const std::string path = folder_ / "metrics.sock";
   Daemon daemon(options(path));
   Client client = patient(daemon.url());

@@ -99,7 +99,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   }
 }
 
-TEST_F(ShmDaemon, RepliesStayReadableWhileMoreAreAsked) {
+TEST_F(ShmDaemon, RepliesStayReadableWhileMoreAreRequested) {
   Daemon daemon(options());
   Client client = patient(daemon.url() + "?spin_us=0");
   const std::vector<IdPair> all = client.pairs();

@@ -125,7 +125,7 @@ TEST_F(ShmHostile, BadMessagesOnTheSocketEndTheConnection) {
   expect_good_service();
 }
 
-TEST_F(ShmHostile, AbsurdSizesAreRefusedAndTheConnectionGoesOn) {
+TEST_F(ShmHostile, AbsurdSizesAreRejectedAndTheConnectionGoesOn) {
   RawClient client(path_);
   for (const std::uint64_t size :
        {std::uint64_t{1} << 40, std::uint64_t{1} << 63, ~std::uint64_t{0}, ~std::uint64_t{0} - 4095}) {
@@ -151,7 +151,7 @@ TEST_F(ShmHostile, AbsurdSizesAreRefusedAndTheConnectionGoesOn) {
   expect_good_service();
 }
 
-TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
+TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveMemoryForNewOnes) {
   ShmLimits limits;
   limits.pool_bytes = std::uint64_t{400} << 20;  // a usual segment takes 20 MiB
   const std::string path = folder_ / "hoard.sock";
@@ -182,7 +182,7 @@ TEST_F(ShmHostile, ClientsThatHoardSegmentsLeaveRoomForNewOnes) {
   }
 }
 
-TEST_F(ShmHostile, AnotherVersionIsRefusedWithBothVersions) {
+TEST_F(ShmHostile, AnotherVersionIsRejectedWithBothVersions) {
   for (const bool layout : {false, true}) {
     RawClient client(path_, false);
     Message message = RawClient::make(MessageKind::kHello);
@@ -199,7 +199,7 @@ TEST_F(ShmHostile, AnotherVersionIsRefusedWithBothVersions) {
 }
 
 // The client's side of the same: a daemon of another version, and servers that are no daemon at all.
-TEST_F(ShmHostile, AClientRefusesAStrangeDaemon) {
+TEST_F(ShmHostile, AClientRejectsAnUnknownDaemon) {
   const std::string path = folder_ / "strange.sock";
   sockaddr_un address;
   ASSERT_TRUE(shm::socket_address(path.c_str(), address));

@@ -166,7 +166,7 @@ TEST_F(ShmProcesses, RepliesThatADaemonPostedBeforeItDiedAreStillReceived) {
   for (std::uint64_t id = 1; id <= 3; ++id) EXPECT_TRUE(echoes(*channel, id, random_bytes(50, id)));
 }
 
-TEST_F(ShmProcesses, AForkedChildIsToldToConnectAnew) {
+TEST_F(ShmProcesses, AForkedChildMustConnectAgain) {
   EchoThread server(path_);
   auto channel = open_shm_channel(path_, soon());
   send_ping(*channel, 1, random_bytes(50, 1));
@@ -192,7 +192,7 @@ TEST_F(ShmProcesses, AForkedChildIsToldToConnectAnew) {
   EXPECT_TRUE(echoes(*channel, 2, {}));
 }
 
-TEST_F(ShmProcesses, AnotherUserIsRefused) {
+TEST_F(ShmProcesses, AnotherUserIsRejected) {
   if (::geteuid() != 0) GTEST_SKIP() << "only root can become another user";
   EchoServer server(path_);
   server.serve();

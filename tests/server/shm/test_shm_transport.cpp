@@ -206,7 +206,7 @@ TEST_F(ShmTransport, ATimeoutLeavesTheRequestUnderWay) {
   EXPECT_TRUE(echoes(*channel, 1, random_bytes(10, 1)));
 }
 
-TEST_F(ShmTransport, ADroppedRequestIsToldAtOnce) {
+TEST_F(ShmTransport, ADroppedRequestIsReportedAtOnce) {
   EchoThread server(path_);
   auto channel = open_shm_channel(path_, soon());
   server.set_mode(Mode::kDrop);
@@ -246,7 +246,7 @@ TEST_F(ShmTransport, AReplyThatDoesNotFitGetsALargerSegment) {
   EXPECT_EQ(mapped_segments(), 4u) << "the first, still leased, and the newest, in client and server";
 }
 
-TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
+TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsReported) {
   ShmLimits limits;
   limits.max_segment_bytes = 16 << 20;
   limits.pool_bytes = 40 << 20;
@@ -290,7 +290,7 @@ TEST_F(ShmTransport, WhatTheDaemonDoesNotAllowIsSaid) {
   EXPECT_EQ(error_of([&] { open_shm_channel(path_, soon()); }), "");
 }
 
-TEST_F(ShmTransport, TooManyClientsAreRefused) {
+TEST_F(ShmTransport, TooManyClientsAreRejected) {
   ShmLimits limits;
   limits.max_clients = 3;
   EchoThread server(path_, limits);
@@ -306,7 +306,7 @@ TEST_F(ShmTransport, TooManyClientsAreRefused) {
   EXPECT_TRUE(echoes(*channels.back(), 1, {}));
 }
 
-TEST_F(ShmTransport, ClientsAreToldApart) {
+TEST_F(ShmTransport, ClientsAreDistinguished) {
   EchoThread server(path_);
   server.set_mode(Mode::kHold);
   auto a = open_shm_channel(path_, soon()), b = open_shm_channel(path_, soon());
@@ -360,7 +360,7 @@ TEST_F(ShmTransport, AStaleSocketIsReplacedAndALiveOneIsNot) {
   EXPECT_TRUE(echoes(*channel, 1, {}));
 }
 
-TEST_F(ShmTransport, PathsThatCannotBeAreRefused) {
+TEST_F(ShmTransport, PathsThatCannotBeAreRejected) {
   EXPECT_NE(error_of([&] { EchoServer s(folder_ / "none/c.sock"); }).find("there is no folder"), std::string::npos);
   EXPECT_NE(error_of([&] { EchoServer s(folder_ / std::string(120, 'x')); }).find("a socket's path has 1 to 107 bytes"),
             std::string::npos);
@@ -384,7 +384,7 @@ TEST_F(ShmTransport, PathsThatCannotBeAreRefused) {
             std::string::npos);
 }
 
-TEST_F(ShmTransport, OptionsThatDoNotExistAreRefused) {
+TEST_F(ShmTransport, OptionsThatDoNotExistAreRejected) {
   EchoThread server(path_);
   for (const char* options :
        {"?spin=3", "?spin_us=", "?spin_us=-1", "?spin_us=1x", "?spin_us=2000000", "?spin_us=1&turbo=1"})
@@ -395,7 +395,7 @@ TEST_F(ShmTransport, OptionsThatDoNotExistAreRefused) {
   EXPECT_EQ(error_of([&] { open_shm_channel(path_ + "?spin_us=5", soon()); }), "");
 }
 
-TEST_F(ShmTransport, MisuseOfAChannelIsSaid) {
+TEST_F(ShmTransport, MisuseOfAChannelIsReported) {
   EchoThread server(path_);
   auto channel = open_shm_channel(path_, soon());
   EXPECT_NE(error_of([&] { channel->send(); }).find("send() without begin()"), std::string::npos);

@@ -56,7 +56,7 @@ struct PlanDevice {
       --self.waiting;
     }
     if (!self.has_room)
-      throw cuda::DeviceError(cuda::DeviceError::kNoRoom, "device memory, " + std::to_string(bytes) + " bytes: full");
+      throw cuda::DeviceError(cuda::DeviceError::kNoMemory, "device memory, " + std::to_string(bytes) + " bytes: full");
     cuda::SharedBlock block;
     block.stream = std::calloc(bytes + 64, 1);  // zeroed when it is touched
     std::size_t room = bytes + 64;
@@ -96,11 +96,11 @@ inline double planned(double x, double position, std::uint64_t pair) {
   return x + 1000 * position + 1e-3 * static_cast<double>(pair);
 }
 
-class HostPlans final : public cuda::StandingWorkspace {
+class HostPlans final : public cuda::ResidentWorkspace {
  public:
   HostPlans(PlanDevice& device, Reduce reduce) : device_(device), reduce_(reduce) {}
 
-  cuda::FixedBodies room_for_bodies(std::size_t bodies) override {
+  cuda::FixedBodies body_buffers(std::size_t bodies) override {
     components_.resize(bodies * cuda::kPoseComponents);
     state_.resize(bodies);
     return {components_.data(), state_.data()};
@@ -110,12 +110,12 @@ class HostPlans final : public cuda::StandingWorkspace {
     joints_ = setup.joints;
     pairs_ = setup.all_pairs;
   }
-  std::byte* room_for(cuda::Given, int, std::size_t) override { return nullptr; }
-  std::byte* room_for_all(cuda::Given, std::size_t) override { return nullptr; }
-  void make_room(std::uint64_t, std::uint32_t) override {}
+  std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
+  std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }
+  void reserve(std::uint64_t, std::uint32_t) override {}
   int device() const override { return 0; }
   std::uint64_t bytes() const override { return kOwnBytes; }
-  std::byte* room_for_rows(std::size_t) override { return nullptr; }
+  std::byte* row_buffer(std::size_t) override { return nullptr; }
   void launch(const cuda::ChunkSetup& chunk, const ReplyView& rows, const cuda::ResidentPairs&, std::uint64_t,
               void*) override {
     device_.note_thread();
@@ -146,7 +146,7 @@ class HostPlans final : public cuda::StandingWorkspace {
 class PlansDevice final : public IdleDevice {
  public:
   PlansDevice(Fault& fault, PlanDevice& device) : IdleDevice(fault), device_(device) {}
-  std::shared_ptr<cuda::StandingWorkspace> make_standing(Reduce reduce) override {
+  std::shared_ptr<cuda::ResidentWorkspace> make_resident(Reduce reduce) override {
     return std::make_shared<HostPlans>(device_, reduce);
   }
 

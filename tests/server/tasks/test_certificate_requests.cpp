@@ -107,7 +107,7 @@ TEST_F(CertificateRequests, AreMadeInSlices) {
   EXPECT_EQ(document(take(a_)), engine_->certificate(QueryView()));
 }
 
-TEST_F(CertificateRequests, AreRefusedByName) {
+TEST_F(CertificateRequests, AreRejectedByName) {
   start(small_scene());
   TestQuery query;
   query.records = rows_record({0});
@@ -129,7 +129,7 @@ TEST_F(CertificateRequests, AreRefusedByName) {
       "certificate: min_pose_stamp_ns and deadline_ns are not supported; request it once the poses are there");
 }
 
-TEST_F(CertificateRequests, OfTooMuchAreRefusedAsSoonAsThatIsSeen) {
+TEST_F(CertificateRequests, OfTooMuchAreRejectedAsSoonAsThatIsSeen) {
   start(combs(2, 1000));  // each pair of parts has its own direction in the document
   expect_rejected(TestQuery().frame(1, FrameType::kCertify), ErrorCode::kTooLarge,
                   "certificate: the document takes more than " + std::to_string(CertificateRequest::kMostBytes) +

@@ -32,7 +32,7 @@ class DeferredQueries : public LoopTest {
   }
 };
 
-TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndHoldUpNobody) {
+TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndDelayNoOthers) {
   start(small_scene());
   move(1, 90, 7);
   transport_->send(a_, waiting_query(100, 10s).frame(1));
@@ -76,7 +76,7 @@ TEST_F(DeferredQueries, AreLetGoOfThoughAnotherIsHeldInTheTurnInWhichThePosesCam
   EXPECT_TRUE(b_.replies.empty());
 }
 
-TEST_F(DeferredQueries, AreRefusedWhenTimeIsUp) {
+TEST_F(DeferredQueries, AreRejectedWhenTimeIsUp) {
   start(small_scene());
   transport_->send(a_, waiting_query(100, 0s).frame(1));
   loop_->turn();
@@ -127,7 +127,7 @@ TEST_F(DeferredQueries, WaitForABodyAGroupOrAll) {
   EXPECT_TRUE(is_there(kEveryBody, 50));
 }
 
-TEST_F(DeferredQueries, WhatIsWrongIsSaidAtOnce) {
+TEST_F(DeferredQueries, WhatIsWrongIsReportedAtOnce) {
   start(small_scene());
   TestQuery query = waiting_query(100, 10s);
   query.pairs = {{1, 1}};

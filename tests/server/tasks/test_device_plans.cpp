@@ -190,7 +190,7 @@ TEST_F(DevicePlansTest, AreLaunchedAFewChunksAtATime) {
   EXPECT_EQ(device_.launches, 9);
 }
 
-TEST_F(DevicePlansTest, ThatRunForLongHoldUpNobody) {
+TEST_F(DevicePlansTest, ThatRunForLongDelayNoOthers) {
   begin();
   const Mapped long_one = open(a_), short_one = open(b_);
   device_.is_done = false;
@@ -306,36 +306,36 @@ TEST_F(DevicePlansTest, AreSoManyAndSoLargeAndNoMore) {
                   "a plan on a device: this daemon opens none (limit max-client-plans = 0)");
 }
 
-TEST_F(DevicePlansTest, AreRefusedByName) {
+TEST_F(DevicePlansTest, AreRejectedByName) {
   Loop::Options options;
   options.max_pairs = 1000;
   begin(options);
-  const auto refuse = [&](TestQuery query, ErrorCode code, const std::string& text) {
+  const auto reject = [&](TestQuery query, ErrorCode code, const std::string& text) {
     expect_rejected(tell(a_, query.frame(1, FrameType::kOpenPlan)), code, text);
   };
   a_.is_local = false;
-  refuse(plan_query(), ErrorCode::kNotSupported,
+  reject(plan_query(), ErrorCode::kNotSupported,
          "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
          "ipc://; this client is not one of them");
   a_.is_local = true;
   TestQuery query = plan_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
-  refuse(query, ErrorCode::kNotSupported, "a plan on a device: reduce: expected none, min or any");
+  reject(query, ErrorCode::kNotSupported, "a plan on a device: reduce: expected none, min or any");
   query = plan_query();
   query.header.min_pose_stamp_ns = 5;
-  refuse(query, ErrorCode::kNotSupported, "a plan on a device: without min_pose_stamp_ns and deadline_ns");
+  reject(query, ErrorCode::kNotSupported, "a plan on a device: without min_pose_stamp_ns and deadline_ns");
   query = plan_query();
   query.bodies = {3, 3};
   const auto twice = error_of(tell(a_, query.frame(1, FrameType::kOpenPlan)));
   EXPECT_EQ(static_cast<ErrorCode>(twice.header.code), ErrorCode::kBadQuery) << twice.text;
-  refuse(plan_query(48), ErrorCode::kTooLarge,
+  reject(plan_query(48), ErrorCode::kTooLarge,
          "48 configurations of 21 pairs are more than the 1000 that one query may have (limit max-pairs): split it");
   query = plan_query(4'000'000'000u);
   query.joints = std::vector<std::uint32_t>(100'000);
-  refuse(query, ErrorCode::kTooLarge,
+  reject(query, ErrorCode::kTooLarge,
          "a plan on a device: 4000000000 configurations of 2 bodies and 100000 joints are more than one has room for");
   device_.has_room = false;
-  refuse(plan_query(), ErrorCode::kTooLarge,
+  reject(plan_query(), ErrorCode::kTooLarge,
          "a plan on a device: device memory, " + std::to_string(cuda::SharedMemory::kConvexPart) + " bytes: full");
   device_.has_room = true;
   EXPECT_EQ(counter("plans.open"), 0u);
@@ -348,7 +348,7 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
                         std::as_bytes(std::span(&position, 1)));
     return records;
   }();
-  refuse(query, ErrorCode::kBadQuery, "query: positions are not for kPairs and kOpenPlan");
+  reject(query, ErrorCode::kBadQuery, "query: positions are not for kPairs and kOpenPlan");
   for (const FrameType type : {FrameType::kRunPlan, FrameType::kClosePlan}) {
     expect_rejected(tell(a_, simple_frame(type, 1)), ErrorCode::kBadFrame,
                     "plan: the payload has 0 bytes, fewer than its header of 16");
@@ -360,10 +360,10 @@ TEST_F(DevicePlansTest, AreRefusedByName) {
                     "plan: its contents need a payload of 16 bytes, got 24");
   }
   begin(test::spheres(12), {}, "cpu");
-  refuse(plan_query(), ErrorCode::kNotSupported, "a plan on a device: the engine has no device (backend cuda or auto)");
+  reject(plan_query(), ErrorCode::kNotSupported, "a plan on a device: the engine has no device (backend cuda or auto)");
 }
 
-TEST_F(DevicePlansTest, OfAnotherSceneAreRefusedWhereTheirClientSaysWhichItKnows) {
+TEST_F(DevicePlansTest, OfAnotherSceneAreRejectedWhereTheirClientSaysWhichItKnows) {
   begin();
   const Mapped plan = open(a_);
   const auto in_scene = [&](std::uint64_t scene) {

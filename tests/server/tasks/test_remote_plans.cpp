@@ -132,7 +132,7 @@ TEST_F(RemotePlans, EndWithWhatHoldsThem) {
   wait_for_blocks(0);
 }
 
-TEST_F(RemotePlans, AreRefusedByName) {
+TEST_F(RemotePlans, AreRejectedByName) {
   serve();
   Client client = patient(urls_[0]);
   Query wrong = query();

@@ -53,7 +53,7 @@ class SchedulerTest : public testing::Test {
     }
     ~FakeQuery() override { --test_.alive_; }
     bool is_wanted() const override { return what_.wanted && client() != test_.gone_; }
-    void let_go() override { ++test_.let_go_; }
+    void free_memory() override { ++test_.freed_; }
     bool advance(std::chrono::nanoseconds budget, Clock::time_point& now) override {
       EXPECT_EQ(budget, kSlice);
       test_.slices_.push_back(what_.name);
@@ -69,9 +69,9 @@ class SchedulerTest : public testing::Test {
   void add(const What& what) { scheduler_.add(std::make_unique<FakeQuery>(*this, what)); }
   /// Returns the number of queries dropped because their clients are gone.
   int work() {
-    const int before = let_go_;
+    const int before = freed_;
     scheduler_.work(Clock::time_point(), [](Scheduler::QueryPtr) {});
-    return let_go_ - before;
+    return freed_ - before;
   }
   /// The slices that this many calls of work() give, by name.
   std::vector<int> work(int calls) {
@@ -88,7 +88,7 @@ class SchedulerTest : public testing::Test {
   std::vector<int> slices_;
   std::uint64_t gone_ = 0;  // a client
   int alive_ = 0;           // queries
-  int let_go_ = 0;          // likewise
+  int freed_ = 0;           // likewise
   Scheduler scheduler_{kSlice};
 };
 
@@ -159,7 +159,7 @@ TEST_F(SchedulerTest, WorksForASliceInAll) {
   EXPECT_EQ(scheduler_.size(), 0u);
 }
 
-TEST_F(SchedulerTest, ThoseThatNobodyWantsAreDroppedWithoutASlice) {
+TEST_F(SchedulerTest, ThoseThatAreNotWantedAreDroppedWithoutASlice) {
   add({.name = 1, .client = 1, .slices = 9});
   add({.name = 2, .client = 2, .slices = 9});
   ASSERT_EQ(work(2), (std::vector<int>{1, 2}));

@@ -97,7 +97,7 @@ std::vector<Vec3d> ball(int corners, unsigned seed) {
   return vertices;
 }
 
-TEST_F(WorkerSlices, TheDepthOfOnePairOfPiecesIsFoundInThem) {
+TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
   // One inside the other: the surface between them is refined until the memory is used up.
   Scene scene;
   scene.add_hull("a", ball(5000, 1), at(0, 0, 0));

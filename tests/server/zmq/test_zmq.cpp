@@ -105,7 +105,7 @@ TEST_F(ZmqTest, ManyClientsAtOnceGetTheirOwnAnswers) {
   EXPECT_EQ(good, kClients * kRounds);
 }
 
-TEST_F(ZmqTest, ManyQueriesOfOneClientAreAnsweredOrRefusedAsBusy) {
+TEST_F(ZmqTest, ManyQueriesOfOneClientAreAnsweredOrRejectedAsBusy) {
   Client client = patient(daemon_.url());
   std::vector<Pending> pending;
   for (int i = 0; i < 200; ++i) pending.push_back(client.submit());

@@ -21,7 +21,7 @@ bool contains(const std::string& text, const std::string& part) {
   return text.find(part) != std::string::npos;
 }
 
-class FireLimits : public testing::Test {
+class LimitFaults : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls())
@@ -41,11 +41,11 @@ class FireLimits : public testing::Test {
 
   /// Checks that everything is as before once the limits are lifted.
   void expect_recovered() {
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     for (const std::string& url : arena_.urls()) {
       Client client = patient(url);
-      EXPECT_TRUE(is_right(request_surely(client, *exam_.questions()[0]), *exam_.questions()[0])) << url;
+      EXPECT_TRUE(is_right(request_surely(client, *exam_.queries()[0]), *exam_.queries()[0])) << url;
     }
     Client client = patient(arena_.zmq());
     EXPECT_EQ(unbalanced(stats_of(client)), "");
@@ -63,7 +63,7 @@ class FireLimits : public testing::Test {
   Census before_;
 };
 
-TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
+TEST_F(LimitFaults, WithoutDescriptorsNewClientsAreRejectedAndOldOnesServed) {
   for (int round = 0; round < rounds(1); ++round)
     for (const int spare : {0, 1, 2, 3, 7}) {
       std::vector<Client> clients;
@@ -84,18 +84,18 @@ TEST_F(FireLimits, WithoutDescriptorsNewClientsAreRefusedAndOldOnesServed) {
         for (Client& client : clients) client.ping();
       }
       clients.clear();
-      ASSERT_EQ(arena_.settle(before_), "");
+      ASSERT_EQ(arena_.await_census(before_), "");
     }
   expect_recovered();
 }
 
-TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
+TEST_F(LimitFaults, WithoutMemoryLargeRequestsAreRejectedAndSmallOnesAnswered) {
   const std::uint32_t body = 1;
   const auto poses = [](std::size_t count) { return std::vector<Pose7>(count, Pose7{1, 2, 3, 1, 0, 0, 0}); };
   const std::uint64_t rested = address_space_of(arena_.daemon().pid());
   for (int round = 0; round < rounds(1); ++round) {
     for (const std::string& url : {arena_.shm(), arena_.zmq()}) {
-      ASSERT_EQ(arena_.settle(before_), "");
+      ASSERT_EQ(arena_.await_census(before_), "");
       ASSERT_TRUE(await_room(rested));
       Client client = patient(url);
       // 2 M rows of 121 bytes exceed any remaining memory.
@@ -111,7 +111,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
         EXPECT_TRUE(contains(rejected, "more than this client has room for") ||
                     contains(rejected, "the daemon has no memory for this request"))
             << url << ": " << rejected;
-        EXPECT_TRUE(is_right(client.distances(exam_.questions()[1]->query), *exam_.questions()[1]));
+        EXPECT_TRUE(is_right(client.distances(exam_.queries()[1]->query), *exam_.queries()[1]));
         ASSERT_EQ(await_answers(witnesses_, 2), "");
       }
       EXPECT_EQ(client.distances(query).rows(), 20000u * 99) << "with memory it is answered";
@@ -131,7 +131,7 @@ TEST_F(FireLimits, WithoutMemoryLargeRequestsAreRefusedAndSmallOnesAnswered) {
   expect_recovered();
 }
 
-TEST_F(FireLimits, SegmentsBeyondTheFileSizeLimitAreRefused) {
+TEST_F(LimitFaults, SegmentsBeyondTheFileSizeLimitAreRejected) {
   {
     const Limit limit(arena_.daemon().pid(), RLIMIT_FSIZE, 1 << 20);
     const std::string rejected = error_of([&] { patient(arena_.shm()); });
@@ -164,7 +164,7 @@ class SmallDisk {
   bool mounted_ = false;
 };
 
-TEST(FireDisk, AFullRunTimeFolderIsSaidInWords) {
+TEST(DiskFaults, AFullRunTimeFolderIsReported) {
   const SmallDisk disk("size=1m,nr_inodes=2");
   if (!disk.is_there()) GTEST_SKIP() << "only root can mount a small disk";
   std::ofstream(disk.path() + "/last_inode") << "x";
@@ -177,7 +177,7 @@ TEST(FireDisk, AFullRunTimeFolderIsSaidInWords) {
   }
 }
 
-TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
+TEST(DiskFaults, ALogThatCannotBeWrittenStopsNothing) {
   const SmallDisk disk("size=64k");
   if (!disk.is_there()) GTEST_SKIP() << "only root can mount a small disk";
   const Exam exam(kScene, 4);
@@ -191,8 +191,8 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
   const std::size_t written = daemon.log().size();
   Client client = patient(daemon.url());
   for (int i = 0; i < 100; ++i) {
-    const KnownQuery& question = *exam.questions()[static_cast<std::size_t>(i) % exam.questions().size()];
-    ASSERT_TRUE(is_right(client.distances(question.query), question));
+    const KnownQuery& known = *exam.queries()[static_cast<std::size_t>(i) % exam.queries().size()];
+    ASSERT_TRUE(is_right(client.distances(known.query), known));
     Query bad;
     const IdPair no_such_group{5 | kGroupBit, 1};
     bad.pairs = {&no_such_group, 1};
@@ -204,7 +204,7 @@ TEST(FireDisk, ALogThatCannotBeWrittenStopsNothing) {
     ASSERT_LT(std::chrono::steady_clock::now(), deadline);
     std::this_thread::sleep_for(1ms);
   }
-  EXPECT_TRUE(is_right(client.distances(exam.questions()[0]->query), *exam.questions()[0]));
+  EXPECT_TRUE(is_right(client.distances(exam.queries()[0]->query), *exam.queries()[0]));
   EXPECT_LE(daemon.log().size(), written + 4096) << "the disk was not full";
   EXPECT_EQ(daemon.stop(SIGTERM), 0);
 }

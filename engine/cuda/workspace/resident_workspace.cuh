@@ -8,16 +8,16 @@
 
 namespace clearance::cuda {
 
-struct StandingSlot : QuerySlot {
-  StandingSlot(MemoryCounters& c, int priority) : QuerySlot(c, priority), counts(c), rows(c) {}
+struct ResidentSlot : QuerySlot {
+  ResidentSlot(MemoryCounters& c, int priority) : QuerySlot(c, priority), counts(c), rows(c) {}
 
   DeviceBuffer counts, rows;
 };
 
-/// \tparam Slot a StandingSlot; only the workspace's first one is used
+/// \tparam Slot a ResidentSlot; only the workspace's first one is used
 template <class Slot>
-class StandingSide : public QuerySide<StandingWorkspace, Slot> {
-  using Side = QuerySide<StandingWorkspace, Slot>;
+class ResidentSide : public QuerySide<ResidentWorkspace, Slot> {
+  using Side = QuerySide<ResidentWorkspace, Slot>;
 
  public:
   using Side::Side;
@@ -30,23 +30,23 @@ class StandingSide : public QuerySide<StandingWorkspace, Slot> {
            s.counts.size() + s.rows.size() + bytes_for_rows();
   }
 
-  std::byte* room_for_rows(std::size_t bytes) override {
+  std::byte* row_buffer(std::size_t bytes) override {
     const OnDevice here = this->on_device();
     return slot().rows.reserve(bytes);
   }
 
-  void make_room(std::uint64_t rows, std::uint32_t configurations) override {
+  void reserve(std::uint64_t rows, std::uint32_t configurations) override {
     const OnDevice here = this->on_device();
-    slot().device_bodies.reserve(this->moved_room(configurations).bytes());
-    slot().device_frames.reserve(this->frames_room(configurations));
+    slot().device_bodies.reserve(this->moved_bytes(configurations).bytes());
+    slot().device_frames.reserve(this->frame_bytes(configurations));
     slot().counts.reserve(2 * kCounts * sizeof(std::uint32_t));
-    make_room_for_rows(rows, configurations);
+    reserve_rows(rows, configurations);
     check(cudaStreamSynchronize(slot().stream), "preparing a query");
     slot().is_under_way = false;
   }
 
  protected:
-  virtual void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) = 0;
+  virtual void reserve_rows(std::uint64_t rows, std::uint32_t configurations) = 0;
   virtual std::uint64_t bytes_for_rows() const = 0;
 
   const Slot& slot() const { return *this->slots_[0]; }

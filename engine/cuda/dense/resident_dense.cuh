@@ -3,19 +3,19 @@
 
 #include "engine/cuda/dense/dense_launch.cuh"
 #include "engine/cuda/dense/open_rows.cuh"
-#include "engine/cuda/workspace/standing_workspace.cuh"
+#include "engine/cuda/workspace/resident_workspace.cuh"
 
 namespace clearance::cuda {
 
-struct StandingDenseSlot : StandingSlot {
-  StandingDenseSlot(MemoryCounters& c, int priority) : StandingSlot(c, priority), enclosed(c), open(c), rest(c) {}
+struct ResidentDenseSlot : ResidentSlot {
+  ResidentDenseSlot(MemoryCounters& c, int priority) : ResidentSlot(c, priority), enclosed(c), open(c), rest(c) {}
 
   DeviceBuffer enclosed, open, rest;
 };
 
-class StandingDense final : public StandingSide<StandingDenseSlot> {
+class ResidentDense final : public ResidentSide<ResidentDenseSlot> {
  public:
-  using StandingSide::StandingSide;
+  using ResidentSide::ResidentSide;
 
   void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs& in_order,
               std::uint64_t first_in_order, void* stream) override {
@@ -38,7 +38,7 @@ class StandingDense final : public StandingSide<StandingDenseSlot> {
   }
 
  private:
-  void make_room_for_rows(std::uint64_t rows, std::uint32_t) override {
+  void reserve_rows(std::uint64_t rows, std::uint32_t) override {
     slot().rest.reserve(rows * sizeof(std::uint32_t));
     if (pair_limits_.prove_overlaps) slot().enclosed.reserve(rows * sizeof(Enclosed));
     if (pair_limits_.f32) slot().open.reserve(rows * sizeof(LeftOpen));

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
+TEST(DaemonFaults, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   const Exam exam(kScene, 2);
   Arena arena;
   Witnesses witnesses;
@@ -37,7 +37,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   }
   // All queries again, so that segments have the same size as before. Then the last daemon holds the same resources as
   // the first.
-  ASSERT_EQ(await_answers(witnesses, 3 * exam.questions().size()), "");
+  ASSERT_EQ(await_answers(witnesses, 3 * exam.queries().size()), "");
   const Census now = arena.census();
   EXPECT_EQ(left_behind(before, now), "") << "at first " << before.text() << "; now " << now.text();
   Client client = patient(arena.shm());
@@ -64,7 +64,7 @@ TEST(FireDaemon, KilledAtAnyMomentItIsFoundAgainByItsClients) {
   EXPECT_EQ(entries_of(arena.folder()), std::vector<std::string>{}) << "the last daemon cleans up after all of them";
 }
 
-TEST(FireDaemon, SignalledAllTheTimeItMissesNoRequest) {
+TEST(DaemonFaults, SignalledAllTheTimeItMissesNoRequest) {
   const Exam exam(kScene, 5);
   Arena arena;
   Witnesses witnesses;

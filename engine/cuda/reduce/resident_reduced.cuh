@@ -3,23 +3,23 @@
 
 #include "engine/cuda/reduce/open_items.cuh"
 #include "engine/cuda/reduce/reduced_launch.cuh"
-#include "engine/cuda/workspace/standing_workspace.cuh"
+#include "engine/cuda/workspace/resident_workspace.cuh"
 
 namespace clearance::cuda {
 
-struct StandingReducedSlot : StandingSlot {
-  StandingReducedSlot(MemoryCounters& c, int priority) : StandingSlot(c, priority), groups(c), items(c) {}
+struct ResidentReducedSlot : ResidentSlot {
+  ResidentReducedSlot(MemoryCounters& c, int priority) : ResidentSlot(c, priority), groups(c), items(c) {}
 
   DeviceBuffer groups, items;
 };
 
-class StandingReduced final : public StandingSide<StandingReducedSlot> {
+class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
  public:
-  using StandingSide::StandingSide;
+  using ResidentSide::ResidentSide;
 
   void begin(const QuerySetup& s) override {
-    StandingSide::begin(s);
-    requested_ = ReducedSettings(s, hulls_);
+    ResidentSide::begin(s);
+    settings_ = ReducedSettings(s, hulls_);
   }
 
   void launch(const ChunkSetup& chunk, const ReplyView& rows, const ResidentPairs&, std::uint64_t,
@@ -29,16 +29,16 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     const cudaStream_t in = slot().stream;
     ReducedView r{};
     r.chunk = view_of(slot(), chunk);
-    requested_.tell(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
+    settings_.apply(r, static_cast<std::uint32_t>(chunk.rows()), margins_);
     r.chunk.reply = rows;
     r.reply_rows = groups_of(r);
     r.chunk.counts = counts();
     r.chunk.host_counts = spare_counts();
     take_item_memory(r, slot().items.data(), capacity_of(chunk.rows(), chunk.configurations));
-    take_group_memory(r, slot().groups.data(), requested_.by_teams);
-    if (requested_.by_teams)
+    take_group_memory(r, slot().groups.data(), settings_.by_teams);
+    if (settings_.by_teams)
       by_teams(r, in);
-    else if (requested_.reduce == Reduce::kAny)
+    else if (settings_.reduce == Reduce::kAny)
       decide(r, in);
     else
       by_stages(r, in);
@@ -51,11 +51,11 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
   static std::uint32_t capacity_of(std::uint64_t rows, std::uint32_t configurations) {
     return static_cast<std::uint32_t>(std::max<std::uint64_t>(rows, configurations));
   }
-  void make_room_for_rows(std::uint64_t rows, std::uint32_t configurations) override {
+  void reserve_rows(std::uint64_t rows, std::uint32_t configurations) override {
     slot().items.reserve(item_bytes(capacity_of(rows, configurations), hulls_.has_several()));
     ReducedView r{};
     r.chunk.configurations = configurations;
-    r.groups = requested_.groups;
+    r.groups = settings_.groups;
     slot().groups.reserve(group_bytes(r));
   }
   std::uint64_t bytes_for_rows() const override { return slot().items.size() + slot().groups.size(); }
@@ -64,7 +64,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     clear_all_groups(r, stream);
     start_seeds(r, stream);  // clears the counts
     start_candidates(r, stream);
-    look_at_items(r, stream);
+    evaluate_items(r, stream);
   }
   void decide(const ReducedView& r, cudaStream_t stream) {
     clear_all_groups(r, stream);
@@ -79,9 +79,9 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     r.chunk.host_counts = nullptr;  // the counts stay for later kernels
     start_teams(r, stream);
     r.chunk.host_counts = spare_counts();
-    look_at_items(r, stream);
+    evaluate_items(r, stream);
   }
-  void look_at_items(const ReducedView& r, cudaStream_t stream) {
+  void evaluate_items(const ReducedView& r, cudaStream_t stream) {
     start_items(r, hulls_.has_several(), stream);
     answer_open<false>(r, stream);
   }
@@ -92,7 +92,7 @@ class StandingReduced final : public StandingSide<StandingReducedSlot> {
     check(cudaGetLastError(), "starting a kernel");
   }
 
-  ReducedSettings requested_;
+  ReducedSettings settings_;
 };
 
 }  // namespace clearance::cuda

@@ -13,7 +13,7 @@ namespace {
 
 using namespace std::chrono_literals;
 
-class FireClients : public testing::Test {
+class ClientFaults : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls())
@@ -23,7 +23,7 @@ class FireClients : public testing::Test {
 
   /// Checks the state that must hold after any fault of clients.
   void expect_unharmed() {
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     ASSERT_EQ(await_answers(witnesses_, 3), "");
     Client client = patient(arena_.zmq());
     const Stats stats = stats_of(client);
@@ -33,7 +33,7 @@ class FireClients : public testing::Test {
   void expect_all_right() {
     for (const auto& witness : witnesses_) {
       const Witness::Counts counts = witness->counts();
-      EXPECT_GT(counts.right, exam_.questions().size());
+      EXPECT_GT(counts.right, exam_.queries().size());
       EXPECT_EQ(counts.wrong, 0u);
       EXPECT_EQ(counts.lost + counts.busy + counts.others, 0u);
       if (!may_lose(witness->url())) {
@@ -50,7 +50,7 @@ class FireClients : public testing::Test {
   Census before_;
 };
 
-TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
+TEST_F(ClientFaults, KilledAtEveryPointTheyLeaveNothingBehind) {
   std::uint64_t seed = 0;
   for (int round = 0; round < rounds(1); ++round)
     for (const std::string& url : arena_.urls()) {
@@ -68,7 +68,7 @@ TEST_F(FireClients, KilledAtEveryPointTheyLeaveNothingBehind) {
   expect_all_right();
 }
 
-TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
+TEST_F(ClientFaults, KilledAtAnyMomentTheyLeaveNothingBehind) {
   std::mt19937_64 random(3);
   for (int round = 0; round < rounds(6); ++round) {
     for (const std::string& url : arena_.urls()) {
@@ -78,13 +78,13 @@ TEST_F(FireClients, KilledAtAnyMomentTheyLeaveNothingBehind) {
       victim.signal(SIGKILL);
       ASSERT_EQ(victim.await_end(), -SIGKILL);
     }
-    ASSERT_EQ(arena_.settle(before_), "") << "after round " << round;
+    ASSERT_EQ(arena_.await_census(before_), "") << "after round " << round;
   }
   expect_unharmed();
   expect_all_right();
 }
 
-TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
+TEST_F(ClientFaults, FrozenAtEveryPointTheyKeepNoOthersWaiting) {
   for (const std::string& url : arena_.urls()) {
     const auto points = points_of(url);
     for (std::size_t first = 0; first < points.size(); first += 6) {
@@ -108,7 +108,7 @@ TEST_F(FireClients, FrozenAtEveryPointTheyKeepNobodyWaiting) {
   expect_all_right();
 }
 
-TEST_F(FireClients, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
+TEST_F(ClientFaults, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
   const auto served = [&] {
     Client client = patient(arena_.zmq());
     return stats_of(client);

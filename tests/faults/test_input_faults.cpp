@@ -36,7 +36,7 @@ std::string stl() {
   return file;
 }
 
-class FireInputs : public testing::Test {
+class InputFaults : public testing::Test {
  protected:
   void SetUp() override {
     for (const std::string& url : arena_.urls()) {
@@ -47,7 +47,7 @@ class FireInputs : public testing::Test {
   }
   void TearDown() override {
     ASSERT_FALSE(arena_.has_ended()) << arena_.daemon().log();
-    EXPECT_EQ(arena_.settle(before_), "");
+    EXPECT_EQ(arena_.await_census(before_), "");
     const Stats now = stats_of(good_.at(arena_.zmq()));
     EXPECT_EQ(unbalanced(now), "");
     EXPECT_FALSE(now.contains("errors.internal"));
@@ -57,12 +57,12 @@ class FireInputs : public testing::Test {
   }
 
   void request_all(const std::string& url) {
-    for (std::size_t i = 0; i < exam_.questions().size(); ++i) expect_good(url, "nothing");
+    for (std::size_t i = 0; i < exam_.queries().size(); ++i) expect_good(url, "nothing");
   }
   /// The next query's answer, over the transport that had the bad input.
   void expect_good(const std::string& url, const std::string& after) {
-    const KnownQuery& question = *exam_.questions()[requested_++ % exam_.questions().size()];
-    ASSERT_TRUE(is_right(request_surely(good_.at(url), question), question)) << after;
+    const KnownQuery& known = *exam_.queries()[requested_++ % exam_.queries().size()];
+    ASSERT_TRUE(is_right(request_surely(good_.at(url), known), known)) << after;
     ++right_;
   }
   std::uint64_t counter(const std::string& name) { return stats_of(good_.at(arena_.zmq()))[name]; }
@@ -105,7 +105,7 @@ class FireInputs : public testing::Test {
   std::uint64_t id_ = 0, requested_ = 0, right_ = 0;
 };
 
-TEST_F(FireInputs, FramesOverEveryTransport) {
+TEST_F(InputFaults, FramesOverEveryTransport) {
   for (const std::string& url : arena_.urls()) {
     std::unique_ptr<RawWire> wire;
     if (url == arena_.shm()) wire = std::make_unique<RawShmWire>(url.substr(6));
@@ -115,11 +115,11 @@ TEST_F(FireInputs, FramesOverEveryTransport) {
     if (HasFatalFailure()) return;
   }
   const std::size_t kinds = std::size(kBadKinds);
-  EXPECT_GE(right_, arena_.urls().size() * (kinds * 12 + exam_.questions().size()));
+  EXPECT_GE(right_, arena_.urls().size() * (kinds * 12 + exam_.queries().size()));
   EXPECT_GE(counter("errors"), arena_.urls().size() * (kinds - 1) * 12);
 }
 
-TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
+TEST_F(InputFaults, WordsInTheRingAndMessagesOnItsSocket) {
   const std::string path = arena_.shm().substr(6);
   const std::uint32_t odd[] = {0, 1, 2, 15, 16, 17, 64, 255, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF};
   const auto any = [&] { return odd[random_() % std::size(odd)]; };
@@ -153,7 +153,7 @@ TEST_F(FireInputs, WordsInTheRingAndMessagesOnItsSocket) {
   EXPECT_GE(counter("shm.rejected") + counter("shm.violations"), rejected + violations + 120);
 }
 
-TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {
+TEST_F(InputFaults, PartsOverZeroMqAndOtherPeersAtItsSocket) {
   std::optional<RawZmqWire> wire(arena_.zmq());
   const std::uint64_t bad = counter("errors.bad_frame");
   for (int i = 0; i < 80 * rounds(1); ++i) {
@@ -186,7 +186,7 @@ TEST_F(FireInputs, PartsOverZeroMqAndStrangersAtItsSocket) {
   }
 }
 
-TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
+TEST_F(InputFaults, PacketsOnTheLcmNetwork) {
   if (!arena_.has_lcm()) GTEST_SKIP() << "no multicast route";
   const LcmAddress address = parse_lcm_address(arena_.lcm());
   RawSender sender(address.port);
@@ -237,7 +237,7 @@ TEST_F(FireInputs, PacketsOnTheLcmNetwork) {
       << "a packet may be lost, not half of them";
 }
 
-TEST_F(FireInputs, ScenesAndMeshesAtAReload) {
+TEST_F(InputFaults, ScenesAndMeshesAtAReload) {
   std::vector<std::string> scenes{
       "",
       "[]",
