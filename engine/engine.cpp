@@ -257,20 +257,8 @@ std::string Engine::certificate(const QueryView& query, std::optional<std::span<
   return {reinterpret_cast<const char*>(text.data()), text.size()};
 }
 
-const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
-
-std::uint64_t Engine::warm_bytes(const QueryView& query, const QuerySize& size) {
-  if (query.warm_slot == 0 || query.reduce != Reduce::kNone) return 0;
-  const std::uint64_t simplices = size.configurations * size.pairs;
-  return simplices > WarmStore::kMostSimplices ? 0 : simplices * sizeof(WarmSimplex);
-}
-
 std::uint64_t Engine::contradictions() const {
   return impl_->contradictions;
-}
-
-std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room) const {
-  return impl_->warm.trim(client, room);
 }
 
 QueryCost Engine::extent(const QueryView& query) const {

@@ -38,7 +38,6 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     '`format="compact"`': {"format": "compact"},
     '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
-    "`warm`": {"warm": True},
     "a certificate": {},
 }
 #: Queries of the GPU's table: members of the engine's QueryView and Plan.

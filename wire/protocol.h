@@ -147,8 +147,7 @@ struct QueryHeader {
   std::uint8_t signed_distance = 0;
   std::uint8_t reduce = 0;  ///< Reduce
   std::uint8_t format = 0;  ///< Format
-  std::uint8_t warm = 0;    ///< whether to keep warm-start state for this client
-  std::uint8_t padding[2] = {};
+  std::uint8_t padding[3] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< waits for poses of wait_for with this stamp or a newer one; 0 to not wait
   std::int64_t pose_wait_ns = 0;       ///< maximum wait, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =

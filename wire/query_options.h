@@ -41,8 +41,6 @@
     "rows", "most rows of reduce `within`")                                                                            \
   X(std::int64_t, max_pose_age_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                   \
     "ns", "pairs with an older pose have the status `stale_pose`, and no distance; 0: any age")                        \
-  X(bool, warm, false, 0, Legal::word("false true"),                                                                   \
-    "", "keep warm state for this client: faster, but bits may differ from call to call")                              \
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
     "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0: at once")           \
   X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \

@@ -127,7 +127,7 @@ int main(int argc, char** argv) {
          "bounds\n";
   for (Workload w : workloads()) {
     const bool is_plan = w.reduce == Reduce::kNone || w.reduce == Reduce::kMin || w.reduce == Reduce::kAny;
-    if (!is_plan || w.warm || w.depth || w.moves || w.name.find(filter) == std::string::npos) continue;
+    if (!is_plan || w.depth || w.name.find(filter) == std::string::npos) continue;
     run_if_planned(w, csv);
     if (w.scene == arm_scene_of_hulls && w.reduce != Reduce::kAny && w.configurations == 4096) {
       w.name += ", gradients by joints";

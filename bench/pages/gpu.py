@@ -25,7 +25,6 @@ GPU_ROWS = [
     (f"{BIG_SPHERES}, compact", f"{BIG_SPHERES}, compact"),
     (f"{HULLS}, compact", f"{HULLS}, compact"),
     ("the same with status and flags", f"{HULLS}, compact, status and flags"),
-    ("the same, warm", f"{HULLS}, compact, warm"),
     ("the same, with depths", f"{HULLS}, depth, compact"),
     ("spheres, 1 pair", "spheres, 1 pair, compact"),
     ("spheres, 10000 pairs", "spheres, 10000 pairs, compact"),

@@ -258,14 +258,4 @@ void Plan::keep_configurations() {
   keep(positions, kept_positions);
 }
 
-std::uint64_t warm_question(const Plan& plan) {
-  Digest d;
-  d.add(plan.snapshot->scene_revision);
-  d.add(plan.size.configurations);
-  d.add(plan.size.pairs);
-  d.add(static_cast<std::uint64_t>(plan.query.model));
-  for (const BodyPair pair : plan.pairs.list()) d.add(std::uint64_t{pair.a} << 32 | pair.b);
-  return d.value();
-}
-
 }  // namespace clearance

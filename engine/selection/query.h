@@ -53,8 +53,6 @@ struct QueryView {
   std::uint64_t max_results = 1u << 20;   ///< limit on rows of Reduce::kWithin
   std::int64_t max_pose_age_ns = 0;       ///< pairs with older poses get kStalePose; 0 for no limit
   std::uint64_t scene_revision = 0;       ///< scene whose ids the query uses; 0 for the present one
-  /// Client whose warm state is used; 0 for none, so that answers repeat bit for bit. Reductions on the CPU use none.
-  std::uint64_t warm_slot = 0;
 };
 
 /// Strips a query to its pair selection: no configurations, reduction or columns.

@@ -183,8 +183,6 @@ void QueryTask::prepare(const wire::QueryParts& parts) {
     cost_ = engine_->extent(query);
   }
   daemon_.limits.check(cost_);
-  wants_warm_ = parts.options.warm;
-  query.warm_slot = wants_warm_ ? client() : 0;
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
   const bool by_joints = query.fields & kFieldGradientJoints && query.format == Format::kFull;
@@ -199,25 +197,13 @@ void QueryTask::list(const WorkBudget& budget) {
   step_ = Step::kReserve;
 }
 
-/// Takes quota for the request, its pairs and the largest reply. Warm state gets the rest of the quota, or the query
-/// runs cold, which is only slower.
+/// Takes quota for the request, its pairs and the largest reply.
 void QueryTask::reserve(ReplySink& sink) {
   const std::uint64_t bytes =
       reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
   requested_.share.give_back();
-  const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
-  QueryView query;
-  query.warm_slot = wants_warm_ ? client() : 0;
-  query.reduce = reply_.reduce();
-  std::uint64_t warm = Engine::warm_bytes(query, reply_.size());
-  if (warm > left) {
-    warm = 0;
-    prepared_->begin_cold();
-    ++daemon_.stats["queries.cold"];
-  }
-  if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes the rest
-    if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
-  requested_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
+  daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
+  requested_.share = daemon_.quotas.take(client(), service_class(), bytes);
   reply_.reserve(sink);
   step_ = Step::kRun;
 }

@@ -114,7 +114,7 @@ class QueryTask final : public ScheduledQuery {
   std::function<OwnPayload()> fetch_;
   std::vector<std::uint64_t> aligned_;
   OwnPayload payload_;
-  bool whole_table_ = false, wants_warm_ = false;
+  bool whole_table_ = false;
   QueryOptions options_;
   QueryCost cost_;
   std::optional<PreparedQuery> prepared_;

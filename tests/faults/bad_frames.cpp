@@ -174,9 +174,6 @@ void spoil_choices(Bytes& frame, std::mt19937_64& random) {
         q.format = high;
         break;
       case 4:
-        q.warm = high;
-        break;
-      case 5:
         q.fields |= 1u << (kFieldCount + random() % (32 - kFieldCount));
         break;
       default:

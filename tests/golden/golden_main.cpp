@@ -30,11 +30,11 @@ struct Setting {
   GoldenQuery question;
   Format format;
   Precision precision;
-  bool depth, warm;
+  bool depth;
 
   std::string name() const {
     return std::string(question.name) + (format == Format::kCompact ? ",compact" : ",full") +
-           (precision == Precision::kF32 ? ",f32" : ",f64") + (depth ? ",depth" : ",") + (warm ? ",warm" : ",cold");
+           (precision == Precision::kF32 ? ",f32" : ",f64") + (depth ? ",depth" : ",");
   }
 };
 
@@ -43,13 +43,11 @@ std::vector<Setting> all_settings() {
   for (const GoldenQuery& question : kQuestions)
     for (const Format format : {Format::kFull, Format::kCompact})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
-        for (const bool depth : {false, true})
-          for (const bool warm : {false, true}) {
-            if (depth && precision == Precision::kF32) continue;     // depths are always float64
-            if (depth && question.reduce == Reduce::kAny) continue;  // kAny has no depths
-            if (warm && question.reduce != Reduce::kNone) continue;  // reductions start cold
-            all.push_back({question, format, precision, depth, warm});
-          }
+        for (const bool depth : {false, true}) {
+          if (depth && precision == Precision::kF32) continue;     // depths are always float64
+          if (depth && question.reduce == Reduce::kAny) continue;  // kAny has no depths
+          all.push_back({question, format, precision, depth});
+        }
   return all;
 }
 
@@ -106,7 +104,7 @@ void add(const test::Answer& answer, Digests* to) {
   for_each_column(column, view);
 }
 
-Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
+Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s) {
   QueryView q;
   q.reduce = s.question.reduce;
   if (s.question.cut) (q.reduce == Reduce::kAny ? q.margin : q.max_distance) = g.cut_off;
@@ -115,7 +113,6 @@ Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s, s
                                           : test::kAllFields;
   q.precision = s.precision;
   q.signed_distance = s.depth;
-  q.warm_slot = s.warm ? client : 0;
   q.configuration_count = kConfigurations;
   q.bodies = g.moved;
   Digests digests;
@@ -139,7 +136,7 @@ std::string line_of(const GoldenScene& g, const Setting& s, const Digests& d) {
   return line + digests;
 }
 
-constexpr const char* kHead = "scene,reduce,format,precision,depth,start,ok,overlap,contact,beyond,other,interval,rest";
+constexpr const char* kHead = "scene,reduce,format,precision,depth,ok,overlap,contact,beyond,other,interval,rest";
 
 // The lines for each instruction set and number of threads, which must agree.
 std::vector<std::string> lines_of(const std::string& instruction_set, int threads) {
@@ -148,8 +145,7 @@ std::vector<std::string> lines_of(const std::string& instruction_set, int thread
     Engine::Options options{"cpu", threads};
     options.instruction_set = instruction_set;
     const Engine engine(g.scene, options);
-    std::uint64_t client = 0;
-    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s, ++client)));
+    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s)));
   }
   return lines;
 }

@@ -31,7 +31,6 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.margin = 0.05; });
-  add("warm", [](QueryView& q) { q.warm_slot = 1, q.margin = 0.05; });
   add("f32", [](QueryView& q) { q.precision = Precision::kF32; });
   add("f32, margin", [](QueryView& q) { q.precision = Precision::kF32, q.margin = 0.02; });
   return all;

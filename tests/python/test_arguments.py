@@ -87,7 +87,6 @@ QUERY = {
     "timeout_s": NUMBERS_FROM_0,
     "max_results": COUNTS,
     "max_pose_age_ns": COUNTS,
-    "warm": BOOLS,
     "copy": BOOLS,
     "min_pose_stamp_ns": COUNTS,
     "pose_wait_s": [*NUMBERS, None, "", 11, -1],

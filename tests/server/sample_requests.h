@@ -50,12 +50,11 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
     q.header.fields = kDefaultFields | kFieldFlags;
     q.header.max_pose_age_ns = 1000;
   });
-  query("least_compact_warm", [&](TestQuery& q) {
+  query("least_compact", [&](TestQuery& q) {
     q.bodies = {1};
     q.configurations = {here, there};
     q.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
     q.header.format = static_cast<std::uint8_t>(Format::kCompact);
-    q.header.warm = 1;
   });
   query("waits_for_poses", [](TestQuery& q) {
     q.header.min_pose_stamp_ns = 1000;  // of the poses below

@@ -223,7 +223,6 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         timeout_s: Optional[float] = None,
         max_results: int = 1 << 20,
         max_pose_age_ns: int = 0,
-        warm: bool = False,
         copy: bool = True,
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
@@ -259,8 +258,6 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         timeout_s: seconds. Default: the client's timeout; no limit in process.
         max_results: maximum number of rows of reduce="within".
         max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. 0 accepts any age.
-        warm: keeps warm-start state between calls. Faster, but the last bits then depend on earlier calls. The CPU
-            reduces without it.
         copy: if False, a client's columns are read-only views of the transport's memory, which is released with the
             last array. In process, the result always owns its columns.
         min_pose_stamp_ns: waits for poses with this stamp or a newer one (publisher's clock); 0 to not wait. Raises
@@ -287,7 +284,7 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         arguments = (
             max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields, format, out, timeout_s,
             max_results,
-            max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
+            max_pose_age_ns, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
         requested = (pairs, bodies, model, *arguments)

@@ -85,7 +85,7 @@ class Parser:
     def _parse(  # type: ignore[no-untyped-def]  # types as in distances()
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields,
         format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+        out, timeout_s, max_results, max_pose_age_ns, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         joints, positions, model, **more,
     ) -> Query:  # fmt: skip
         query = Query()
@@ -128,7 +128,6 @@ class Parser:
         raw.fields = mask & ~POINTS_BY_DEFAULT
         raw.max_results = query.max_results
         raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
-        raw.warm = to_bool(warm, "warm")
         if more:
             if "weights" in more:
                 raw.set_weights(_weights(more.pop("weights")))

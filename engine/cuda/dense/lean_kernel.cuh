@@ -58,7 +58,7 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
                   R_wb = BodyPoseRef(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
       converged_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
     };
-    outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
+    outcome = run_to_end(q, a, b, at, enclosed, take);
   }
   if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) write_lean<kPoints>(c, item, answer);
   return outcome;

@@ -67,30 +67,6 @@ struct GjkRun {
     else
       g.v = first_direction(at.cso_vertex(a.head->centre, b.head->centre));
   }
-  // Starts at the final simplex of an earlier run.
-  __device__ void begin_at(const WarmRow& warm) {
-    const int size = warm.size < 3 ? warm.size : 3;
-    if (size == 0) return;
-    Simplex<T> simplex;
-    CLEARANCE_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      const std::uint32_t ia = i < size ? warm.a[i] : warm.a[0], ib = i < size ? warm.b[i] : warm.b[0];
-      if (ia >= a_.count() || ib >= b_.count()) return;
-      simplex.vertex[i] = cso_vertex(ia, ib);
-    }
-    simplex.size = size;
-    g.begin(simplex, true);
-  }
-  __device__ WarmRow end() const {
-    WarmRow row{};
-    row.size = static_cast<std::uint16_t>(g.simplex.size < 3 ? g.simplex.size : 3);
-    CLEARANCE_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      row.a[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].a : 0);
-      row.b[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].b : 0);
-    }
-    return row;
-  }
   __device__ __forceinline__ void step() {
     Nearest<T> next;
     if (const GjkEnd end = look(next); end == GjkEnd::kRunning)
@@ -185,7 +161,9 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
   bool decided = false;
   if constexpr (kHasSlack<S>) {
     decided = slack.any();
-    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
+    if (decided)
+      decide(
+          limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
   }
   if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;
@@ -200,19 +178,16 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
 
 // Runs GJK on a placed pair to its end.
 // \param enclosed receives the simplex if it encloses the origin
-// \param warm with kWarm: the first simplex of the run; receives the last one
 // \param take called with the converged run and its bounds
 // \param stop_below of GjkRun::bounds()
-template <bool kWarm, class Hull, class Take, class... StopBelow>
+template <class Hull, class Take, class... StopBelow>
 __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
-                                         const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
-                                         const Take& take, const StopBelow&... stop_below) {
+                                         const PairFrame<typename Hull::T>& at, Enclosed& enclosed, const Take& take,
+                                         const StopBelow&... stop_below) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return PairOutcome::kUnresolved;
   GjkRun<Hull> run(q, a, b, at);
-  if (kWarm) run.begin_at(*warm);
   run.run();
-  if (kWarm) *warm = run.end();
   if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // bounds never converge then
     if constexpr (!kIsF32<T>)
       if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return PairOutcome::kEnclosed;
@@ -225,11 +200,11 @@ __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, con
 }
 
 // Answers one placed pair, if it converges.
-template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
+template <bool kLean, class Hull, class PointHull, class S>
 __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
                                      const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at, PairAnswer& answer,
-                                     Enclosed& enclosed, WarmRow* warm, const S& slack) {
+                                     Enclosed& enclosed, const S& slack) {
   using T = typename Hull::T;
   const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
     take_converged<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
@@ -237,9 +212,9 @@ __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const H
   if constexpr (kHasSlack<S>) {
     PairLimits of_parts = q;
     of_parts.max_distance = slack.cut_off(q.max_distance);
-    return run_to_end<kWarm>(of_parts, a, b, at, enclosed, warm, take);
+    return run_to_end(of_parts, a, b, at, enclosed, take);
   } else {
-    return run_to_end<kWarm>(q, a, b, at, enclosed, warm, take);
+    return run_to_end(q, a, b, at, enclosed, take);
   }
 }
 
@@ -332,14 +307,13 @@ __device__ inline bool answer_without_parts(const PairLimits& q, const BodyPoseR
 }
 
 // Answers one item of a chunk, if it converges.
-template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
+template <bool kLean, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                          const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
                                          const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
-                                         PairAnswer& answer, Enclosed& enclosed, WarmRow* warm = nullptr,
-                                         const S& slack = S()) {
+                                         PairAnswer& answer, Enclosed& enclosed, const S& slack = S()) {
   if (answer_without_parts(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
-  return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+  return narrow<kLean>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
 }
 
 // Reserves list positions, and counts, with one atomic operation per warp. All threads of the warp call these.

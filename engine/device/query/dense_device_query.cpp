@@ -23,8 +23,6 @@ class DenseDeviceQuery final : public DeviceQuery {
     QuerySetup s = setup(*workspace_);
     s.pairs = deal_->resident.get();
     s.chunks = chunks_;
-    s.all_pairs = plan_.size.pairs;
-    s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
     begin_chunks(*workspace_, s);
   }
 

@@ -25,8 +25,7 @@ TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
-  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-               [&] { answer_groups<double, false, false>(chunk.view); });
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "groups");
@@ -40,7 +39,7 @@ TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
   chunk.view.enclosed = nullptr;
   const Group ungrouped{kNone, kNone, 0, static_cast<std::uint32_t>(chunk.pairs.size()), 0};
   const auto tiles = static_cast<std::uint32_t>((chunk.rest.size() + kTile - 1) / kTile);
-  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_ungrouped<false, false, false>(view, ungrouped); });
+  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_ungrouped<false, false>(view, ungrouped); });
   chunk.expect_the_cpus(cpu, c.q, "strays");
 }
 
@@ -49,12 +48,12 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
-  chunk.launch(tiles, [&] { answer_groups<float, false, false>(chunk.view); });
+  chunk.launch(tiles, [&] { answer_groups<float>(chunk.view); });
   ASSERT_GT(chunk.counts[kLeftOpen], kFewBlocks * kTile) << "more than there are threads";
   ASSERT_GT(chunk.counts[kConvergedRows], 100u);
-  chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // for the other hulls
+  chunk.launch(tiles, [&] { answer_groups<double>(chunk.view); });  // for the other hulls
   chunk.view.prove_at_once = true;
-  chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
+  chunk.launch(kFewBlocks, [&] { answer_open<false>(chunk.view, 5); });
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
@@ -71,11 +70,11 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
       const Engine cpu(std::move(c.scene), {"cpu"});
       HostChunk chunk(cpu, c.q);
       chunk.view.pair_limits.rel_tol = rel_tol;
-      chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-                   [&] { answer_groups<double, false, false>(chunk.view); });
+      chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
       const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
       ASSERT_GT(enclosed, 4 * kFewBlocks * kDepthWarps) << "more than there are warps";
-      chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
+      chunk.launch_last(
+          kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
       EXPECT_LT((chunk.host_counts[kRest] - left_before) * 20, enclosed) << "left to the CPU";
       chunk.expect_the_cpus(cpu, c.q, "depths");
     }
@@ -99,7 +98,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_GT(chunk.counts[kConvergedRows], 30u) << what;
   if (f32) {
     chunk.view.prove_at_once = true;
-    chunk.launch(kFewBlocks, [&] { answer_open<true, false>(chunk.view, 5); });
+    chunk.launch(kFewBlocks, [&] { answer_open<true>(chunk.view, 5); });
   } else {
     ASSERT_GT(chunk.counts[kEnclosedPairs], 0u) << what;
   }
@@ -172,8 +171,7 @@ TEST(DenseKernels, RowsThatNobodyFinishesHaveBoundsThatHold) {
   TouchingCase c;
   const Engine reference(std::move(c.scene), {"reference"});
   HostChunk chunk(reference, c.q);
-  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-               [&] { answer_groups<double, false, false>(chunk.view); });
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   chunk.launch(kFewBlocks, [&] { prove_overlaps(chunk.view, 5); });
   const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
   ASSERT_GT(left.size(), kFewBlocks * kTile / 4u) << "more than these threads have warps";

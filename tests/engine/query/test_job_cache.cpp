@@ -273,10 +273,9 @@ TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
   }
 }
 
-TEST(JobCache, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
+TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
   const Arm arm(1);
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }},
-                                     {"warm", [](QueryView& q) { q.warm_slot = 1; }},
                                      {"motions", [](QueryView& q) {
                                         q.max_evaluations = 8;
                                         q.configuration_count = 2;
