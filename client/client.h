@@ -77,7 +77,7 @@ class CLEARANCE_API Reply {
   std::span<const double> gradient() const;       ///< (rows * 12,); order and frame as in kFieldGradient
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
-  std::span<const CompactAnswer> compact() const;
+  std::span<const float> points32() const;
   /// (rows * joints(),) metres per radian or metre: d distance / d position of each of the query's joints, in their
   /// order. 0 for overlapping bodies without a requested depth, NaN without witness points; one of several gradients
   /// with the flag kFlagNonsmooth.

@@ -146,7 +146,6 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
   QueryView requested = query;
   requested.reduce = Reduce::kAny;
-  requested.format = Format::kFull;
   requested.fields = kFieldFreeScale;
   requested.weights = weights;
   PreparedQuery prepared = prepare(requested);

@@ -123,7 +123,7 @@ class Engine {
   /// For each configuration of a query in joint space, the largest s proved to keep all pairs beyond their margins
   /// while no joint moves by more than s times its weight (radians or metres). It is 0 if a pair is not proved to be
   /// beyond its margin, and +inf if no pair can come nearer. Joint limits are ignored. Margins are those of
-  /// Reduce::kAny; reduction, fields and format are ignored. Runs on the CPU until done. Throws QueryError, also for
+  /// Reduce::kAny; reduction and fields are ignored. Runs on the CPU until done. Throws QueryError, also for
   /// bodies in the query, for robots that stand on links that its joints move, and for bodies with a max_speed that
   /// follow links.
   /// \param weights (J,) >= 0

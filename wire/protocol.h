@@ -146,8 +146,7 @@ struct QueryHeader {
   std::uint8_t precision = 0;  ///< Precision
   std::uint8_t signed_distance = 0;
   std::uint8_t reduce = 0;  ///< Reduce
-  std::uint8_t format = 0;  ///< Format
-  std::uint8_t padding[3] = {};
+  std::uint8_t padding[4] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< waits for poses of wait_for with this stamp or a newer one; 0 to not wait
   std::int64_t pose_wait_ns = 0;       ///< maximum wait, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =
@@ -163,8 +162,7 @@ struct ReplyHeader {
   std::uint64_t pairs = 0;           ///< P
   std::uint32_t fields = 0;          ///< columns that follow
   std::uint8_t reduce = 0;
-  std::uint8_t format = 0;
-  std::uint8_t padding[2] = {};
+  std::uint8_t padding[3] = {};
   std::uint64_t scene_revision = 0;
   std::uint64_t snapshot_revision = 0;  ///< of the poses
   std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp

@@ -33,8 +33,6 @@
     "", "also how deep bodies overlap")                                                                                \
   X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                      \
     "", "which rows come back")                                                                                        \
-  X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
-    "", "how columns are encoded")                                                                                     \
   X(std::uint32_t, fields, kDefaultFields, 0, Legal::bits(kKnownFields),                                               \
     "", "columns that come back")                                                                                      \
   X(std::uint64_t, max_results, 1u << 20, 0, Legal::anything(),                                                        \

@@ -131,15 +131,15 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   if (has_elements) {
     same = true;
     const auto meet = [&](std::uint64_t i) {
-      if (rows.compact)
-        return rows.compact[i].lower <= cpu_rows.compact[i].upper && cpu_rows.compact[i].lower <= rows.compact[i].upper;
+      const float *const b = rows.bounds + 2 * i, *const c = cpu_rows.bounds + 2 * i;
+      if (rows.bounds) return b[0] <= c[1] && c[0] <= b[1];
       if (rows.lower) return rows.lower[i] <= cpu_rows.upper[i] && cpu_rows.lower[i] <= rows.upper[i];
       const auto beyond = static_cast<std::uint8_t>(Status::kBeyond);  // for decisions: all apart, or not
       return (rows.status[i] == beyond) == (cpu_rows.status[i] == beyond);
     };
     for (std::uint64_t i = 0; i < size.rows; ++i) same = same && meet(i);
   }
-  const bool has_bounds = rows.compact || rows.lower;
+  const bool has_bounds = rows.bounds || rows.lower;
   const char* const agreement = !same           ? "DIFFERENT"
                                 : !has_elements ? "same"
                                 : has_bounds    ? "intervals meet"
@@ -168,7 +168,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 
 // Replacing the points of the cloud: until they are on the device, and until a query of them is answered.
 void run_swap(const std::string& name, std::ostream& csv, std::vector<std::string>& table) {
-  const Workload w{"", arm_scene_in_room, 64, Format::kFull, kFieldStatus, Reduce::kAny};
+  const Workload w{"", arm_scene_in_room, 64, kFieldStatus, Reduce::kAny};
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
   const Requested requested(w, cpu);
   const std::uint32_t room = cpu.scene().find_body("room");

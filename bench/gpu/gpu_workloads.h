@@ -13,7 +13,6 @@ struct Workload {
   std::string name;
   Scene (*scene)();
   std::uint32_t configurations;  // 0 for the current poses
-  Format format;
   std::uint32_t fields;
   Reduce reduce = Reduce::kNone;
   double max_distance = std::numeric_limits<double>::infinity();

@@ -221,8 +221,8 @@ std::span<const IdPair> Answer::pair() const {
 std::span<const std::uint32_t> Answer::configuration() const {
   return impl_->column<std::uint32_t>(impl_->view.configuration, 1);
 }
-std::span<const CompactAnswer> Answer::compact() const {
-  return impl_->column<CompactAnswer>(impl_->view.compact, 1);
+std::span<const float> Answer::points32() const {
+  return impl_->column<float>(impl_->view.points32, 6);
 }
 std::span<const IdPair> Answer::pair_lower() const {
   return impl_->column<IdPair>(impl_->view.pair_lower, 1);

@@ -53,15 +53,14 @@ std::vector<std::pair<std::string, QueryView>> questions() {
   };
   add("default columns", [](QueryView&) {});
   add("all columns", [](QueryView& q) { q.fields = kAllFields; });
-  add("compact",
-      [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldStatus | kFieldFlags; });
+  add("float32 columns", [](QueryView& q) { q.fields = kFloat32; });
+  add("float32 columns, status and flags", [](QueryView& q) { q.fields = kFloat32 | kFieldStatus | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0, q.fields = kAllFields; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.fields = kAllFields; });
   add("near", [](QueryView& q) { q.max_distance = 1.5, q.fields = kAllFields; });
   add("depth", [](QueryView& q) { q.signed_distance = true, q.fields = kAllFields; });
   add("f32", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kAllFields; });
-  add("f32, compact",
-      [](QueryView& q) { q.precision = Precision::kF32, q.format = Format::kCompact, q.fields = kFieldCompact; });
+  add("f32, float32 columns", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kFloat32; });
   add("f32, bounds", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kFieldLower | kFieldUpper; });
   add("f32, hardly attainable",
       [](QueryView& q) { q.precision = Precision::kF32, q.rel_tol = 1e-5, q.fields = kAllFields; });

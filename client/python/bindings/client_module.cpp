@@ -70,7 +70,7 @@ std::array<const void*, kFieldCount> columns_of(const Reply& r) {
   return {r.distance().data(),      r.lower().data(),           r.upper().data(),      r.status().data(),
           r.flags().data(),         r.point_a().data(),         r.point_b().data(),    r.normal().data(),
           r.pieces().data(),        r.gradient().data(),        r.pair().data(),       r.configuration().data(),
-          r.compact().data(),       r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
+          r.points32().data(),      r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
           r.first_contact().data(), r.steps().data(),           r.bounds().data(),     r.free_scale().data()};
 }
 

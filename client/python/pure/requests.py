@@ -244,7 +244,7 @@ class Session:
                 rows *= (scene.pair_count if scene else 0) * (len(pairs) if pairs is not None else 1)
             if reduce == Reduce.WITHIN:
                 rows = min(rows, int(q["max_results"]))
-        fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
+        fields = int(q["fields"])
         if reduce != Reduce.NONE:
             fields |= Field.PAIR | Field.CONFIGURATION
         size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # records with the epoch and the number of joints

@@ -1,4 +1,4 @@
-// Pairs that share both hulls, for queries that need only bounds or compact rows: the blocks of group_kernel.cuh
+// Pairs that share both hulls, for queries that need only bounds or float32 columns: the blocks of group_kernel.cuh
 // reduced to iteration and certification. Overlapping and unresolved pairs are listed for later kernels.
 #pragma once
 
@@ -33,7 +33,7 @@ __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, cons
     const PairRef ref = c.pairs[item.pair];
     c.reply.pair[item.row] = {body_of(c.bodies, ref.a), body_of(c.bodies, ref.b)};
   }
-  if (kPoints && c.reply.compact) write_compact(c.reply.compact + item.row, answer);
+  if (kPoints && c.reply.points32) write_points32(c.reply.points32, item.row, answer);
 }
 
 // \tparam Hull of the iteration

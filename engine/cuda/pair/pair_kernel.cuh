@@ -40,10 +40,10 @@ __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, 
     answer.flags |= kFlagNonsmooth;
 }
 
-// Columns of queries that need only a pair's bounds, and of compact ones. Kernels for these alone use fewer registers
+// Columns of queries that need only a pair's bounds, and points in float32. Kernels for these alone use fewer registers
 // and instructions.
 inline constexpr std::uint32_t kLeanFields =
-    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
+    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldPoints32 | kFieldBounds;
 
 enum class PairOutcome { kNone, kWithoutParts, kConverged, kUnresolved, kEnclosed };
 
@@ -153,7 +153,7 @@ struct PairHulls {
 
 // Writes the answer of a run with converged bounds.
 // \param slack of the pair: a Slack, or NoSlack
-// \tparam kLean only kLeanFields are requested: no flags, no normal, and points for compact rows alone
+// \tparam kLean only kLeanFields are requested: no flags, no normal, and points for points32 alone
 template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
                                       const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
@@ -238,12 +238,13 @@ __device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
-// As two stores of 16 bytes.
-__device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {
-  const CompactAnswer r = detail::compact(answer);
-  auto* halves = reinterpret_cast<float4*>(row);
-  halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
-  halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+// As three stores of 8 bytes.
+__device__ inline void write_points32(float* points32, std::uint64_t row, const PairAnswer& answer) {
+  const auto a = cast<float>(answer.point_a), b = cast<float>(answer.point_b);
+  auto* pairs = reinterpret_cast<float2*>(points32 + 6 * row);
+  pairs[0] = {a.x, a.y};
+  pairs[1] = {a.z, b.x};
+  pairs[2] = {b.y, b.z};
 }
 // Writes a row of the column gradient_joints. Not inlined, so that it takes no registers from other columns.
 __device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
@@ -271,7 +272,7 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
     write_interval(c.reply, row, answer);
     if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
     if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
-    if (c.reply.compact) write_compact(c.reply.compact + row, answer);
+    if (c.reply.points32) write_points32(c.reply.points32, row, answer);
     return;
   }
   write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,

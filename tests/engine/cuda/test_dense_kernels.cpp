@@ -61,12 +61,11 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
 // A warp per overlapping pair; few pairs are left to the CPU.
 TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
   for (const double rel_tol : {1e-6, 0.05})
-    for (const std::uint32_t fields : {kAllFields | 0u, kFieldCompact | kFieldStatus}) {
+    for (const std::uint32_t fields : {kAllFields | 0u, kFloat32 | kFieldStatus}) {
       Case c(Precision::kF64, 8);
       c.q.signed_distance = true;
       c.q.fields = fields;
       c.q.rel_tol = rel_tol;
-      if (fields & kFieldCompact) c.q.format = Format::kCompact;
       const Engine cpu(std::move(c.scene), {"cpu"});
       HostChunk chunk(cpu, c.q);
       chunk.view.pair_limits.rel_tol = rel_tol;
@@ -80,12 +79,11 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
     }
 }
 
-// Kernels that answer_chunk() launches for columns that need only bounds or compact rows.
+// Kernels that answer_chunk() launches for columns that need only bounds or float32 columns.
 void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);
-  const bool points = (fields & kFieldCompact) != 0, f32 = c.q.precision == Precision::kF32;
+  const bool points = (fields & kFieldPoints32) != 0, f32 = c.q.precision == Precision::kF32;
   c.q.fields = fields;
-  c.q.format = points ? Format::kCompact : Format::kFull;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.view.pair_limits.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
@@ -110,7 +108,7 @@ constexpr std::uint32_t kBounds = kDefaultFields | kFieldPair | kFieldConfigurat
 
 TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const std::uint32_t fields : {kBounds, kFieldBounds | 0u, kFieldCompact | kFieldStatus, kFieldCompact | 0u}) {
+    for (const std::uint32_t fields : {kBounds, kFieldBounds | 0u, kFloat32 | kFieldStatus, kFieldPoints32 | 0u}) {
       Case c(precision);
       expect_lean_rows(c, fields,
                        (precision == Precision::kF32 ? "float32, fields " : "fields ") + std::to_string(fields));
@@ -118,7 +116,7 @@ TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
 }
 
 TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
-  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
+  for (const std::uint32_t fields : {kBounds, kFloat32}) {
     Case c(Precision::kF64);
     c.q.max_distance = 0.2;
     expect_lean_rows(c, fields, "near, fields " + std::to_string(fields));
@@ -127,7 +125,7 @@ TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
 
 // Contiguous poses are read 16 bytes at a time.
 TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
-  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
+  for (const std::uint32_t fields : {kBounds, kFloat32}) {
     Case c(Precision::kF64, 1);
     expect_lean_rows(c, fields, "one configuration, fields " + std::to_string(fields));
   }
