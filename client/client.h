@@ -412,6 +412,7 @@ struct ConnectOptions {
   /// Time that the daemon's loop may stand still during a request, 10 ms or more; then calls throw DaemonHung, at most
   /// a quarter later. 0 disables this test. Default: 1 s, or a fifth of `timeout` if that is more.
   std::optional<std::chrono::nanoseconds> hang = {};
+  bool as_planning = false;  ///< requests have the class `planning` even if the client has the class `control`
 };
 
 /// Connects to "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port" or

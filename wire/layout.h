@@ -45,7 +45,7 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_EACH(CLEARANCE_MEMBER, type, __VA_ARGS__)
 
   CLEARANCE_STRUCT(FrameHeader, magic, version, type, request_id, payload_bytes, scene_revision, client_id,
-                   records_bytes, reserved)
+                   records_bytes, flags, reserved)
   CLEARANCE_STRUCT(RecordHeader, tag, flags, bytes)
   CLEARANCE_STRUCT(QueryHeader, max_distance, abs_tol, rel_tol, pair_count, body_count, configuration_count, fields,
                    max_results, max_pose_age_ns, all_pairs, precision, signed_distance, reduce, padding,

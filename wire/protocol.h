@@ -75,6 +75,12 @@ enum class FrameType : std::uint16_t {
 };
 
 /// Begins every frame.
+/// Bits of FrameHeader::flags, of requests only.
+enum FrameFlag : std::uint64_t {
+  kFramePlanning = 1,  ///< serve the request in the class `planning` even if the client has the class `control`
+};
+inline constexpr std::uint64_t kKnownFrameFlags = kFramePlanning;
+
 struct FrameHeader {
   std::uint32_t magic = kMagic;
   std::uint16_t version = kVersion;
@@ -84,7 +90,8 @@ struct FrameHeader {
   std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request for any scene
   std::uint64_t client_id = 0;       ///< receiver of a reply over LCM, otherwise 0
   std::uint64_t records_bytes = 0;   ///< of the payload, at its end
-  std::uint64_t reserved[2] = {};    ///< 0
+  std::uint64_t flags = 0;           ///< FrameFlag bits; 0 in a reply
+  std::uint64_t reserved[1] = {};    ///< 0
 };
 
 /// Begins a record. Its bytes follow, padded with zeros to a multiple of 8.

@@ -45,8 +45,6 @@
     "ns", "maximum wait for them; then `kPosesLate`")                                                                  \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
     "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")              \
-  X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
-    "", "use the class `planning` even if the caller has the class `control`")                                         \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
     "ns", "maximum time from receipt to answer (daemon's steady clock), else rejected with `kDeadline`; 0: no limit")  \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \

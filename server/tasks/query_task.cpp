@@ -154,7 +154,7 @@ void QueryTask::read() {
   const wire::QueryParts parts = wire::parse_query(requested_.header, aligned(payload_.span(), aligned_));
   daemon_.answers.check_epoch(requested_.header, parts.epoch);
   const QueryOptions& requested = parts.options;
-  if (!has_options_ && (requested.min_pose_stamp_ns != 0 || requested.deadline_ns != 0 || requested.as_planning)) {
+  if (!has_options_ && (requested.min_pose_stamp_ns != 0 || requested.deadline_ns != 0)) {
     options_ = requested;
     cost_ = engine_->extent(view_of(parts, requested_.header.scene_revision));
     step_ = Step::kSetOptions;
@@ -166,7 +166,6 @@ void QueryTask::read() {
 
 /// Goes on at once if the poses that the query waits for have arrived, else begins again when they have.
 void QueryTask::set_options() {
-  if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
   requested_.share.give_back();  // a deferred query has its own
   if (options_.min_pose_stamp_ns != 0 &&
       daemon_.hold(requested_.header, service_class(), options_, payload_, requested_.sink, received_))

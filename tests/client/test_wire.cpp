@@ -258,7 +258,10 @@ TEST(Wire, BadHeadersAreNamed) {
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),
             "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed");
   h = good;
-  h.reserved[1] = 1;
+  h.flags = 6;
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: flags has unknown bits: 6");
+  h = good;
+  h.reserved[0] = 1;
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: reserved words must be 0");
   FrameHeader out;
   EXPECT_EQ(error_of([&] { split_frame(Bytes(63), out); }, ErrorCode::kBadFrame),

@@ -84,7 +84,7 @@ void add_frames(List& list) {
              "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed",
              [](auto& h) { h.payload_bytes = ~std::uint64_t{0}; });
   list.frame("reserved words of the frame", ping, ErrorCode::kBadFrame, "frame: reserved words must be 0",
-             [](auto& h) { h.reserved[1] = 1; });
+             [](auto& h) { h.reserved[0] = 1; });
   list.frame("unknown type", ping, ErrorCode::kUnknownType, "frame: type 99 is no request",
              [](auto& h) { h.type = 99; });
   list.frame("a reply as a request", ping, ErrorCode::kUnknownType, "frame: type kReply is no request",

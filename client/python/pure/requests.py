@@ -55,8 +55,9 @@ class Scene(NamedTuple):
 class Session:
     """Requests of one client. Not thread-safe."""
 
-    def __init__(self, connection: Connection, options: dict[str, Any]):
+    def __init__(self, connection: Connection, options: dict[str, Any], as_planning: bool):
         self.connection = connection
+        self._flags = int(as_planning)  # FrameFlag bits of requests
         self._options = options
         self._scene: Optional[Scene] = None  # the scene that the caller has read
         self._scene_is_old = False  # reported by the daemon; the caller's next read fetches the scene again
@@ -86,7 +87,7 @@ class Session:
                 f"a request of {size + 64} bytes is more than the {MAX_REQUEST_BYTES} allowed: split it",
             )
         request_id = self.connection.next_request_id()
-        header = header_bytes(type, request_id, size, scene_revision, len(records))
+        header = header_bytes(type, request_id, size, scene_revision, len(records), self._flags)
         bodies = [part.tobytes() if isinstance(part, np.ndarray) else part for part in parts]
         self.connection.send(header, [*bodies, records], reply_bytes)
         return request_id

@@ -11,7 +11,6 @@ import numpy as np
 from .._front import Front
 from .._joints import Joints
 from .._result import Result
-from .model import as_planner
 
 
 class Verdict(Enum):
@@ -83,7 +82,6 @@ def certified_edge(
         "reduce": "min",
         "max_evaluations": max_evaluations,
         "fields": _FIELDS,
-        **as_planner(front),
     }
     r = front.motions(joints, np.vstack((start, rows[:-1])), np.vstack((end, rows[1:])), **requested)
     whole, *parts = (_span(r, i, *ends) for i, ends in enumerate([(0.0, 1.0), *zip(times[:-1], times[1:])]))
