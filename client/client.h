@@ -77,7 +77,7 @@ class CLEARANCE_API Reply {
   std::span<const double> gradient() const;       ///< (rows * 12,); order and frame as in kFieldGradient
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
-  std::span<const CompactAnswer> compact() const;
+  std::span<const float> points32() const;
   /// (rows * joints(),) metres per radian or metre: d distance / d position of each of the query's joints, in their
   /// order. 0 for overlapping bodies without a requested depth, NaN without witness points; one of several gradients
   /// with the flag kFlagNonsmooth.
@@ -412,6 +412,7 @@ struct ConnectOptions {
   /// Time that the daemon's loop may stand still during a request, 10 ms or more; then calls throw DaemonHung, at most
   /// a quarter later. 0 disables this test. Default: 1 s, or a fifth of `timeout` if that is more.
   std::optional<std::chrono::nanoseconds> hang = {};
+  bool as_planning = false;  ///< requests have the class `planning` even if the client has the class `control`
 };
 
 /// Connects to "shm:///run/user/0/clearance.sock", "ipc:///path", "tcp://host:port" or

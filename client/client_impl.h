@@ -60,8 +60,7 @@ struct Client::Impl {
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
     std::byte* room = begin(bytes + records.size(), reply_bytes);
-    const auto header = wire::with_records(wire::make_header(type, connection.next_request_id(), bytes, scene_revision),
-                                           records.size());
+    const wire::FrameHeader header = connection.next_header(type, bytes, scene_revision, records.size());
     std::memcpy(room, &header, sizeof header);
     room += sizeof header;
     for (const std::span<const std::byte> part : {payload, rest, std::span<const std::byte>(records)}) {
@@ -102,8 +101,7 @@ struct Client::Impl {
       reply_bytes = sizeof(wire::FrameHeader) + sizeof(wire::PlanHeader) +
                     std::size_t{kFieldCount} * sizeof(wire::PlanColumnRecord);
     std::byte* room = begin(payload_bytes + records.size(), reply_bytes);
-    const auto header = wire::with_records(
-        wire::make_header(type, connection.next_request_id(), payload_bytes, scene_revision), records.size());
+    const wire::FrameHeader header = connection.next_header(type, payload_bytes, scene_revision, records.size());
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
     connection.send();
     sent_in_records.erase(sent_in_records.begin(), sent_in_records.lower_bound(connection.oldest_request_id()));

@@ -46,6 +46,13 @@ Connection::Connection(std::span<const std::string> urls, const ConnectOptions& 
   connect_to(0, options.timeout);
 }
 
+wire::FrameHeader Connection::next_header(wire::FrameType type, std::uint64_t payload_bytes,
+                                          std::uint64_t scene_revision, std::uint64_t records_bytes) {
+  wire::FrameHeader header = wire::make_header(type, next_request_id_++, payload_bytes, scene_revision);
+  if (options_.as_planning) header.flags = wire::kFramePlanning;
+  return wire::with_records(header, records_bytes);
+}
+
 Connection::~Connection() {
   // In a forked child, the channel's sockets, threads and slots belong to the parent, and stay open.
   if (fork_guard_.forked()) (void)channel_.release();

@@ -45,7 +45,9 @@ class Connection {
   std::unique_ptr<Frame> await(std::uint64_t request_id, Deadline deadline);
   void forget(std::uint64_t request_id) { channel_->forget(request_id); }
 
-  std::uint64_t next_request_id() { return next_request_id_++; }
+  /// Header of the next request, which ends in `records_bytes` of records.
+  wire::FrameHeader next_header(wire::FrameType type, std::uint64_t payload_bytes, std::uint64_t scene_revision,
+                                std::uint64_t records_bytes);
   /// Requests with lower ids were sent over a lost connection.
   std::uint64_t oldest_request_id() const { return oldest_request_id_; }
 

@@ -90,8 +90,8 @@ std::span<const IdPair> Reply::pair() const {
 std::span<const std::uint32_t> Reply::configuration() const {
   return column<std::uint32_t>(kFieldConfiguration, 1);
 }
-std::span<const CompactAnswer> Reply::compact() const {
-  return column<CompactAnswer>(kFieldCompact, 1);
+std::span<const float> Reply::points32() const {
+  return column<float>(kFieldPoints32, 6);
 }
 std::span<const double> Reply::gradient_joints() const {
   return column<double>(kFieldGradientJoints, joints_);

@@ -67,7 +67,6 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
     if (reduce == Reduce::kWithin) rows = std::min<Wide>(rows, q.max_results);
   }
   std::uint32_t fields = q.fields;
-  if (q.format == static_cast<std::uint8_t>(Format::kCompact)) fields |= kFieldCompact;
   if (reduce != Reduce::kNone) fields |= kFieldPair | kFieldConfiguration;
   if (rows > wire::kMaxFrameBytes) return 0;
   try {

@@ -146,7 +146,6 @@ std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
 std::vector<double> Engine::free_scale(const QueryView& query, std::span<const double> weights) const {
   QueryView scale_query = query;
   scale_query.reduce = Reduce::kAny;
-  scale_query.format = Format::kFull;
   scale_query.fields = kFieldFreeScale;
   scale_query.weights = weights;
   PreparedQuery prepared = prepare(scale_query);
@@ -257,20 +256,8 @@ std::string Engine::certificate(const QueryView& query, std::optional<std::span<
   return {reinterpret_cast<const char*>(text.data()), text.size()};
 }
 
-const std::uint64_t Engine::kMostWarmBytes = WarmStore::kMostSimplices * sizeof(WarmSimplex);
-
-std::uint64_t Engine::warm_bytes(const QueryView& query, const QuerySize& size) {
-  if (query.warm_slot == 0 || query.reduce != Reduce::kNone) return 0;
-  const std::uint64_t simplices = size.configurations * size.pairs;
-  return simplices > WarmStore::kMostSimplices ? 0 : simplices * sizeof(WarmSimplex);
-}
-
 std::uint64_t Engine::contradictions() const {
   return impl_->contradictions;
-}
-
-std::shared_ptr<void> Engine::trim_warm(std::uint64_t client, std::uint64_t room) const {
-  return impl_->warm.trim(client, room);
 }
 
 QueryCost Engine::cost(const QueryView& query) const {

@@ -36,9 +36,8 @@ class Engine {
     std::string instruction_set = "auto";
     /// Search of reductions for near pairs: "auto", "brute" (every pair's boxes), "tree". Only speed depends on it.
     std::string broad_phase = "auto";
-    std::uint64_t max_rows = std::uint64_t{1} << 28;     ///< larger answers are rejected
-    std::uint64_t warm_memory = std::uint64_t{1} << 30;  ///< limit on the host's warm state of all clients, in bytes
-    std::uint64_t device_memory = 0;                     ///< limit on each device's memory, in bytes; 0 for all of it
+    std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are rejected
+    std::uint64_t device_memory = 0;                  ///< limit on each device's memory, in bytes; 0 for all of it
     /// Whether the CPU answers a query when the device fails or lacks memory. If not, such queries are rejected
     /// (kNotSupported, with the reason).
     bool device_fallback = true;
@@ -124,7 +123,7 @@ class Engine {
   /// For each configuration of a query in joint space, the largest s proved to keep all pairs beyond their margins
   /// while no joint moves by more than s times its weight (radians or metres). It is 0 if a pair is not proved to be
   /// beyond its margin, and +inf if no pair can come nearer. Joint limits are ignored. Margins are those of
-  /// Reduce::kAny; reduction, fields and format are ignored. Runs on the CPU until done. Throws QueryError, also for
+  /// Reduce::kAny; reduction and fields are ignored. Runs on the CPU until done. Throws QueryError, also for
   /// bodies in the query, for robots that stand on links that its joints move, and for bodies with a max_speed that
   /// follow links.
   /// \param weights (J,) >= 0
@@ -157,13 +156,6 @@ class Engine {
   QueryCost cost(const QueryView& query) const;
   /// Whether the CPU may answer queries: false if backend cuda was requested.
   bool has_cpu() const;
-
-  /// Host memory of a query's warm state while it runs and until its client sends another query, in bytes.
-  static std::uint64_t warm_bytes(const QueryView& query, const QuerySize& size);
-  static const std::uint64_t kMostWarmBytes;  ///< limit for one query; larger ones have no warm start
-  /// Releases a client's warm state on the host if it takes more than `room` bytes. Destroying the returned object,
-  /// which may be null, frees the memory and may take milliseconds.
-  std::shared_ptr<void> trim_warm(std::uint64_t client, std::uint64_t room) const;
 
   Counters stats() const;
   /// Number of part pairs whose bounds contradicted each other and were recomputed by the most independent method. It

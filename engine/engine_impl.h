@@ -21,8 +21,7 @@
 namespace clearance {
 
 struct Engine::Impl {
-  Impl(Scene&& s, const Options& o)
-      : scene(with_proxies(std::move(s))), options(o), warm(o.warm_memory), poses(scene, o.max_stamp_lead) {}
+  Impl(Scene&& s, const Options& o) : scene(with_proxies(std::move(s))), options(o), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -30,7 +29,6 @@ struct Engine::Impl {
   const LaneKernel* lanes = nullptr;
   bool light = false;
   NearBy near_by = NearBy::kAuto;
-  mutable WarmStore warm;
   mutable BoxTreeStore trees;
   std::unique_ptr<cuda::DeviceBackend> device;
   std::string rejected_device;  // reason that the device is not used, or empty
@@ -56,7 +54,7 @@ struct Engine::Impl {
 
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
-    return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions, &warm,
+    return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions,
             &trees, near_by,         device.get(), &job_cache, &teams};
   }
 

@@ -46,8 +46,6 @@ Counters Engine::stats() const {
   }
   Counters counters{{"engine.bodies", impl_->scene.bodies().size()},
                     {"engine.pieces", parts},
-                    {"engine.warm_bytes", impl_->warm.bytes()},
-                    {"engine.warm_without_room", impl_->warm.without_room()},
                     {"engine.box_trees", impl_->trees.builds()},
                     {"engine.box_tree_bytes", impl_->trees.bytes()},
                     {"engine.vertices", vertices},

@@ -7,12 +7,12 @@ set -uo pipefail
 tasks="test, certify, sanitize, bench, daemon, several or report"
 what=${1:?gpu.sh $tasks}
 
-tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions test_cuda_reductions test_cuda_warm
+tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions test_cuda_reductions
   test_cuda_motions test_cuda_loss test_device test_cuda_classes test_device_plan test_shared_memory
   test_daemon_plans test_cuda_containment test_segment_pinner test_robots
   "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*")
 # Tests of moderate size, since each of the sanitizer's tools slows them down a hundredfold.
-sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LastQuery*:*LeavesToFloat64*"
+sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LeavesToFloat64*"
   "test_cuda_reductions --gtest_filter=*BreakTies*:*SayWhich*:*WriteStraight*"
   "test_cuda_elements --gtest_filter=*Repeat*:*Follow*" "test_cuda_motions --gtest_filter=*FlagEnds*")
 if [ "$what" = programs ]; then

@@ -35,10 +35,8 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
     "`free_scale`": {"fields": "free_scale", "weights": None},  # a weight for each joint
-    '`format="compact"`': {"format": "compact"},
     '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
-    "`warm`": {"warm": True},
     "a certificate": {},
 }
 #: Queries of the GPU's table: members of the engine's QueryView and Plan.

@@ -20,6 +20,7 @@ void check_header(const FrameHeader& h, std::uint64_t payload_bytes) {
   if (h.payload_bytes != payload_bytes)
     bad_frame("frame: the header announces a payload of " + str(h.payload_bytes) + " bytes, " + str(payload_bytes) +
               " came");
+  if (h.flags & ~kKnownFrameFlags) bad_frame("frame: flags has unknown bits: " + str(h.flags & ~kKnownFrameFlags));
   expect_zero(h.reserved, "frame");
 }
 

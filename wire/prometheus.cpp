@@ -35,7 +35,6 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"queries.held_back", kCounterMetric, "Queries that had to wait for poses."},
     {"queries.dropped", kCounterMetric, "Queries whose client was gone before the answer."},
     {"queries.handed_over", kCounterMetric, "Queries that the loop began and a worker finished."},
-    {"queries.cold", kCounterMetric, "Warm queries answered cold, since there was no room for their state."},
     {"errors", kCounterMetric, "Requests rejected."},
     {"errors.unsent", kCounterMetric, "Rejections that could not be sent."},
     {"errors.transport", kCounterMetric, "Failures of a transport."},
@@ -116,8 +115,6 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"engine.oldest_pose_age_ns", kGaugeMetric, "Age of the oldest pose among the movable bodies that received one."},
     {"engine.bodies_without_pose", kGaugeMetric, "Bodies that have no pose: queries do not answer for them."},
     {"engine.bodies_with_bad_pose", kGaugeMetric, "Bodies whose pose is bad: queries do not answer for them."},
-    {"engine.warm_bytes", kGaugeMetric, "Warm state of all clients, in bytes."},
-    {"engine.warm_without_room", kCounterMetric, "Warm states that did not fit into memory."},
     {"engine.teams", kCounterMetric, "Teams of threads that were started for queries."},
     {"engine.box_trees", kCounterMetric, "Trees of boxes built."},
     {"engine.box_tree_bytes", kGaugeMetric, "Memory of these trees, in bytes."},
@@ -171,7 +168,8 @@ Metric metric_of(const std::string& name) {
 /// Returns the metric's name without the suffix of its type.
 std::string prometheus_name(const std::string& name) {
   std::string metric = "clearance_" + name;
-  std::replace_if(metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
+  std::replace_if(
+      metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
   return metric;
 }
 

@@ -75,6 +75,12 @@ enum class FrameType : std::uint16_t {
 };
 
 /// Begins every frame.
+/// Bits of FrameHeader::flags, of requests only.
+enum FrameFlag : std::uint64_t {
+  kFramePlanning = 1,  ///< serve the request in the class `planning` even if the client has the class `control`
+};
+inline constexpr std::uint64_t kKnownFrameFlags = kFramePlanning;
+
 struct FrameHeader {
   std::uint32_t magic = kMagic;
   std::uint16_t version = kVersion;
@@ -84,7 +90,8 @@ struct FrameHeader {
   std::uint64_t scene_revision = 0;  ///< the sender's; 0 in a request for any scene
   std::uint64_t client_id = 0;       ///< receiver of a reply over LCM, otherwise 0
   std::uint64_t records_bytes = 0;   ///< of the payload, at its end
-  std::uint64_t reserved[2] = {};    ///< 0
+  std::uint64_t flags = 0;           ///< FrameFlag bits; 0 in a reply
+  std::uint64_t reserved[1] = {};    ///< 0
 };
 
 /// Begins a record. Its bytes follow, padded with zeros to a multiple of 8.
@@ -146,9 +153,7 @@ struct QueryHeader {
   std::uint8_t precision = 0;  ///< Precision
   std::uint8_t signed_distance = 0;
   std::uint8_t reduce = 0;  ///< Reduce
-  std::uint8_t format = 0;  ///< Format
-  std::uint8_t warm = 0;    ///< whether to keep warm-start state for this client
-  std::uint8_t padding[2] = {};
+  std::uint8_t padding[4] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< waits for poses of wait_for with this stamp or a newer one; 0 to not wait
   std::int64_t pose_wait_ns = 0;       ///< maximum wait, 0 to 10 s; then kPosesLate
   std::uint32_t wait_for =
@@ -164,8 +169,7 @@ struct ReplyHeader {
   std::uint64_t pairs = 0;           ///< P
   std::uint32_t fields = 0;          ///< columns that follow
   std::uint8_t reduce = 0;
-  std::uint8_t format = 0;
-  std::uint8_t padding[2] = {};
+  std::uint8_t padding[3] = {};
   std::uint64_t scene_revision = 0;
   std::uint64_t snapshot_revision = 0;  ///< of the poses
   std::int64_t snapshot_stamp_ns = 0;   ///< newest publisher's stamp

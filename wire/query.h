@@ -102,7 +102,6 @@ struct Check {
 /// Converts a query to that of check().
 inline Query as_check(Query query) {
   query.reduce = Reduce::kAny;
-  query.format = Format::kFull;
   query.fields = kFieldLower | kFieldUpper | kFieldStatus;
   return query;
 }
@@ -110,7 +109,6 @@ inline Query as_check(Query query) {
 /// \param weights must outlive the query
 inline Query as_free_scale(Query query, std::span<const double> weights) {
   query.reduce = Reduce::kAny;
-  query.format = Format::kFull;
   query.fields = kFieldFreeScale;
   query.weights = weights;
   return query;

@@ -33,24 +33,18 @@
     "", "also how deep bodies overlap")                                                                                \
   X(Reduce, reduce, Reduce::kNone, 0, Legal::word("none within nearest min any"),                                      \
     "", "which rows come back")                                                                                        \
-  X(Format, format, Format::kFull, 0, Legal::word("full compact"),                                                     \
-    "", "how columns are encoded")                                                                                     \
   X(std::uint32_t, fields, kDefaultFields, 0, Legal::bits(kKnownFields),                                               \
     "", "columns that come back")                                                                                      \
   X(std::uint64_t, max_results, 1u << 20, 0, Legal::anything(),                                                        \
     "rows", "most rows of reduce `within`")                                                                            \
   X(std::int64_t, max_pose_age_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                   \
-    "ns", "pairs with an older pose have the status `stale_pose`, and no distance; 0 for any age")                     \
-  X(bool, warm, false, 0, Legal::word("false true"),                                                                   \
-    "", "keep warm state for this client: faster, but bits may differ from call to call")                              \
+    "ns", "pairs with an older pose have the status `stale_pose`, and no distance; 0 for any age")                        \
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
     "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0 to begin at once")   \
   X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
     "ns", "maximum wait for them; then `kPosesLate`")                                                                  \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
     "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")              \
-  X(bool, as_planning, false, 3, Legal::word("false true"),                                                            \
-    "", "use the class `planning` even if the caller has the class `control`")                                         \
   X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
     "ns", "maximum time from receipt to answer (daemon's clock), else rejected with `kDeadline`; 0 for no limit")      \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \

@@ -47,12 +47,6 @@ enum class Reduce : std::uint8_t {
                  ///< pair proved within its margin (kOk, kContact, kOverlap) or, failing that, an undecided pair
 };
 
-/// How columns are encoded.
-enum class Format : std::uint8_t {
-  kFull = 0,     ///< float64 columns, points in the world frame
-  kCompact = 1,  ///< one CompactAnswer per row, and the requested integer columns
-};
-
 /// Columns of an answer, as bits of a mask and (by position) as the order of columns in a reply.
 enum Field : std::uint32_t {
   kFieldDistance = 1u << 0,         ///< float64, metres
@@ -67,7 +61,7 @@ enum Field : std::uint32_t {
   kFieldGradient = 1u << 9,         ///< 2 x 6 float64, of a and b: by a turn about its origin, a shift; world axes
   kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always present in reductions
   kFieldConfiguration = 1u << 11,   ///< uint32; always present with Reduce::kWithin
-  kFieldCompact = 1u << 12,         ///< CompactAnswer, replaces the float64 columns in Format::kCompact
+  kFieldPoints32 = 1u << 12,        ///< 2 x 3 float32, metres: points of a and b from their body's origin; world axes
   kFieldGradientJoints = 1u << 13,  ///< J float64: by the position of each of the query's joints, in their order
   kFieldPairLower = 1u << 14,       ///< 2 uint32, body ids: the pair whose lower bound is the row's; reductions
   kFieldTime = 1u << 15,            ///< float64, 0 to 1: time of the row's witness points in the motion, or NaN
@@ -87,7 +81,7 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 
 /// Bytes of one row of each column, by bit position of its Field; for kFieldGradientJoints, bytes of one joint.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8,  1, 2, 24, 24, 24, 8, 96,
-                                                           8, 4, 32, 8, 8, 8,  16, 4,  8, 8};
+                                                           8, 4, 24, 8, 8, 8,  16, 4,  8, 8};
 /// Bytes of one row of a column.
 /// \param joints number of the query's joints
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
@@ -96,16 +90,6 @@ constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
 
 /// Alignment of each column of a reply, in bytes.
 inline constexpr std::uint64_t kColumnAlignment = 64;
-
-/// One row of Format::kCompact: 32 bytes. Bounds are rounded outward; points are relative to each body's origin, world
-/// axes.
-struct CompactAnswer {
-  float lower;       ///< metres
-  float upper;       ///< metres
-  float point_a[3];  ///< metres, from the origin of a, world axes
-  float point_b[3];  ///< metres, from the origin of b, world axes
-};
-static_assert(sizeof(CompactAnswer) == 32);
 
 /// The margin of the pairs of one body or group (selectors) with another, in either order.
 struct MarginEntry {

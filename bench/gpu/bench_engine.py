@@ -60,12 +60,12 @@ def main():
     scene, poses = scene_and_poses(rng)
     engine = clearance.Engine(scene, backend=arguments.backend)
     query = {"pairs": pairs_of(rng), "configurations": poses}
-    compact = {**query, "format": "compact"}
+    float32 = {**query, "fields": ("bounds", "points32")}
     ways = {
         "default": lambda: engine.distances(**query),
         "default, prepared": engine.prepare(**query),
-        "compact": lambda: engine.distances(**compact),
-        "compact, prepared": engine.prepare(**compact),
+        "float32": lambda: engine.distances(**float32),
+        "float32, prepared": engine.prepare(**float32),
         "bounds alone": lambda: engine.distances(fields=["lower", "upper"], **query),
         "with points": lambda: engine.distances(fields=["default", "points"], **query),
         "min": lambda: engine.distances(reduce="min", **query),

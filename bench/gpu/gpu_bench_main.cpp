@@ -30,24 +30,14 @@ std::uint64_t counter(const Engine& engine, const std::string& name) {
   return 0;  // a backend without this counter
 }
 
-// Poses of every other query: in its configurations, or in the engine. Unchanged if empty.
-struct Motion {
-  std::vector<Pose> next;
-  std::vector<BodyPose> placed[2];
-};
-
 // Medians over queries into the same columns.
-Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats,
-                    const Motion& motion = {}) {
-  QueryView q = query;
+Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats) {
   std::vector<double> walls, kernels, broad_phases;
   for (int i = -2; i < repeats; ++i) {
-    if (!motion.next.empty()) q.configurations = i % 2 ? motion.next : query.configurations;
-    if (!motion.placed[0].empty()) engine.set_poses(motion.placed[i % 2 ? 1 : 0]);
     const std::uint64_t before = counter(engine, "cuda.kernel_ns"),
                         broad_before = counter(engine, "cuda.broad_phase_ns");
     const auto begin = std::chrono::steady_clock::now();
-    Job job = engine.start(q, reply);
+    Job job = engine.start(query, reply);
     while (!job.advance()) {
     }
     const double us = std::chrono::duration<double, std::micro>(std::chrono::steady_clock::now() - begin).count();
@@ -112,28 +102,10 @@ void run_several(const Workload& w, std::ostream& csv) {
   std::fflush(stdout);
 }
 
-// Each body turned by 0.01 rad about an axis of its own.
-Motion motion_of(const Requested& requested, const Scene& scene) {
-  Random random(17);
-  const auto turned = [&](const Pose& p) {
-    const Vec3d axis{random.normal(), random.normal(), random.normal()};
-    const Vec3d u = axis * (0.005 / norm(axis)), v{p.qx, p.qy, p.qz}, q = u * p.qw + v + cross(u, v);
-    return Pose{p.translation, p.qw - dot(u, v), q.x, q.y, q.z};
-  };
-  Motion motion;
-  for (const Pose& p : requested.poses) motion.next.push_back(turned(p));
-  if (!motion.next.empty()) return motion;
-  for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
-    motion.placed[0].push_back({b, *scene.bodies()[b].pose});
-    motion.placed[1].push_back({b, turned(*scene.bodies()[b].pose)});
-  }
-  return motion;
-}
-
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
   const Requested requested(w, cpu);
-  QueryView q = requested.q;
+  const QueryView& q = requested.q;
   const QuerySize size = device.size(q);
   std::uint64_t bytes = 0;
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
@@ -142,41 +114,36 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
   const auto view = [&](std::byte* base) { return reply_view_over(base, size.rows, size.fields); };
   std::byte* aligned = pageable.data() + (64 - reinterpret_cast<std::uintptr_t>(pageable.data()) % 64) % 64;
 
-  Motion motion;
-  if (w.warm) q.warm_slot = 1;
-  if (w.warm || w.moves) motion = motion_of(requested, cpu.scene());
   const bool has_elements = cpu.scene().has_surfaces();
   const int repeats = size.rows > 4'000'000 ? 10 : size.rows < 20'000 && !has_elements ? 300 : 30;
-  const Timing direct = time_queries(device, q, view(pinned.data()), repeats, motion);
+  const Timing direct = time_queries(device, q, view(pinned.data()), repeats);
   const std::uint64_t rest = counter(device, "cuda.pairs_finished_on_cpu") / static_cast<std::uint64_t>(repeats + 2);
-  const Timing staged = time_queries(device, q, view(aligned), repeats, motion);
-  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5), motion);
-  const Timing routed = time_queries(either, q, view(aligned), repeats, motion);
+  const Timing staged = time_queries(device, q, view(aligned), repeats);
+  const Timing host = time_queries(cpu, q, view(pinned_cpu.data()), std::max(5, repeats / 5));
+  const Timing routed = time_queries(either, q, view(aligned), repeats);
   std::memset(pinned.data(), 1, bytes);
   std::memset(pinned_cpu.data(), 1, bytes);
   time_queries(device, q, view(pinned.data()), 1);
   time_queries(cpu, q, view(pinned_cpu.data()), 1);
-  // Warm answers depend on earlier queries, and answers with clouds and meshes on the traversal of their trees. Their
-  // intervals contain the same distance.
+  // Answers with clouds and meshes depend on the traversal of their trees. Their intervals contain the same distance.
   bool same = std::memcmp(pinned.data(), pinned_cpu.data(), bytes) == 0;
-  const bool may_differ = w.warm || has_elements;
   const ReplyView rows = view(pinned.data()), cpu_rows = view(pinned_cpu.data());
-  if (may_differ) {
+  if (has_elements) {
     same = true;
     const auto meet = [&](std::uint64_t i) {
-      if (rows.compact)
-        return rows.compact[i].lower <= cpu_rows.compact[i].upper && cpu_rows.compact[i].lower <= rows.compact[i].upper;
+      const float *const b = rows.bounds + 2 * i, *const c = cpu_rows.bounds + 2 * i;
+      if (rows.bounds) return b[0] <= c[1] && c[0] <= b[1];
       if (rows.lower) return rows.lower[i] <= cpu_rows.upper[i] && cpu_rows.lower[i] <= rows.upper[i];
       const auto beyond = static_cast<std::uint8_t>(Status::kBeyond);  // for decisions: all apart, or not
       return (rows.status[i] == beyond) == (cpu_rows.status[i] == beyond);
     };
     for (std::uint64_t i = 0; i < size.rows; ++i) same = same && meet(i);
   }
-  const bool has_bounds = rows.compact || rows.lower;
-  const char* const agreement = !same         ? "DIFFERENT"
-                                : !may_differ ? "same"
-                                : has_bounds  ? "intervals meet"
-                                              : "verdicts same";
+  const bool has_bounds = rows.bounds || rows.lower;
+  const char* const agreement = !same           ? "DIFFERENT"
+                                : !has_elements ? "same"
+                                : has_bounds    ? "intervals meet"
+                                                : "verdicts same";
 
   const unsigned cores = std::thread::hardware_concurrency();
   csv << '"' << w.name << "\"," << size.configurations * size.pairs << ',' << direct.kernel_us << ',' << direct.wall_us
@@ -201,7 +168,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 
 // Replacing the points of the cloud: until they are on the device, and until a query of them is answered.
 void run_swap(const std::string& name, std::ostream& csv, std::vector<std::string>& table) {
-  const Workload w{"", arm_scene_in_room, 64, Format::kFull, kFieldStatus, Reduce::kAny};
+  const Workload w{"", arm_scene_in_room, 64, kFieldStatus, Reduce::kAny};
   Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
   const Requested requested(w, cpu);
   const std::uint32_t room = cpu.scene().find_body("room");

@@ -35,8 +35,8 @@ class Turns {
 };
 
 /// \param moves whether the poses of all bodies are given, as one configuration; if not, the daemon's poses are used
-void run(Client& client, const std::string& name, std::uint32_t fields, Format format, bool moves,
-         const std::string& label, std::ostream* csv) {
+void run(Client& client, const std::string& name, std::uint32_t fields, bool moves, const std::string& label,
+         std::ostream* csv) {
   std::vector<std::uint32_t> bodies;
   std::vector<Pose7> poses;
   for (const BodyStateInfo& state : client.body_states())
@@ -47,7 +47,6 @@ void run(Client& client, const std::string& name, std::uint32_t fields, Format f
   Query query;
   query.bodies = bodies;
   query.fields = fields;
-  query.format = format;
   RemotePlan plan = client.plan_on_device(query, moves ? 1 : 0);
   const PlanInfo info = plan.info();
   MappedMemory memory(info.memory_handle, info.device_uuid);
@@ -101,9 +100,9 @@ int main(int argc, char** argv) {
   try {
     Client client = connect(argv[1], std::chrono::seconds(30));
     for (const bool moves : {false, true}) {
-      run(client, "compact", kFieldCompact, Format::kCompact, moves, label, out);
-      run(client, "lower and upper", kFieldLower | kFieldUpper, Format::kFull, moves, label, out);
-      run(client, "bounds in float32", kFieldBounds, Format::kFull, moves, label, out);
+      run(client, "bounds and points in float32", kFieldBounds | kFieldPoints32, moves, label, out);
+      run(client, "lower and upper", kFieldLower | kFieldUpper, moves, label, out);
+      run(client, "bounds in float32", kFieldBounds, moves, label, out);
     }
   } catch (const std::exception& error) {
     std::fprintf(stderr, "clearance-gpu-daemon: %s\n", error.what());

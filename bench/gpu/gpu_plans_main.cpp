@@ -12,6 +12,7 @@
 #include "bench/timing.h"
 #include "engine/device/device.h"
 #include "engine/device/query/device_plan.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/gpu/device_memory.h"
 
 namespace clearance::test {
@@ -82,7 +83,7 @@ void run(const Workload& w, std::ostream& csv) {
   std::uint64_t other = 0;
   for_each_column(
       [&](const auto* mine, const auto* theirs, int width) {
-        constexpr std::size_t kBounds = 2 * sizeof(float);  // common prefix of a compact row and of bounds
+        constexpr std::size_t kBounds = 2 * sizeof(float);
         const std::byte* const from = got.data() + (reinterpret_cast<const std::byte*>(mine) - rows.data());
         const std::size_t step = sizeof(*mine) * static_cast<std::size_t>(width);
         for (std::uint64_t i = 0; mine && step >= kBounds && i < size.rows; ++i)
@@ -127,16 +128,15 @@ int main(int argc, char** argv) {
          "bounds\n";
   for (Workload w : workloads()) {
     const bool is_plan = w.reduce == Reduce::kNone || w.reduce == Reduce::kMin || w.reduce == Reduce::kAny;
-    if (!is_plan || w.warm || w.depth || w.moves || w.name.find(filter) == std::string::npos) continue;
+    if (!is_plan || w.depth || w.name.find(filter) == std::string::npos) continue;
     run_if_planned(w, csv);
     if (w.scene == arm_scene_of_hulls && w.reduce != Reduce::kAny && w.configurations == 4096) {
       w.name += ", gradients by joints";
       w.fields = kFieldDistance | kFieldGradientJoints;
       run_if_planned(w, csv);
     }
-    if (w.format != Format::kCompact || w.fields != kFieldCompact) continue;
-    const std::string name = w.name.substr(0, w.name.rfind(", compact")) + w.name.substr(w.name.rfind(", compact") + 9);
-    w.format = Format::kFull;
+    if (w.fields != kFloat32) continue;
+    const std::string name = w.name.substr(0, w.name.rfind(", float32")) + w.name.substr(w.name.rfind(", float32") + 9);
     w.name = name + ", lower and upper";
     w.fields = kFieldLower | kFieldUpper;
     run_if_planned(w, csv);

@@ -13,17 +13,14 @@ struct Workload {
   std::string name;
   Scene (*scene)();
   std::uint32_t configurations;  // 0 for the current poses
-  Format format;
   std::uint32_t fields;
   Reduce reduce = Reduce::kNone;
   double max_distance = std::numeric_limits<double>::infinity();
   std::size_t first_pairs = 0;  // use only this many; 0 for all
-  bool warm = false;            // every query's poses are 0.01 rad from those of the previous one
   Precision precision = Precision::kF64;
   bool depth = false;
-  double room = 1;     // bodies are at most this far from the origin along each axis
-  bool moves = false;  // poses change as with `warm`, but queries are cold
-  double margin = 0;   // Reduce::kAny only
+  double room = 1;    // bodies are at most this far from the origin along each axis
+  double margin = 0;  // Reduce::kAny only
 };
 
 const std::vector<Workload>& workloads();

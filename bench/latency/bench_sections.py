@@ -67,8 +67,8 @@ def aggressor(kind, url, as_planning=False):
     """Repeats one kind of request until it is terminated. as_planning: below the class of its user."""
     import clearance
 
-    options = {"timeout_s": 600, **({"as_planning": True} if as_planning else {})}
-    client = clearance.connect(url)
+    options = {"timeout_s": 600}
+    client = clearance.connect(url, service_class="planning" if as_planning else "control")
     names = [body.name for body in client.bodies]
     heaps = [name for name in names if name.startswith("heap")]
     pose = [0.1, 0, 0, 1, 0, 0, 0]

@@ -19,7 +19,7 @@ class Sweep:
         self.by_setting = {(r["scene"], r["precision"], r["asked"], float(r["reach"]), float(r["rel_tol"]),
                             float(r["abs_tol"])): r for r in self.rows}
 
-    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", requested="cold"):
+    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", requested="steps"):
         """The row of a setting; by default that of the default query."""
         return self.by_setting[scene, precision, requested, reach, 0.0 if abs_tol else rel_tol, abs_tol]
 
@@ -38,7 +38,6 @@ def time_table(s):
         ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
         ("1 µm", dict(abs_tol=1e-6)),
         ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")),
-        ("warm", dict(requested="warm")),
         ("batch", dict(requested="batch")),
         ("batch, f32 at 1e-4", dict(requested="batch", rel_tol=1e-4, precision="f32")),
         ("`max_distance` median", dict(reach=1.0)),
@@ -114,7 +113,6 @@ def sentences(s):
                 s.ratios(rel_tol=1e-4, requested=requested))
         ]
 
-    warm = s.ratios(requested="warm")
     lines = [
         f"Of {answers:,} answers, in {len(s.rows):,} settings, {wrong} intervals miss the exact distance.",
         f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
@@ -125,17 +123,11 @@ def sentences(s):
         "in place of `rel_tol`.",
         f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it "
         f"{span(s.ratios(reach=0.1))}.",
-        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('cold'))}; in "
+        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('steps'))}; in "
         f"batches {span(f32('batch'))}."
         + (
             " The answers are the same to the last digit: this backend always iterates in float64."
             if unused(s, precision="f32", rel_tol=1e-4)
-            else ""
-        ),
-        f"**Warm start.** Time over that of a cold start: {span(warm)}."
-        + (
-            " The answers are the same to the last digit: this backend keeps no warm state."
-            if unused(s, requested="warm") and abs(statistics.median(warm) - 1) < 0.03
             else ""
         ),
         f"**Batches.** All steps as the configurations of one query, over one query for each step: "
@@ -153,7 +145,7 @@ def settings():
         parts += [
             f"### Backend `{backend}`",
             sentences(s),
-            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, cold, one query per "
+            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, one query per "
             "step); each column changes one setting.\n`max_distance` is the median of all distances, and a tenth of "
             "it.",
             time_table(s),
@@ -200,9 +192,6 @@ CLAIMS = {
         s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], requested="batch"), 0.75
     ),
     "heavy batches": lambda s: s.ratios(["cell"], requested="batch")[0] < 0.75,
-    # A warm start costs nothing anywhere, and halves the time at least for near bodies.
-    "warm pays": lambda s: no_more_than(s.ratios(requested="warm"), 1.02) and s.ratios(["near"],
-        requested="warm")[0] < 0.5,
     "f32 takes as long": lambda s: all(
         5 / 6 < single / double < 7 / 6
         for single, double in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))
@@ -233,7 +222,7 @@ def draw(path):
     for axis, scene in zip(axes.flat, scenes):
         for k, s in enumerate(sweeps):
             for colour, (precision, requested) in enumerate(
-                (("f64", "cold"), ("f32", "cold"), ("f64", "warm"), ("f64", "batch"), ("f32", "batch"))
+                (("f64", "steps"), ("f32", "steps"), ("f64", "batch"), ("f32", "batch"))
             ):
                 mine = sorted(
                     (
@@ -246,7 +235,7 @@ def draw(path):
                     key=lambda r: -float(r["rel_tol"]),
                 )
                 x = [float(r["ns_per_pair"]) for r in mine]
-                label = f"{s.backend} {precision}{'' if requested == 'cold' else ' ' + requested}"
+                label = f"{s.backend} {precision}{'' if requested == 'steps' else ' ' + requested}"
                 axis.plot(
                     x,
                     [max(1e-16, float(r["rel_width_p99"])) for r in mine],
@@ -256,7 +245,7 @@ def draw(path):
                     lw=1,
                     label=label + ", width",
                 )
-                if requested == "cold":
+                if requested == "steps":
                     axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=f"C{colour}", lw=1,
                               label=label + ", error")
             for reach, mark in ((1.0, "^"), (0.1, "v")):

@@ -24,7 +24,6 @@ class Ours {
   }
 
   static std::vector<std::string> settings(const peers::Problem& p) {
-    if (p.kind == peers::Kind::kMotion) return {"f64 warm", "f32 warm", "f64", "f32"};
     if (is_large(p)) return {"f64", "f32", "f64 two threads"};
     return {"f64", "f32"};
   }
@@ -39,7 +38,6 @@ class Ours {
     query.signed_distance = p_.kind == peers::Kind::kDepth;
     query.precision = setting.starts_with("f32") ? Precision::kF32 : Precision::kF64;
     query.fields = kDefaultFields | kFieldPoints | kFieldNormal;
-    query.warm_slot = setting.ends_with("warm") ? (query.precision == Precision::kF32 ? 2 : 1) : 0;
     if (p_.kind == peers::Kind::kWithin) {
       evaluate(engine_, query, distances_.data());
     } else if (p_.kind == peers::Kind::kMotion) {

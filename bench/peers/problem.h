@@ -23,7 +23,7 @@ struct Shape {
 
 enum class Kind : std::uint32_t {
   kDistance,  ///< distances of independent configurations
-  kMotion,    ///< distances along a coherent motion, for which warm starts help
+  kMotion,    ///< distances along a coherent motion
   kDepth,     ///< signed distances, with penetration depths
   kWithin,    ///< list of the pairs within max_distance
   kLeast,     ///< only the least distance of each configuration

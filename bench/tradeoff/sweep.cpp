@@ -16,7 +16,6 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::size_t kTurn = 8;  // settings between two timings of the default query
-constexpr std::uint64_t kWarmSlot = 1;
 
 // If the calling thread does all the work, its processor time equals that of an idle machine; a device is timed by the
 // wall clock.
@@ -94,7 +93,6 @@ class Bench {
     query.rel_tol = s.rel_tol;
     query.abs_tol = s.abs_tol;
     query.max_distance = s.reach < kInf ? s.reach * exact_value_.median : kInf;
-    query.warm_slot = s.requested == Requested::kWarm ? kWarmSlot : 0;
     const std::size_t pairs = scene_.pairs.size(), steps = scene_.steps.size();
     const auto check = [&](std::size_t step, std::size_t first) {
       for (std::size_t i = 0; quality && i < pairs; ++i)
@@ -113,7 +111,7 @@ class Bench {
       looked_at += job.info().pairs_evaluated;
     };
     engine_.set_poses(scene_.steps[0]);
-    evaluate(false);  // warms caches, and the warm state, as a loop would
+    evaluate(false);  // fills caches, as a loop would
     if (s.requested == Requested::kBatch) {
       query.bodies = bodies_;
       query.configurations = configurations_;
@@ -144,10 +142,8 @@ class Bench {
 
 const char* name_of(Requested requested) {
   switch (requested) {
-    case Requested::kCold:
-      return "cold";
-    case Requested::kWarm:
-      return "warm";
+    case Requested::kSteps:
+      return "steps";
     case Requested::kBatch:
       return "batch";
   }
@@ -170,7 +166,7 @@ std::vector<Setting> all_settings(bool brief) {
   }
   std::vector<Setting> settings;
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const Requested requested : {Requested::kCold, Requested::kWarm, Requested::kBatch})
+    for (const Requested requested : {Requested::kSteps, Requested::kBatch})
       for (const double reach : reaches)
         for (const Tolerance t : tolerances) settings.push_back({precision, t.rel, t.abs, reach, requested});
   return settings;

@@ -12,8 +12,7 @@ namespace clearance::tradeoff {
 
 /// How the steps of the motion are queried.
 enum class Requested : std::uint8_t {
-  kCold,   ///< one query per step
-  kWarm,   ///< the same, with warm state
+  kSteps,  ///< one query per step
   kBatch,  ///< one query for all steps, as its configurations
 };
 
@@ -22,7 +21,7 @@ struct Setting {
   double rel_tol = 1e-6;
   double abs_tol = 0;                                      ///< in metres
   double reach = std::numeric_limits<double>::infinity();  ///< max_distance, in medians of the scene's distances
-  Requested requested = Requested::kCold;
+  Requested requested = Requested::kSteps;
 
   friend bool operator==(const Setting&, const Setting&) = default;
 };

@@ -48,8 +48,7 @@ int most_shared() {
 
 template <class T>
 void allow_shared_memory() {
-  for (const auto kernel : {answer_lean<T, false>, answer_lean<T, true>, answer_groups<T, false, false>,
-                            answer_groups<T, true, true>, answer_groups<T, false, true>})
+  for (const auto kernel : {answer_lean<T, false>, answer_lean<T, true>, answer_groups<T>})
     check(cudaFuncSetAttribute(kernel, cudaFuncAttributeMaxDynamicSharedMemorySize, most_shared()),
           "requesting shared memory");
 }
@@ -134,10 +133,6 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
     return to;
   }
 
-  std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override {
-    const OnDevice here(hulls_.device());
-    return std::make_unique<CudaWarm>(work_.memory, rows);
-  }
   std::shared_ptr<Workspace> borrow() override { return dense_.borrow(shared_from_this()); }
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override { return reduced_.borrow(shared_from_this()); }
   std::shared_ptr<MotionWorkspace> borrow_motions() override { return motions_.borrow(shared_from_this()); }

@@ -61,12 +61,6 @@ class ResidentTable {
   virtual ~ResidentTable() = default;
 };
 
-/// Warm-start state of a client's query in device memory: one WarmRow per configuration and pair.
-class ResidentWarm {
- public:
-  virtual ~ResidentWarm() = default;
-};
-
 /// Elements of a `Surface` and their tree in device memory.
 class ResidentElements {
  public:
@@ -121,8 +115,6 @@ struct QuerySetup {
   const ResidentPairs* pairs = nullptr;
   const ResidentTable* table = nullptr;  ///< replaces `pairs` for Reduce::kWithin over a whole table
   std::uint64_t chunks = 1;
-  ResidentWarm* warm = nullptr;  ///< null for a cold start
-  std::uint64_t all_pairs = 0;   ///< rows of one configuration of the query
   // Reduced queries:
   Reduce reduce = Reduce::kNone;
   std::uint32_t groups = 1;     ///< per configuration
@@ -285,8 +277,6 @@ class Device {
   virtual std::shared_ptr<ResidentElements> upload(const Surface&, std::shared_ptr<ResidentElements>) {
     return nullptr;
   }
-  /// Cold warm-start state for this many rows. Throws DeviceError if memory is short.
-  virtual std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) = 0;
   /// An unused workspace, created if needed. It is returned when the pointer is released.
   virtual std::shared_ptr<Workspace> borrow() = 0;
   virtual std::shared_ptr<ReducedWorkspace> borrow_reduced() = 0;

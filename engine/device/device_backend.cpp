@@ -76,24 +76,6 @@ void DeviceBackend::note(const DeviceError& error) {
   error_ = error.what();
 }
 
-std::unique_ptr<DeviceWarmTable> DeviceBackend::take_warm(const Plan& plan, std::uint64_t rows) {
-  const std::uint64_t question = warm_question(plan);
-  if (rows == 0 || rows > WarmStore::kMostSimplices) return nullptr;
-  std::unique_ptr<DeviceWarmTable> table = warm_.take(plan.query.warm_slot);
-  if (table && table->question == question && table->rows == rows) return table;
-  table = std::make_unique<DeviceWarmTable>();
-  table->client = plan.query.warm_slot;
-  table->question = question;
-  table->rows = rows;
-  try {
-    table->memory = device_->make_warm(rows);
-  } catch (const DeviceError& error) {
-    if (error.kind != DeviceError::kNoMemory) throw;
-    return nullptr;
-  }
-  return table;
-}
-
 void DeviceBackend::append(Counters& counters) const {
   const DeviceCounters d = device_ ? device_->counters() : DeviceCounters();
   counters.insert(counters.end(), {{"cuda.scene_bytes", d.scene_bytes},

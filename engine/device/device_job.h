@@ -66,12 +66,6 @@ struct TableOnDevice {
   std::shared_ptr<const ResidentTable> resident;  ///< null if the device lacks a body
 };
 
-/// Warm-start state of a client's last query on the device.
-struct DeviceWarmTable {
-  std::uint64_t client = 0, question = 0, rows = 0;
-  std::unique_ptr<ResidentWarm> memory;
-};
-
 class SeveralDevices;
 
 /// The engine's device or devices, with the data kept between queries.
@@ -103,14 +97,9 @@ class DeviceBackend {
   std::shared_ptr<const ElementsOnDevice> elements(const Scene& scene, std::span<const std::uint32_t> bodies);
   /// The query's whole pair table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);
-  /// The client's warm-start state for this query, cold if its previous query differed. Null if memory is short.
-  /// \param rows configurations times pairs
-  std::unique_ptr<DeviceWarmTable> take_warm(const Plan& plan, std::uint64_t rows);
-  void put_back(std::unique_ptr<DeviceWarmTable> table) { warm_.put_back(std::move(table)); }
   /// Adds the counters shown by stats().
   void append(Counters& counters) const;
 
-  static constexpr std::size_t kWarmClients = 16;
   // Totals over pair-configurations and queries.
   std::atomic<std::uint64_t> converged{0}, finished_on_cpu{0}, motions_finished_on_cpu{0}, reply_bytes_copied{0},
       queries{0}, queries_on_cpu{0}, without_room{0};
@@ -132,7 +121,6 @@ class DeviceBackend {
     std::shared_ptr<ResidentElements> resident;
   };
   std::unordered_map<std::uint32_t, KnownElements> elements_;  // by body: the last one requested
-  LatestTables<DeviceWarmTable> warm_{kWarmClients};
 };
 
 /// Reason why no device answers this query yet, or empty.

@@ -57,12 +57,10 @@ void evaluate(SelfTest& test, const std::vector<int>& devices) {
   options.fallback = false;
   DeviceBackend device(scene, options);
   const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here is stamped
-  WarmStore warm(0);
   BoxTreeStore trees;
   std::atomic<std::uint64_t> evaluated{0}, contradictions{0};
   const JobContext context{
-      &scene,        1,      false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &warm, &trees,
-      NearBy::kAuto, &device};
+      &scene, 1, false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &trees, NearBy::kAuto, &device};
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     SelfTestCase test_case(known);
     test_case.query.precision = precision;

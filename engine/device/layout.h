@@ -228,13 +228,7 @@ struct PairLimits {
   bool f32;             ///< try float32 first where it fits
 };
 
-/// Final simplex of the row's previous GJK run, the start of the next (WarmSimplex). Hulls have at most 2^16 vertices
-/// here.
-struct alignas(16) WarmRow {
-  std::uint16_t a[3], b[3], size, unused;
-};
-
-/// A pair whose simplex encloses the origin: four vertices of each hull.
+/// A pair whose simplex encloses the origin: four vertices of each hull, which has at most 2^16 vertices here.
 struct Enclosed {
   std::uint32_t pair, configuration;  ///< within the chunk
   std::uint16_t a[4], b[4];
@@ -281,8 +275,6 @@ struct ChunkView {
   Enclosed* enclosed;          ///< in no order
   LeftOpen* left_open;         ///< in no order
   std::uint32_t* counts;       ///< indexed by kRest and the others
-  WarmRow* warm;               ///< at the first row; null for a cold start
-  std::uint64_t warm_stride;   ///< rows of the query's configurations
   bool prove_at_once;          ///< enclosed pairs are proved by the thread that finds them, not by a separate kernel
   std::uint32_t* host_counts;  ///< the last of `blocks` blocks copies the counts here and clears them; unused if null
   std::uint32_t blocks;

@@ -16,7 +16,7 @@ struct Guess {
   double cpu, device;
 };
 constexpr std::array<Guess, kQueryKinds> kGuesses{
-    {{400, 1}, {200, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}, {1000, 10}}};
+    {{400, 1}, {20, 1}, {2000, 30}, {20, 0.5}, {10, 0.3}, {60, 0.7}, {10, 0.3}, {500, 5}, {1000, 10}}};
 constexpr double kCpuQueryNs = 1000, kDeviceQueryNs = 30'000;
 constexpr double kPairsPerThread = 300;  // smaller shares are not worth waking a thread
 
@@ -43,7 +43,7 @@ QueryKind kind_of(const QueryView& q) {
   }
   if (q.signed_distance) return QueryKind::kDepth;
   if (q.max_distance < INFINITY) return QueryKind::kNear;
-  return q.warm_slot != 0 ? QueryKind::kWarm : QueryKind::kDense;
+  return QueryKind::kDense;
 }
 
 double Router::guess(QueryKind kind, Backend backend, double pairs) const {
@@ -96,8 +96,8 @@ void Router::learn(QueryKind kind, std::uint64_t pairs, bool on_device, std::chr
 }
 
 void Router::append(Counters& counters) const {
-  static constexpr const char* kNames[kQueryKinds] = {"dense",  "warm",           "near", "depth",  "table",
-                                                      "within", "configurations", "any",  "motion", "least_motion"};
+  static constexpr const char* kNames[kQueryKinds] = {"dense",          "near", "depth",  "table",       "within",
+                                                      "configurations", "any",  "motion", "least_motion"};
   const std::lock_guard lock(mutex_);
   for (std::size_t kind = 0; kind < kQueryKinds; ++kind) {
     const std::string name = std::string("route.") + kNames[kind];

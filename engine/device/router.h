@@ -14,7 +14,6 @@ namespace clearance::cuda {
 /// Kinds of queries with different running times.
 enum class QueryKind : std::uint8_t {
   kDense,           ///< a row per pair
-  kWarm,            ///< dense with a warm start
   kNear,            ///< dense with a max_distance
   kDepth,           ///< dense with penetration depths
   kTable,           ///< nearest or min, at the current poses
@@ -24,8 +23,8 @@ enum class QueryKind : std::uint8_t {
   kMotion,          ///< the same over whole motions
   kLeastMotion,     ///< the least distance over motions
 };
-inline constexpr int kQueryKinds = 10;
-/// The costliest property decides: depth before max_distance before warm start.
+inline constexpr int kQueryKinds = 9;
+/// The costliest property decides: depth before max_distance.
 QueryKind kind_of(const QueryView& query);
 
 /// Learns the time of each kind and size of query on each backend and sends the next one to the faster. Both give the

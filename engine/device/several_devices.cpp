@@ -14,11 +14,6 @@ struct PairsOfAll final : ResidentPairs {
 struct TablesOfAll final : ResidentTable {
   std::vector<std::shared_ptr<const ResidentTable>> of;
 };
-struct WarmOfAll final : ResidentWarm {
-  std::vector<std::unique_ptr<ResidentWarm>> of;  // per member; null if lost
-  std::vector<std::size_t> order;                 // of members that get chunks, so that rows return to the same member
-};
-
 /// \tparam Interface Workspace or ReducedWorkspace
 template <class Interface>
 class WorkspaceOfAll : public Interface {
@@ -43,8 +38,6 @@ class WorkspaceOfAll : public Interface {
   }
 
   void begin(const QuerySetup& all) override {
-    auto* const warm = static_cast<WarmOfAll*>(all.warm);
-    if (warm) keep_to(warm->order);
     order_.resize(std::min<std::uint64_t>(order_.size(), std::max<std::uint64_t>(all.chunks, 1)));
     for (std::size_t i = 0; i < order_.size(); ++i) {
       const std::size_t m = order_[i];
@@ -52,7 +45,6 @@ class WorkspaceOfAll : public Interface {
       if (all.pairs) s.pairs = static_cast<const PairsOfAll*>(all.pairs)->of[m].get();
       if (all.table) s.table = static_cast<const TablesOfAll*>(all.table)->of[m].get();
       s.chunks = (all.chunks - i + order_.size() - 1) / order_.size();
-      s.warm = warm ? warm->of[m].get() : nullptr;
       call(m, [&](Interface& w) {
         if (m != source_) copy_bodies(w.body_buffers(bodies_));
         w.begin(s);
@@ -76,13 +68,6 @@ class WorkspaceOfAll : public Interface {
   }
 
  private:
-  // Keeps the members of an order that are still usable.
-  void keep_to(const std::vector<std::size_t>& order) {
-    std::vector<std::size_t> left;
-    for (const std::size_t m : order)
-      if (std::find(order_.begin(), order_.end(), m) != order_.end()) left.push_back(m);
-    if (!left.empty()) order_ = left;
-  }
   void copy_bodies(const FixedBodies& to) const {
     std::copy_n(source_bodies_.components, bodies_ * kPoseComponents, to.components);
     std::copy_n(source_bodies_.state, bodies_, to.state);
@@ -181,15 +166,6 @@ std::shared_ptr<const ResidentTable> SeveralDevices::upload(const PairTable& tab
   all->of.resize(members_.size());
   for (const std::size_t m : usable_from(0))
     all->of[m] = call(*members_[m], [&] { return members_[m]->opened.device->upload(table); });
-  return all;
-}
-
-std::unique_ptr<ResidentWarm> SeveralDevices::make_warm(std::uint64_t rows) {
-  auto all = std::make_unique<WarmOfAll>();
-  all->of.resize(members_.size());
-  all->order = usable_from(warm_turn_++);
-  for (const std::size_t m : all->order)
-    all->of[m] = call(*members_[m], [&] { return members_[m]->opened.device->make_warm(rows); });
   return all;
 }
 

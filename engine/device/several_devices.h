@@ -32,7 +32,6 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
                                               std::span<const Group> group_of_tile) override;
   std::shared_ptr<const ResidentTable> upload(const PairTable& table) override;
   /// Memory for all rows on every device, since the distribution of rows is decided when the query begins.
-  std::unique_ptr<ResidentWarm> make_warm(std::uint64_t rows) override;
   std::shared_ptr<Workspace> borrow() override;
   std::shared_ptr<ReducedWorkspace> borrow_reduced() override;
   /// Sums.
@@ -63,7 +62,7 @@ class SeveralDevices final : public Device, public std::enable_shared_from_this<
   [[noreturn]] void fail(Member& member, const DeviceError& error);
 
   std::vector<std::unique_ptr<Member>> members_;
-  std::atomic<std::size_t> turn_{0}, warm_turn_{0};  // index of the next first member
+  std::atomic<std::size_t> turn_{0};  // index of the next first member
 };
 
 }  // namespace clearance::cuda

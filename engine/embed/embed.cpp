@@ -38,8 +38,8 @@ auto translated(F&& f) {
 
 QueryView view_of(const Query& query) {
   for_each_query_option([&query](const QueryOption& option, auto member) {
-    if constexpr (!requires(QueryView& view) { member(view); })
-      if (std::string_view(option.name) != "warm" && member(query) != member(kDefaultOptions))
+    if constexpr (!requires(QueryView & view) { member(view); })
+      if (member(query) != member(kDefaultOptions))
         throw std::invalid_argument(std::string("query: ") + option.name + " is for a daemon's client");
   });
   QueryView view;
@@ -54,7 +54,6 @@ QueryView view_of(const Query& query) {
   view.margins = query.margins;
   view.pair_margins = query.pair_margins;
   view.weights = query.weights;
-  view.warm_slot = query.warm ? 1 : 0;
   return view;
 }
 
@@ -222,8 +221,8 @@ std::span<const IdPair> Answer::pair() const {
 std::span<const std::uint32_t> Answer::configuration() const {
   return impl_->column<std::uint32_t>(impl_->view.configuration, 1);
 }
-std::span<const CompactAnswer> Answer::compact() const {
-  return impl_->column<CompactAnswer>(impl_->view.compact, 1);
+std::span<const float> Answer::points32() const {
+  return impl_->column<float>(impl_->view.points32, 6);
 }
 std::span<const IdPair> Answer::pair_lower() const {
   return impl_->column<IdPair>(impl_->view.pair_lower, 1);

@@ -143,7 +143,7 @@ class CLEARANCE_API Answer {
   std::span<const double> gradient_joints() const;
   std::span<const IdPair> pair() const;
   std::span<const std::uint32_t> configuration() const;
-  std::span<const CompactAnswer> compact() const;
+  std::span<const float> points32() const;
   std::span<const IdPair> pair_lower() const;
   std::span<const double> time() const;           ///< of motions: 0 to 1
   std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact

@@ -78,7 +78,8 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(
+        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
@@ -224,8 +225,7 @@ void Evaluator::take_in(WorkMeter& meter) {
     if (a.size() == 1 && b.size() == 1 && !is_by_parts(pair) && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
-                        slack.cut_off(pairs_[i].max_distance), i, pairs_[i].warm, slack.outer,
-                        stop_below(pairs_[i], slack)});
+                        slack.cut_off(pairs_[i].max_distance), i, slack.outer, stop_below(pairs_[i], slack)});
     } else if (!by_hulls && scene_.has_surfaces() &&
                (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
       if (elements++ == kMostElementSearches) break;

@@ -37,8 +37,7 @@ struct BodiesAnswer {
 struct PlacedBodies {
   BodyPair pair;
   const BodyPoses* placement;
-  double max_distance;          ///< replaces that of the limits
-  WarmSimplex* warm = nullptr;  ///< of a pair of single parts; null without warm start
+  double max_distance;  ///< replaces that of the limits
   /// The search may stop at an upper bound no higher than this, in metres.
   double stop_below = -std::numeric_limits<double>::infinity();
 };

@@ -122,7 +122,7 @@ void Evaluator::add_task(PairSearch& search, double cut_off, double stop_below, 
                          const ConvexPart& b) {
   const PlacedBodies& bodies = pairs_[search.index];
   tasks_.push_back({&a, &b, &(*bodies.placement)[bodies.pair.a].pose, &(*bodies.placement)[bodies.pair.b].pose, cut_off,
-                    static_cast<std::uint32_t>(tasks_.size() - singles_), nullptr, search.min_penetration, stop_below});
+                    static_cast<std::uint32_t>(tasks_.size() - singles_), search.min_penetration, stop_below});
   ++search.task_count;
 }
 

@@ -21,7 +21,6 @@ Plan distances_of(const Plan& plan, std::uint64_t first, std::uint64_t count) {
   part.query.fields = kFieldLower;
   part.query.weights = {};
   part.query.margin = 0;
-  part.query.warm_slot = 0;
   part.query.configuration_count = static_cast<std::uint32_t>(count);
   part.bodies = plan.bodies;
   part.joints = plan.joints;

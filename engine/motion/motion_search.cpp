@@ -139,7 +139,7 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
   const auto request_about = [&](BodyPair pair, const PairRequest& q) {
-    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), nullptr, decides() ? q.target : -kInf});
+    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), decides() ? q.target : -kInf});
     requests.push_back(q);
   };
   if (node.seeds) {

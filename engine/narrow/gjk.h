@@ -289,16 +289,14 @@ struct Gjk {
   T gap{0};      ///< of the supporting planes normal to v, times |v|: proves a lower bound if v did not move since
   Count end{0};  ///< a GjkEnd
 
-  /// Begins at the simplex of an earlier run: one to three vertices, the newest first. If it no longer holds the
-  /// nearest point, it is only a worse guess.
-  /// \param running lanes that begin there
-  CLEARANCE_HD void begin(const Simplex<T>& start, const Mask& running) {
+  /// Begins at the simplex of a run in coarser arithmetic: one to three vertices, the newest first.
+  CLEARANCE_HD void begin(const Simplex<T>& start) {
     Simplex<T> others;
     others.vertex[0] = start.vertex[1];
     others.vertex[1] = others.vertex[2] = start.vertex[2];
     others.size = start.size - Count(1);
     const Nearest<T> next = reduce(others, start.vertex[0]);
-    const Mask take = running & (next.squared_distance > T(0));
+    const Mask take = next.squared_distance > T(0);
     advance(next, take);
     last = select(take, start.vertex[0], last);
   }
@@ -435,7 +433,7 @@ template <class T, class Cso>
 CLEARANCE_HD inline Gjk<T> gjk(Cso&& cso, const Vec3<T>& v0, const Simplex<T>& seed, const GjkLimits<T>& limits) {
   Gjk<T> g;
   g.v = v0;
-  if (seed.size > 0) g.begin(seed, true);
+  if (seed.size > 0) g.begin(seed);
   GjkEnd end = GjkEnd::kRunning;
   for (int i = 0; i < limits.max_iterations && end == GjkEnd::kRunning; ++i) {
     const CsoSupport<T> s = cso(g.v);

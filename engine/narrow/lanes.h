@@ -14,7 +14,6 @@
 
 #include "engine/hull/convex_part.h"
 #include "engine/narrow/gjk.h"
-#include "engine/narrow/warm.h"
 
 namespace clearance {
 
@@ -40,8 +39,7 @@ struct LanePair {
   const Vec3d* t_a;  ///< world, metres
   const Vec3d* t_b;
   double max_distance = std::numeric_limits<double>::infinity();  ///< as in the query; infinite without a cut-off
-  WarmSimplex* warm = nullptr;  ///< the first simplex, overwritten with the last one; may be null
-  double stop_below = -std::numeric_limits<double>::infinity();  ///< as NarrowLimits::stop_below
+  double stop_below = -std::numeric_limits<double>::infinity();   ///< as NarrowLimits::stop_below
 };
 
 /// Bounds that a lane proves, as in NarrowAnswer and GjkLimits.

@@ -323,19 +323,23 @@ void take_tetrahedron(const PlacedPair<T>& pair, const Simplex<T>& s, Answer& an
   take_overlap<T>(pair, std::span<const CsoVertex<T>>(s.vertex, 4), faces, s, answer);
 }
 
+// The simplex with which float64 ended, as vertex indices: double-double begins from it.
+struct SeedSimplex {
+  std::uint32_t a[3] = {}, b[3] = {};
+  int size = 0;
+};
+
 template <class T>
-Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const WarmSimplex& seed) {
+Gjk<T> run_gjk(const PlacedPair<T>& pair, const NarrowLimits& limits, SupportedCso<T>& cso, const SeedSimplex& seed) {
   Simplex<T> start;
-  for (int i = 0; i < seed.size && i < 3; ++i)
-    if (seed.a[i] < pair.points_a.size() && seed.b[i] < pair.points_b.size())
-      start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
+  for (int i = 0; i < seed.size; ++i) start.vertex[start.size++] = cso.vertex(seed.a[i], seed.b[i]);
   return gjk<T>(cso, first_direction(cso.centre()), start, gjk_limits(limits, pair));
 }
 
 // One attempt in one arithmetic. Returns GJK's last simplex, from which the next attempt begins.
 // \param done a run of GJK on this pair, if there was one already
 template <class T>
-Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const WarmSimplex& seed, Answer& answer,
+Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const SeedSimplex& seed, Answer& answer,
                    WorkMeter* meter, PausedPairPtr* paused = nullptr, const Gjk<T>* done = nullptr) {
   SupportedCso<T> cso(pair, meter);
   if (auto resumed = take_paused<T>(paused)) {
@@ -367,14 +371,14 @@ Simplex<T> attempt(const PlacedPair<T>& pair, const NarrowLimits& limits, const 
 }
 
 template <class T>
-WarmSimplex remember(const Simplex<T>& s) {
-  WarmSimplex w;
-  w.size = static_cast<std::uint8_t>(std::min(s.size, 3));
-  for (int i = 0; i < w.size; ++i) {
-    w.a[i] = s.vertex[i].a;
-    w.b[i] = s.vertex[i].b;
+SeedSimplex seed_of(const Simplex<T>& s) {
+  SeedSimplex seed;
+  seed.size = std::min(s.size, 3);
+  for (int i = 0; i < seed.size; ++i) {
+    seed.a[i] = s.vertex[i].a;
+    seed.b[i] = s.vertex[i].b;
   }
-  return w;
+  return seed;
 }
 
 Mat3<DoubleDouble> double_double_rotation(const PoseMatrix& pose) {
@@ -416,16 +420,15 @@ std::optional<NarrowAnswer> against_half_space(const ConvexPart& a, const PoseMa
 
 // narrow_phase() with an empty answer.
 NarrowAnswer narrow_down(Answer answer, const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
-                         const PoseMatrix& pose_b, const NarrowLimits& limits, WarmSimplex* warm,
-                         const Gjk<double>* done, WorkMeter* meter, PausedPairPtr* paused) {
+                         const PoseMatrix& pose_b, const NarrowLimits& limits, const Gjk<double>* done,
+                         WorkMeter* meter, PausedPairPtr* paused) {
   const bool in_fine = paused && dynamic_cast<PausedEpa<DoubleDouble>*>(paused->get());
   const PlacedPair<double> pair(a, pose_a.R_wb, pose_a.t_w, b, pose_b.R_wb, pose_b.t_w);
   if (pair.is_round()) paused = nullptr;  // the points found by a paused run would be lost
-  WarmSimplex seed = warm ? *warm : WarmSimplex{};
+  SeedSimplex seed;
   if (!in_fine) {
-    seed = remember(attempt(pair, limits, seed, answer, meter, paused, done));
+    seed = seed_of(attempt(pair, limits, seed, answer, meter, paused, done));
     if (pair.is_round()) seed = {};  // refers to points that only this attempt has found
-    if (warm) *warm = seed;
   }
   if (in_fine || !answer.converged()) {
     const PlacedPair<DoubleDouble> fine(a, double_double_rotation(pose_a), pose_a.t_w, b,
@@ -448,10 +451,10 @@ NarrowAnswer narrow_down(Answer answer, const ConvexPart& a, const PoseMatrix& p
 }  // namespace
 
 NarrowAnswer narrow_phase(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm, const Gjk<double>* done, WorkMeter* meter,
+                          const NarrowLimits& limits, const Gjk<double>* done, WorkMeter* meter,
                           std::unique_ptr<PausedPair>* paused) {
   if (const auto plane = against_half_space(a, pose_a, b, pose_b, false, limits)) return *plane;
-  return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius), a, pose_a, b, pose_b, limits, warm, done, meter,
+  return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius), a, pose_a, b, pose_b, limits, done, meter,
                      paused);
 }
 
@@ -464,7 +467,7 @@ NarrowAnswer narrow_phase_proved(const ConvexPart& a, const PoseMatrix& pose_a, 
     return plane;
   }
   return narrow_down(Answer(limits, pose_a.R_wb, a.radius, b.radius, &proof), a, pose_a, b, pose_b, limits, nullptr,
-                     nullptr, nullptr, nullptr);
+                     nullptr, nullptr);
 }
 
 double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
@@ -490,7 +493,7 @@ NarrowAnswer narrow_phase_reference(const ConvexPart& a, const PoseMatrix& pose_
   Answer answer(whole, pose_a.R_wb, a.radius, b.radius);
   const PlacedPair<DoubleDouble> pair(a, double_double_rotation(pose_a), pose_a.t_w, b, double_double_rotation(pose_b),
                                       pose_b.t_w);
-  attempt(pair, whole, WarmSimplex{}, answer, nullptr);
+  attempt(pair, whole, SeedSimplex{}, answer, nullptr);
   NarrowAnswer r = answer.finish();
   r.beyond = r.bounds.lower > limits.max_distance;
   r.rounding = rounding_of(a, pose_a, b, pose_b);

@@ -7,7 +7,6 @@
 #include "engine/narrow/answer.h"
 #include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
-#include "engine/narrow/warm.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
 
@@ -30,15 +29,14 @@ struct PausedPair {
 };
 
 /// Bounds the signed distance of two parts: in float64 first, and in double-double if float64 is not narrow enough.
-/// \param warm the first simplex, overwritten with the last one; may be null
 /// \param done a float64 run of GJK on this pair with proved supports (lanes.h), to begin from its end; may be null
-/// \param meter counts the work; may be null. After one of its exceptions only `warm` and `paused` have changed
+/// \param meter counts the work; may be null. After one of its exceptions only `paused` has changed
 /// \param paused null to answer the pair without interruption. Otherwise, if the meter's slice ends within EPA,
 /// WorkMeter::PairUnfinished is thrown, and the next call for the same pair resumes from the state left here. The bits
 /// of the answer are the same. A null pointer inside begins the pair
 NarrowAnswer narrow_phase(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
-                          const NarrowLimits& limits, WarmSimplex* warm = nullptr, const Gjk<double>* done = nullptr,
-                          WorkMeter* meter = nullptr, std::unique_ptr<PausedPair>* paused = nullptr);
+                          const NarrowLimits& limits, const Gjk<double>* done = nullptr, WorkMeter* meter = nullptr,
+                          std::unique_ptr<PausedPair>* paused = nullptr);
 
 /// NarrowAnswer::rounding of two placed parts.
 double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b);

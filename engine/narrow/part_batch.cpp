@@ -107,7 +107,7 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
     if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
     if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
     pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
-                      task.max_distance, task.warm, task.stop_below});
+                      task.max_distance, task.stop_below});
   }
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // otherwise they have moved
   if (answers_.size() < count) {                                // resized last, since memory may run out before
@@ -171,20 +171,18 @@ NarrowLimits PartBatch::limits_of(const PartTask& task) const {
 
 NarrowAnswer PartBatch::answer_alone(const PartTask& task, const Gjk<double>* done, WorkMeter& meter) {
   meter.begin_pair();
-  const auto& [a, b, pose_a, pose_b, max_distance, id, warm, min_penetration, stop_below] = task;
+  const auto& [a, b, pose_a, pose_b, max_distance, id, min_penetration, stop_below] = task;
   const NarrowLimits limits = limits_of(task);
   const NarrowAnswer answer = options_.reference
                                   ? narrow_phase_reference(*a, *pose_a, *b, *pose_b, limits)
-                                  : narrow_phase(*a, *pose_a, *b, *pose_b, limits, warm, done, &meter, &paused_);
+                                  : narrow_phase(*a, *pose_a, *b, *pose_b, limits, done, &meter, &paused_);
   return answer.bounds.is_possible() ? answer : answer_again(task);
 }
 
 // Answers a pair with contradictory bounds again, in the most independent way: alone, in double-double from the first
-// step, vertices without a table, new rotations, no warm state. If that contradicts itself too, nothing is proved:
-// [-inf, inf].
+// step, vertices without a table, new rotations. If that contradicts itself too, nothing is proved: [-inf, inf].
 NarrowAnswer PartBatch::answer_again(const PartTask& task) const {
   if (options_.contradictions) options_.contradictions->fetch_add(1, std::memory_order_relaxed);
-  if (task.warm) *task.warm = {};
   const ConvexPart a = without_table(*task.a), b = without_table(*task.b);
   const NarrowAnswer answer = narrow_phase_reference(a, *task.pose_a, b, *task.pose_b, limits_of(task));
   return answer.bounds.is_possible() ? answer : NarrowAnswer();

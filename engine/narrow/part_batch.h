@@ -29,7 +29,6 @@ struct PartTask {
   const PoseMatrix *pose_a, *pose_b;
   double max_distance;                                           ///< overrides the limits
   std::uint32_t id;                                              ///< chosen by the caller
-  WarmSimplex* warm = nullptr;                                   ///< as for narrow_phase(); cold if null
   double min_penetration = 0;                                    ///< overrides the limits
   double stop_below = -std::numeric_limits<double>::infinity();  ///< overrides the limits
 };

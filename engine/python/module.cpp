@@ -97,7 +97,6 @@ QueryView view_of(const Query& q) {
   }
   copy_options(q, view);
   copy_margins(q, view);
-  view.warm_slot = q.warm ? 1 : 0;
   return view;
 }
 

@@ -29,13 +29,6 @@ class DenseJob final : public ParallelJob {
     }
     for (int i = 0; i < workers(); ++i) evaluators_.emplace_back(scene(), left);
     layout_ = Layout(plan_, BodyPoses::most(scene(), plan_), context.light, !culls_.empty(), workers());
-    const bool fits = plan_.size.rows <= WarmStore::kMostSimplices;
-    if (const std::uint64_t client = plan_.query.warm_slot; client != 0 && fits && !options_.reference)
-      warm_ = context_.warm->take(client, warm_question(plan_), plan_.size.configurations * plan_.size.pairs);
-  }
-
-  ~DenseJob() override {
-    if (warm_) context_.warm->put_back(std::move(warm_));
   }
 
   bool go_on(WorkMeter& slice) override {
@@ -144,7 +137,7 @@ class DenseJob final : public ParallelJob {
     scratch.places.clear();
     assert(begin + pairs.size() <= plan_.size.pairs && first + placed.size() <= plan_.size.configurations);
     const auto evaluate = [&](std::size_t i, std::size_t k) {
-      scratch.to_evaluate.push_back({pairs[i], &placed[k], plan_.query.max_distance, warm(first + k, begin + i)});
+      scratch.to_evaluate.push_back({pairs[i], &placed[k], plan_.query.max_distance});
       scratch.places.push_back({static_cast<std::uint32_t>(k), static_cast<std::uint32_t>(i)});
     };
     if (culls_.empty()) {
@@ -176,13 +169,7 @@ class DenseJob final : public ParallelJob {
     return scratch.flags.data();
   }
 
-  WarmSimplex* warm(std::uint64_t configuration, std::uint64_t pair) const {
-    assert(!warm_ || configuration * plan_.size.pairs + pair < warm_->simplices.size());
-    return warm_ ? &warm_->simplices[configuration * plan_.size.pairs + pair] : nullptr;
-  }
-
   Layout layout_;
-  std::unique_ptr<WarmTable> warm_;
   std::uint64_t next_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
   std::vector<WorkerScratch> scratch_;

@@ -43,9 +43,6 @@ std::uint64_t PreparedQuery::bytes() const {
   const Plan& p = plan();
   return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes();
 }
-void PreparedQuery::begin_cold() {
-  if (planner_) planner_->plan().query.warm_slot = 0;
-}
 void PreparedQuery::keep_on_cpu() {
   keep_on_cpu_ = true;
 }

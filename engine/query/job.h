@@ -62,8 +62,6 @@ class PreparedQuery {
   void copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPair* out) const;
   /// Bytes of memory held.
   std::uint64_t bytes() const;
-  /// Disables the warm start: QueryView::warm_slot = 0.
-  void begin_cold();
   /// Forces execution on the CPU, if Engine::has_cpu().
   void keep_on_cpu();
 

@@ -24,7 +24,7 @@ class JobCache {
   explicit JobCache(const Scene& scene);
 
   /// Whether the job of a query may be kept: it is small, and its answer depends only on its key, its configurations
-  /// and the snapshot, but not on the clock or warm state.
+  /// and the snapshot, but not on the clock.
   bool keeps(const QueryView& query) const;
   /// Whether a query of this size may be kept, once its pairs are counted.
   static bool keeps(const QuerySize& size);

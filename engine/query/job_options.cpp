@@ -24,8 +24,7 @@ EvaluateOptions evaluate_options(const JobContext& context, const QueryView& que
   // Reductions evaluate few pairs of many hulls, for which float32 lanes gain nothing (docs/performance.md).
   options.f32 = query.precision == Precision::kF32 && query.reduce == Reduce::kNone && !query.signed_distance;
   options.want_flags = (query.fields & (kFieldFlags | kFieldGradient)) != 0;
-  options.want_points =
-      (query.fields & ~kIntervalFields) != 0 || query.format == Format::kCompact || options.want_flags;
+  options.want_points = (query.fields & ~kIntervalFields) != 0 || options.want_flags;
   options.joint_gradient = gradient;
   return options;
 }

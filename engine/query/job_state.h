@@ -8,7 +8,6 @@
 
 #include "engine/evaluate/evaluate.h"
 #include "engine/narrow/lanes.h"
-#include "engine/narrow/warm.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/query/job.h"
 #include "engine/reduce/near_pairs.h"
@@ -31,7 +30,6 @@ struct JobContext {
   bool light;  ///< all bodies are single parts, so that a pair takes less than 1 us instead of 10
   std::atomic<std::uint64_t>* pairs_evaluated;  ///< counter of the engine
   std::atomic<std::uint64_t>* contradictions;   ///< counter of the engine
-  WarmStore* warm = nullptr;
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone

@@ -119,6 +119,7 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
   if (!flags) fill(reply.flags, first, count, row.flags);
   for (double* const column : {reply.point_a, reply.point_b, reply.normal})
     fill(column, 3 * first, 3 * count, row.normal.x);
+  fill(reply.points32, 6 * first, 6 * count, static_cast<float>(row.normal.x));
   fill(reply.parts, 2 * first, 2 * count, row.part_a);
   if (reply.gradient) {
     double gradient[12];
@@ -129,13 +130,6 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
   for (BodyPair* const column : {reply.pair, reply.pair_lower})
     if (column) std::copy(pairs.begin(), pairs.end(), column + first);
   fill(reply.configuration, first, count, configuration);
-  if (reply.compact) {
-    CompactAnswer compact = detail::compact(row);
-    for (std::uint64_t i = 0; i < count; ++i) {
-      compact.lower = detail::float_below(gaps[i]);
-      reply.compact[first + i] = compact;
-    }
-  }
 }
 
 }  // namespace clearance

@@ -159,7 +159,7 @@ void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::v
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
     const double cut = std::min(cut_off(positions[i]), far);
-    to_evaluate.push_back({pairs[i], &placement, cut, nullptr, any() ? cut : -kInf});
+    to_evaluate.push_back({pairs[i], &placement, cut, any() ? cut : -kInf});
   }
 }
 

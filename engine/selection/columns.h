@@ -55,14 +55,10 @@ struct OuterBounds {
   }
 };
 
-CLEARANCE_HD inline CompactAnswer compact(const PairAnswer& a) {
-  const OuterBounds bounds(a);
-  CompactAnswer c{bounds.lower, bounds.upper, {}, {}};
-  for (int k = 0; k < 3; ++k) {
-    c.point_a[k] = static_cast<float>(a.point_a[k]);
-    c.point_b[k] = static_cast<float>(a.point_b[k]);
-  }
-  return c;
+CLEARANCE_HD inline void write(float* column, std::uint64_t index, const Vec3d& v) {
+  column[3 * index] = static_cast<float>(v.x);
+  column[3 * index + 1] = static_cast<float>(v.y);
+  column[3 * index + 2] = static_cast<float>(v.z);
 }
 
 // d distance / d twist (angular in world axes; linear of the body's origin): the distance is n . (p_b - p_a), and each
@@ -110,7 +106,10 @@ CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, 
   if (reply.pair) reply.pair[index] = pair;
   if (reply.pair_lower) reply.pair_lower[index] = pair;
   if (reply.configuration) reply.configuration[index] = configuration;
-  if (reply.compact) reply.compact[index] = detail::compact(a);
+  if (reply.points32) {
+    detail::write(reply.points32, 2 * index, a.point_a);
+    detail::write(reply.points32, 2 * index + 1, a.point_b);
+  }
 }
 inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
   write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);

@@ -39,8 +39,7 @@ void check_free_scale(const QueryView& q) {
   }
   if (q.reduce != Reduce::kAny) reject("fields: free_scale needs reduce any");
   if (q.max_evaluations > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
-  if ((q.fields & ~(kFieldFreeScale | kFieldPair)) || q.format != Format::kFull)
-    reject("fields: free_scale can be combined only with pair, in the format full");
+  if (q.fields & ~(kFieldFreeScale | kFieldPair)) reject("fields: free_scale can be combined only with pair");
 }
 
 void check_numbers(const QueryView& q) {
@@ -52,7 +51,6 @@ void check_numbers(const QueryView& q) {
   if (q.precision > Precision::kF32) reject("precision: unknown value " + std::to_string(int(q.precision)));
   if (q.model > Model::kPieces) reject("model: unknown value " + std::to_string(int(q.model)));
   if (q.reduce > Reduce::kAny) reject("reduce: unknown value " + std::to_string(int(q.reduce)));
-  if (q.format > Format::kCompact) reject("format: unknown value " + std::to_string(int(q.format)));
   if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     reject("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
@@ -83,10 +81,7 @@ void reject_depths_of_clouds(const PairList& pairs, const Scene& scene) {
 }
 
 std::uint32_t written_fields(const QueryView& q) {
-  constexpr std::uint32_t kPacked =
-      kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal | kFieldGradient | kFieldGradientJoints;
-  std::uint32_t fields =
-      q.format == Format::kCompact ? (q.fields & ~kPacked) | kFieldCompact : q.fields & ~kFieldCompact;
+  std::uint32_t fields = q.fields;
   if (q.reduce != Reduce::kNone) fields |= kFieldPair;
   if (q.reduce == Reduce::kWithin) fields |= kFieldConfiguration;
   return fields;
@@ -256,16 +251,6 @@ void Plan::keep_configurations() {
   };
   keep(configurations, kept_configurations);
   keep(positions, kept_positions);
-}
-
-std::uint64_t warm_question(const Plan& plan) {
-  Digest d;
-  d.add(plan.snapshot->scene_revision);
-  d.add(plan.size.configurations);
-  d.add(plan.size.pairs);
-  d.add(static_cast<std::uint64_t>(plan.query.model));
-  for (const BodyPair pair : plan.pairs.list()) d.add(std::uint64_t{pair.a} << 32 | pair.b);
-  return d.value();
 }
 
 }  // namespace clearance

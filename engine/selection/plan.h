@@ -74,7 +74,4 @@ class Planner {
 Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations);
 
-/// Key of warm state: the same pairs in as many configurations. A false match costs only time.
-std::uint64_t warm_question(const Plan& plan);
-
 }  // namespace clearance

@@ -48,13 +48,10 @@ struct QueryView {
   bool signed_distance = false;  ///< computes the penetration depth of overlapping pairs
   Model model = Model::kTruth;   ///< kPieces replaces bodies by their convex proxies (Scene::by_parts())
   Reduce reduce = Reduce::kNone;
-  Format format = Format::kFull;
   std::uint32_t fields = kDefaultFields;  ///< Field bits
   std::uint64_t max_results = 1u << 20;   ///< limit on rows of Reduce::kWithin
   std::int64_t max_pose_age_ns = 0;       ///< pairs with older poses get kStalePose; 0 for no limit
   std::uint64_t scene_revision = 0;       ///< scene whose ids the query uses; 0 for the present one
-  /// Client whose warm state is used; 0 for none, so that answers repeat bit for bit. Reductions on the CPU use none.
-  std::uint64_t warm_slot = 0;
 };
 
 /// Strips a query to its pair selection: no configurations, reduction or columns.
@@ -70,7 +67,7 @@ struct QuerySize {
   std::uint64_t configurations = 0;  ///< K, at least 1; the number of motions if there are any
   std::uint64_t pairs = 0;           ///< P, after selectors are expanded
   std::uint64_t rows = 0;            ///< rows to allocate; an upper bound for Reduce::kWithin
-  std::uint32_t fields = 0;          ///< columns that will be written, given format and reduction
+  std::uint32_t fields = 0;          ///< columns that will be written, given the reduction
   std::uint32_t joints = 0;          ///< J
 };
 
@@ -89,7 +86,7 @@ struct ReplyView {
   double* gradient = nullptr;              ///< (rows, 2, 6); order and frame: kFieldGradient
   BodyPair* pair = nullptr;                ///< (rows,)
   std::uint32_t* configuration = nullptr;  ///< (rows,)
-  CompactAnswer* compact = nullptr;        ///< (rows,)
+  float* points32 = nullptr;               ///< (rows, 2, 3)
   double* gradient_joints = nullptr;       ///< (rows, joints), metres per radian or metre
   BodyPair* pair_lower = nullptr;          ///< (rows,)
   double* time = nullptr;                  ///< (rows,)
@@ -118,7 +115,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.gradient..., 12);
   f(view.pair..., 1);
   f(view.configuration..., 1);
-  f(view.compact..., 1);
+  f(view.points32..., 6);
   f(view.gradient_joints..., joints);
   f(view.pair_lower..., 1);
   f(view.time..., 1);

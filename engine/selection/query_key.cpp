@@ -35,7 +35,7 @@ QueryKey::QueryKey(const QueryView& query) : query_(query) {
 bool QueryKey::is_of(const QueryView& query) const {
   // Options are rows of a table; other inputs are listed here.
   bool same = query.all_pairs == query_.all_pairs && query.configuration_count == query_.configuration_count &&
-              query.scene_revision == query_.scene_revision && query.warm_slot == query_.warm_slot;
+              query.scene_revision == query_.scene_revision;
   for_each_query_option([&](const QueryOption&, auto member) {
     if constexpr (requires { member(query); }) {
       const auto a = member(query), b = member(query_);

@@ -136,7 +136,7 @@ void add_real_time(CLI::App& app, DaemonOptions& o) {
 /// A number that few users change, set in section [limits] of the configuration file or by --limit.
 struct Limit {
   const char* name;
-  std::uint64_t DaemonOptions::* value;
+  std::uint64_t DaemonOptions::*value;
   std::uint64_t least, most;
   const char* text;
 };
@@ -148,9 +148,7 @@ constexpr Limit kLimits[] = {
      "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way)"},
     {"max-client-mib", &DaemonOptions::max_client_mib, 1, 1'000'000,
      "MiB of one client's requests and replies under way; more are rejected (busy), but one always\n"
-     "may. The rest is for its warm state"},
-    {"max-warm-mib", &DaemonOptions::max_warm_mib, 0, 1'000'000,
-     "MiB of all clients' warm state; beyond it the least recently active client loses its own"},
+     "may"},
     {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
     {"max-piece-pairs", &DaemonOptions::max_part_pairs, 1, kManyPairs, "the same in pairs of the bodies' convex parts"},
     {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a point cloud"},

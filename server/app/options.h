@@ -40,7 +40,7 @@ struct DaemonOptions {
   int ready_fd = -1;
 
   // The limits, which --help lists with their defaults.
-  std::uint64_t max_waiting = 64, max_clients = 256, max_client_mib = 2048, max_warm_mib = 1024, gateway_mib = 2048;
+  std::uint64_t max_waiting = 64, max_clients = 256, max_client_mib = 2048, gateway_mib = 2048;
   std::uint64_t max_pairs = 10'000'000'000, max_part_pairs = 10'000'000'000'000;
   std::uint64_t max_body_points = 2'000'000, max_client_points = 8'000'000, max_points = 16'000'000;
   std::uint64_t max_client_plans = 8, max_plans = 64, max_client_plan_mib = 2048, max_plan_mib = 8192;

@@ -38,9 +38,9 @@ void QueryRequests::start(Request& request) {
   ++context_.stats.queries;
   context_.quotas.check_requests(request.sink->client());
   if (request.is_large())
-    return begin_on_worker(
-        new_query(request, context_.class_for(*request.sink), due(Clock::now(), request.bytes / sizeof(BodyPair))),
-        request, {});
+    return begin_on_worker(new_query(request, context_.class_for(*request.sink, request.header),
+                                     due(Clock::now(), request.bytes / sizeof(BodyPair))),
+                           request, {});
   request.payload = aligned(request.payload, aligned_);
   const FrameHeader& header = request.header;
   const wire::QueryParts parts = wire::parse_query(header, request.payload);
@@ -52,7 +52,7 @@ void QueryRequests::start(Request& request) {
     return begin(request, parts);
   const QueryView query = view_of(parts, header.scene_revision);
   if (is_small(engine.cost(query))) engine.size(query);  // throws for a bad query before it waits
-  defer(header, context_.class_for(*request.sink, options), options, request.take_payload()(), request.sink,
+  defer(header, context_.class_for(*request.sink, header), options, request.take_payload()(), request.sink,
         request.received);
 }
 
@@ -63,7 +63,7 @@ void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
   const bool is_here =
       is_small(cost) && !context_.has_pose_updates(request.sink->client()) && !(parts.options.fields & kFieldFreeScale);
   // Counted from now for queries on a worker, so that one ends before the next one of the client.
-  auto query = new_query(request, context_.class_for(*request.sink, parts.options),
+  auto query = new_query(request, context_.class_for(*request.sink, request.header),
                          due(is_here ? request.received : Clock::now(), cost.pairs));
   query->take_options(parts.options, cost);
   if (!is_here) return begin_on_worker(std::move(query), request, cost);

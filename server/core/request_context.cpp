@@ -19,12 +19,12 @@ std::function<OwnPayload()> Request::take_payload() {
 void RequestContext::check_quota(const Request& request, std::uint64_t bytes) const {
   const ReplySink& sink = *request.sink;
   quotas.check_requests(sink.client());
-  quotas.check_bytes(sink.client(), class_for(sink), bytes, sink.unsent_bytes());
+  quotas.check_bytes(sink.client(), class_for(sink, request.header), bytes, sink.unsent_bytes());
 }
 
 void RequestContext::submit(Request& request, std::uint64_t bytes, BackgroundRequest::Make make,
                             BackgroundRequest::Done done) {
-  const ServiceClass service = class_for(*request.sink);
+  const ServiceClass service = class_for(*request.sink, request.header);
   const RunsOn where = request.type->runs_on;
   const bool is_light = where == RunsOn::kPlanWorker || where == RunsOn::kRunWorker;
   PendingRequest pending{nullptr, request.header, quotas.take(request.sink->client(), service, bytes)};
@@ -35,9 +35,9 @@ void RequestContext::submit(Request& request, std::uint64_t bytes, BackgroundReq
           is_light ? BackgroundRequest::Weight::kLight : BackgroundRequest::Weight::kHeavy));
 }
 
-ServiceClass RequestContext::class_for(const ReplySink& sink, const QueryOptions& options) const {
+ServiceClass RequestContext::class_for(const ReplySink& sink, const wire::FrameHeader& header) const {
   if (const auto away = pose_updates_.find(sink.client()); away != pose_updates_.end()) return away->second.service;
-  return options.as_planning ? ServiceClass::kPlanning : sink.service_class();
+  return header.flags & wire::kFramePlanning ? ServiceClass::kPlanning : sink.service_class();
 }
 
 void RequestContext::begin_pose_update(std::uint64_t client, ServiceClass service) {

@@ -43,9 +43,9 @@ class RequestContext {
   void check_quota(const Request& request, std::uint64_t bytes) const;
   void submit(Request& request, std::uint64_t bytes, BackgroundRequest::Make make, BackgroundRequest::Done done);
 
-  /// Class of a client's request. A query may have a lower one than its client. While a worker applies poses of the
-  /// client, a request has the class of these, so that it cannot overtake them.
-  ServiceClass class_for(const ReplySink& sink, const QueryOptions& options = kDefaultOptions) const;
+  /// Class of a client's request, which may be lower than its client's (kFramePlanning). While a worker applies poses
+  /// of the client, a request has the class of these, so that it cannot overtake them.
+  ServiceClass class_for(const ReplySink& sink, const wire::FrameHeader& header) const;
   /// Pose updates of a client on a worker. Later requests of that client must not overtake them.
   bool has_pose_updates(std::uint64_t client) const { return pose_updates_.contains(client); }
   void begin_pose_update(std::uint64_t client, ServiceClass service);

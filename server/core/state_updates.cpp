@@ -162,7 +162,7 @@ void StateUpdates::set_poses(Request& request) {
 
 void StateUpdates::set_poses_on_worker(Request& request) {
   const std::uint64_t client = request.sink->client();
-  const ServiceClass service = context_.class_for(*request.sink);
+  const ServiceClass service = context_.class_for(*request.sink, request.header);
   const auto update = std::make_shared<Update>(Update{context_.engine, request.header, client, request.take_payload()});
   const auto done = [=, this](bool made) {
     if (made && update->begins_again(context_.engine)) return false;

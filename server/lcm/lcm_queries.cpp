@@ -29,7 +29,6 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
                                     {kFieldTime, "time"},
                                     {kFieldFirstContact, "first_contact"},
                                     {kFieldSteps, "steps"},
-                                    {kFieldBounds, "bounds"},
                                     {kFieldFreeScale, "free_scale"}})
     if (options.fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);

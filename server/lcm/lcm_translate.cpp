@@ -113,7 +113,6 @@ ReplyParts::ReplyParts(FrameBytes frame, std::int64_t server_id, std::int64_t se
     common_.pairs = static_cast<std::int64_t>(header_.pairs);
     common_.fields = static_cast<std::int32_t>(header_.fields);
     common_.reduce = static_cast<std::int8_t>(header_.reduce);
-    common_.format = static_cast<std::int8_t>(header_.format);
     common_.scene_revision = static_cast<std::int64_t>(header_.scene_revision);
     common_.snapshot_revision = static_cast<std::int64_t>(header_.snapshot_revision);
     common_.snapshot_stamp_ns = header_.snapshot_stamp_ns;
@@ -145,7 +144,8 @@ clearance_lcm::reply_t ReplyParts::operator[](std::uint64_t part) const {
   message.gradient_count = rows.vectors(kFieldGradient, 12, message.gradient);
   message.pair_count = rows.vectors(kFieldPair, 2, message.pair);
   message.configuration_count = rows.scalars(kFieldConfiguration, message.configuration);
-  message.compact_count = rows.vectors(kFieldCompact, 8, message.compact);
+  message.points32_count = rows.vectors(kFieldPoints32, 6, message.points32);
+  message.bounds_count = rows.vectors(kFieldBounds, 2, message.bounds);
   return message;
 }
 

@@ -23,15 +23,13 @@ ResourceQuota::Limit limit_of_requests(const Quotas::Limits& limits) {
 
 Quotas::Quotas(const Limits& limits) : limits_(limits), requests_(limit_of_requests(limits), {}) {}
 
-std::uint64_t Quotas::check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes,
-                                  std::uint64_t unsent) const {
+void Quotas::check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes, std::uint64_t unsent) const {
   std::uint64_t taken = unsent;
   for (const ResourceQuota& of_class : bytes_) taken += of_class.of(client);
   if (taken && taken + bytes > limits_.max_client_bytes)
     reject_bytes("of this client under way take " + std::to_string(taken) +
                  " bytes already; retry later (limit max-client-mib)");
   check_all_bytes(service, bytes);
-  return limits_.max_client_bytes - std::min(limits_.max_client_bytes, taken + bytes);
 }
 
 /// Other classes never use up the part that is kept for the class control.

@@ -35,9 +35,7 @@ class Quotas {
   /// Throws RejectedRequest (kBusy) if `bytes` more exceed the limit of the client or of all. A client's only request
   /// passes whatever its size.
   /// @param unsent bytes of published replies that the daemon still holds
-  /// @returns how many bytes more the client may take
-  std::uint64_t check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes,
-                            std::uint64_t unsent) const;
+  void check_bytes(std::uint64_t client, ServiceClass service, std::uint64_t bytes, std::uint64_t unsent) const;
   /// Counts a request without a check.
   [[nodiscard]] Share take(std::uint64_t client, ServiceClass service, std::uint64_t bytes) {
     return {requests_.take(client, 1), bytes_[static_cast<int>(service)].take(client, bytes)};

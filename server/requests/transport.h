@@ -42,7 +42,7 @@ class ReplySink {
   virtual void written_by_device() {}
   /// False once the client is known to be gone. Its request is then dropped.
   virtual bool alive() const = 0;
-  /// Nonzero number of the client, for fairness and warm state.
+  /// Nonzero number of the client, for fairness.
   virtual std::uint64_t client() const = 0;
   /// Bytes of published replies to this client that the daemon still holds.
   virtual std::uint64_t unsent_bytes() const { return 0; }

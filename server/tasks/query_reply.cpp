@@ -51,7 +51,6 @@ RejectedRequest no_room(std::uint64_t rows, std::uint64_t bytes) {
 
 void QueryReply::begin(const QueryView& query, std::vector<std::byte> records) {
   reduce_ = query.reduce;
-  format_ = query.format;
   records_ = std::move(records);
 }
 
@@ -116,7 +115,6 @@ wire::ReplyHeader QueryReply::header(const Times& times) const {
   reply.pairs = size_.pairs;
   reply.fields = size_.fields;
   reply.reduce = static_cast<std::uint8_t>(reduce_);
-  reply.format = static_cast<std::uint8_t>(format_);
   reply.scene_revision = info_.scene_revision;
   reply.snapshot_revision = info_.snapshot_revision;
   reply.snapshot_stamp_ns = info_.snapshot_stamp_ns;

@@ -53,7 +53,6 @@ class QueryReply {
   wire::ReplyHeader header(const Times& times) const;
 
   Reduce reduce_ = Reduce::kNone;
-  Format format_ = Format::kFull;
   std::vector<std::byte> records_;
   QuerySize size_;
   ReplyInfo info_;

@@ -154,7 +154,7 @@ void QueryTask::read() {
   const wire::QueryParts parts = wire::parse_query(pending_.header, aligned(payload_.span(), aligned_));
   daemon_.answers.check_epoch(pending_.header, parts.epoch);
   const QueryOptions& options = parts.options;
-  if (!has_options_ && (options.min_pose_stamp_ns != 0 || options.deadline_ns != 0 || options.as_planning)) {
+  if (!has_options_ && (options.min_pose_stamp_ns != 0 || options.deadline_ns != 0)) {
     options_ = options;
     cost_ = engine_->cost(view_of(parts, pending_.header.scene_revision));
     step_ = Step::kSetOptions;
@@ -166,7 +166,6 @@ void QueryTask::read() {
 
 /// Goes on at once if the poses that the query waits for have arrived, else begins again when they have.
 void QueryTask::set_options() {
-  if (options_.as_planning) set_service_class(ServiceClass::kPlanning);
   pending_.share.give_back();  // a deferred query has its own
   if (options_.min_pose_stamp_ns != 0 &&
       daemon_.hold(pending_.header, service_class(), options_, payload_, pending_.sink, received_))
@@ -183,11 +182,9 @@ void QueryTask::prepare(const wire::QueryParts& parts) {
     cost_ = engine_->cost(query);
   }
   daemon_.limits.check(cost_);
-  wants_warm_ = parts.options.warm;
-  query.warm_slot = wants_warm_ ? client() : 0;
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
-  const bool by_joints = query.fields & kFieldGradientJoints && query.format == Format::kFull;
+  const bool by_joints = query.fields & kFieldGradientJoints;
   reply_.begin(query, daemon_.answers.records(parts.passed_over, by_joints ? query.joints.size() : 0));
   prepared_ = engine_->begin_preparing(query);
 }
@@ -199,25 +196,13 @@ void QueryTask::list(const WorkBudget& budget) {
   step_ = Step::kReserve;
 }
 
-/// Takes quota for the request, its pairs and the largest reply. Warm state gets the rest of the quota, or the query
-/// runs cold, which is only slower.
+/// Takes quota for the request, its pairs and the largest reply.
 void QueryTask::reserve(ReplySink& sink) {
   const std::uint64_t bytes =
       reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
   pending_.share.give_back();
-  const std::uint64_t left = daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
-  QueryView query;
-  query.warm_slot = wants_warm_ ? client() : 0;
-  query.reduce = reply_.reduce();
-  std::uint64_t warm = Engine::warm_bytes(query, reply_.size());
-  if (warm > left) {
-    warm = 0;
-    prepared_->begin_cold();
-    ++daemon_.stats["queries.cold"];
-  }
-  if (warm == 0 && left < Engine::kMostWarmBytes)  // otherwise the query takes the rest
-    if (auto table = engine_->trim_warm(client(), left)) daemon_.drop(std::move(table));
-  pending_.share = daemon_.quotas.take(client(), service_class(), bytes + warm);
+  daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
+  pending_.share = daemon_.quotas.take(client(), service_class(), bytes);
   reply_.reserve(sink);
   step_ = Step::kRun;
 }

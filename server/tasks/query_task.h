@@ -67,7 +67,7 @@ class QueryTask final : public ScheduledQuery {
   /// The steps in their order, with the thread of each. A small query begins at kRun, with a first slice on the loop.
   enum class Step {
     kRead,          ///< worker: parses the request
-    kSetOptions,    ///< loop: sets class and deadline, waits for poses. Then kRead again; skipped without such options
+    kSetOptions,    ///< loop: sets the deadline, waits for poses. Then kRead again; skipped without such options
     kList,          ///< worker: lists the pairs
     kReserve,       ///< loop: takes quota and memory for the largest reply
     kRun,           ///< worker: runs the engine's job
@@ -112,7 +112,7 @@ class QueryTask final : public ScheduledQuery {
   std::function<OwnPayload()> fetch_;
   std::vector<std::uint64_t> aligned_;
   OwnPayload payload_;
-  bool whole_table_ = false, wants_warm_ = false;
+  bool whole_table_ = false;
   QueryOptions options_;
   QueryCost cost_;
   std::optional<PreparedQuery> prepared_;

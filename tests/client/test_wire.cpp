@@ -117,8 +117,6 @@ TEST(Wire, BadQueryValuesAreNamed) {
       {offsetof(QueryHeader, signed_distance), single(std::uint8_t{9}),
        "query: signed_distance 9 is not one of 0 to 1"},
       {offsetof(QueryHeader, reduce), single(std::uint8_t{5}), "query: reduce 5 is not one of 0 to 4"},
-      {offsetof(QueryHeader, format), single(std::uint8_t{255}), "query: format 255 is not one of 0 to 1"},
-      {offsetof(QueryHeader, warm), single(std::uint8_t{2}), "query: warm 2 is not one of 0 to 1"},
       {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 20}), "query: fields has unknown bits: 1048576"},
       {offsetof(QueryHeader, max_pose_age_ns), single(std::int64_t{-1}), "query: max_pose_age_ns must be >= 0, got -1"},
       {offsetof(QueryHeader, min_pose_stamp_ns), single(std::int64_t{-2}),
@@ -147,7 +145,9 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
   std::uint16_t last = 0;
   int in_header = 0;
   for_each_query_option([&](const QueryOption& option, auto member) {
-    const bool has_place = requires(QueryHeader& header) { member(header); };
+    const bool has_place = requires(QueryHeader & header) {
+      member(header);
+    };
     EXPECT_EQ(option.tag == 0, has_place) << option.name;
     in_header += has_place;
     if (!option.tag) return;
@@ -258,7 +258,10 @@ TEST(Wire, BadHeadersAreNamed) {
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame),
             "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed");
   h = good;
-  h.reserved[1] = 1;
+  h.flags = 6;
+  EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: flags has unknown bits: 6");
+  h = good;
+  h.reserved[0] = 1;
   EXPECT_EQ(error_of([&] { check_header(h, 24); }, ErrorCode::kBadFrame), "frame: reserved words must be 0");
   FrameHeader out;
   EXPECT_EQ(error_of([&] { split_frame(Bytes(63), out); }, ErrorCode::kBadFrame),

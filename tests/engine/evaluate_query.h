@@ -18,9 +18,11 @@ struct Answer {
   ReplyInfo info;
 };
 
-/// Fields that each backend writes for configurations, with float64 bounds; gradient_joints is for joints.
-inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldCompact | kFieldBounds | kFieldPairLower |
+/// Columns that each backend writes for configurations, in float64; gradient_joints is for joints.
+inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldPoints32 | kFieldBounds | kFieldPairLower |
                                                              kFieldGradientJoints | kMotionFields | kFieldFreeScale);
+/// Bounds and points in float32.
+inline constexpr std::uint32_t kFloat32 = kFieldBounds | kFieldPoints32;
 
 /// The memory of a query's answer.
 inline Answer empty_answer(const Engine& engine, const QueryView& query) {

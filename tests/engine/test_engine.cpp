@@ -213,22 +213,37 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
   EXPECT_GT(smooth, 100);
 }
 
-TEST_P(EngineTest, CompactRowsHoldTheFullInterval) {
+TEST_P(EngineTest, Float32BoundsHoldTheFullInterval) {
   const Engine engine = make(mixed_scene(30, 3, 4));
   QueryView q;
   q.fields = kAllFields;
   const Answer full = evaluate(engine, q);
-  q.format = Format::kCompact;
-  q.fields = kFieldStatus;
-  const Answer compact = evaluate(engine, q);
-  EXPECT_EQ(compact.size.fields, kFieldStatus | kFieldCompact);
+  q.fields = kFloat32;
+  const Answer rounded = evaluate(engine, q);
   ASSERT_GT(full.info.rows, 400u);
   for (std::uint64_t i = 0; i < full.info.rows; ++i) {
-    const float lower = compact.view.compact[i].lower, upper = compact.view.compact[i].upper;
+    const float lower = rounded.view.bounds[2 * i], upper = rounded.view.bounds[2 * i + 1];
     EXPECT_LE(lower, full.view.lower[i]);
     EXPECT_GE(upper, full.view.upper[i]);
     EXPECT_GT(std::nextafter(lower, INFINITY), full.view.lower[i]) << "no float fits closer";
     EXPECT_LT(std::nextafter(upper, -INFINITY), full.view.upper[i]) << "no float fits closer";
+  }
+}
+
+// A million metres from the world's origin, where a float32 is 6 cm wide.
+TEST_P(EngineTest, Float32PointsKeepTheirPrecisionFarFromTheOrigin) {
+  const double far = 1e6;
+  Scene scene;
+  scene.add_box("a", {1, 1, 1}, {.pose = Pose{{far, far, far}}});
+  scene.add_box("b", {1, 1, 1}, {.pose = Pose{{far + 1.25, far, far}, 0.98, 0.1, 0.1, 0.14}});
+  const Engine engine = make(std::move(scene));
+  QueryView q;
+  q.fields = kFieldPoints | kFieldPoints32;
+  const Answer answer = evaluate(engine, q);
+  ASSERT_EQ(answer.info.rows, 1u);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_NEAR(answer.view.points32[k], answer.view.point_a[k] - far, 1e-7);
+    EXPECT_NEAR(answer.view.points32[3 + k], answer.view.point_b[k] - (k == 0 ? far + 1.25 : far), 1e-7);
   }
 }
 

@@ -1,4 +1,4 @@
-// Rows of uncertain bodies: reductions compared with all pairs, the pair of the least lower bound, and compact rows.
+// Rows of uncertain bodies: reductions compared with all pairs, the pair of the least lower bound, and bounds in float32.
 #include <algorithm>
 #include <cmath>
 
@@ -138,16 +138,16 @@ TEST_P(EngineTest, ABitOfNoColumnIsRejected) {
   EXPECT_THROW(engine.size(q), QueryError);
 }
 
-TEST_P(EngineTest, CompactRowsHoldSlackToo) {
+TEST_P(EngineTest, Float32BoundsHoldSlackToo) {
   const Engine engine = make(uncertain_scene(24, 3, 5));
   QueryView q;
   q.fields = kDefaultFields;
   const Answer full = evaluate(engine, q);
-  q.format = Format::kCompact;
-  const Answer compact = evaluate(engine, q);
+  q.fields = kFieldBounds;
+  const Answer rounded = evaluate(engine, q);
   for (std::size_t i = 0; i < full.info.rows; ++i) {
-    EXPECT_LE(compact.view.compact[i].lower, full.view.lower[i] + 1e-6);
-    EXPECT_GE(compact.view.compact[i].upper, full.view.upper[i]);
+    EXPECT_LE(rounded.view.bounds[2 * i], full.view.lower[i] + 1e-6);
+    EXPECT_GE(rounded.view.bounds[2 * i + 1], full.view.upper[i]);
   }
 }
 

@@ -171,12 +171,6 @@ void spoil_choices(Bytes& frame, std::mt19937_64& random) {
         q.reduce = high;
         break;
       case 3:
-        q.format = high;
-        break;
-      case 4:
-        q.warm = high;
-        break;
-      case 5:
         q.fields |= 1u << (kFieldCount + random() % (32 - kFieldCount));
         break;
       default:

@@ -25,8 +25,7 @@ struct Options {
 
 const char* const kFaults[] = {"killed",    "frozen",  "scribbling",       "descriptors",   "memory",
                                "file_size", "reloads", "killed_of_mortal", "daemons_killed"};
-const char* const kStats[] = {"frames",          "replies",        "errors",           "requests.dropped",
-                              "shm.connections", "shm.violations", "engine.warm_bytes"};
+const char* const kStats[] = {"frames", "replies", "errors", "requests.dropped", "shm.connections", "shm.violations"};
 
 void write_head(std::ostream& out, const Options& o) {
   out << "# clearance-soak --minutes " << o.minutes << " --seed " << o.seed << " --load " << o.load << "\nseconds,cpu";
@@ -50,14 +49,12 @@ void write_row(std::ostream& out, Soak::Sample s) {
       << std::flush;
 }
 
-/// Tests the daemon's private memory without its cache for returning clients (bounded, and counted). The first quarter
-/// is left out as a warm-up.
+/// Tests the daemon's private memory. The first quarter is left out as a warm-up.
 bool is_flat(const std::vector<Soak::Sample>& samples) {
   std::vector<double> minutes, kilobytes;
   for (std::size_t i = samples.size() / 4; i < samples.size(); ++i) {
     minutes.push_back(samples[i].seconds / 60);
-    const auto kept = samples[i].stats.at("engine.warm_bytes") / 1024;
-    kilobytes.push_back(static_cast<double>(samples[i].census.private_kb) - static_cast<double>(kept));
+    kilobytes.push_back(static_cast<double>(samples[i].census.private_kb));
   }
   if (minutes.size() < 3) {
     std::printf("memory: too short a run to tell\n");

@@ -41,7 +41,7 @@ std::vector<std::byte> bytes_of(const Reply& r) {
   return bytes_of(r.rows(), r.total(), r.pairs(), r.configurations(), got(r.distance(), 0), got(r.lower(), 1),
                   got(r.upper(), 2), got(r.status(), 3), got(r.flags(), 4), got(r.point_a(), 5), got(r.point_b(), 6),
                   got(r.normal(), 7), got(r.pieces(), 8), got(r.gradient(), 9), got(r.pair(), 10),
-                  got(r.configuration(), 11), got(r.compact(), 12));
+                  got(r.configuration(), 11), got(r.points32(), 12));
 }
 
 std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& known) {
@@ -56,14 +56,13 @@ std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& known) 
   view.precision = q.precision;
   view.signed_distance = q.signed_distance;
   view.reduce = q.reduce;
-  view.format = q.format;
   view.fields = q.fields;
   const test::Answer mine = test::evaluate(engine, view);
   const ReplyView& v = mine.view;
   return bytes_of(mine.info.rows, mine.info.total, mine.size.pairs, mine.size.configurations, own(v.distance, 0),
                   own(v.lower, 1), own(v.upper, 2), own(v.status, 3), own(v.flags, 4), own(v.point_a, 5),
                   own(v.point_b, 6), own(v.normal, 7), own(v.parts, 8), own(v.gradient, 9), own(v.pair, 10),
-                  own(v.configuration, 11), own(v.compact, 12));
+                  own(v.configuration, 11), own(v.points32, 12));
 }
 
 }  // namespace
@@ -98,9 +97,9 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
     if (i % 3) q.max_distance = 4;
     if (i % 5 == 1) q.precision = Precision::kF32;
     if (i % 7 == 1) q.signed_distance = true;
-    if (i % 11 == 1) q.format = Format::kCompact;
     q.fields = kDefaultFields | kFieldFlags;
     if (i % 2) q.fields |= kFieldPoints | kFieldNormal | kFieldPieces;
+    if (i % 11 == 1) q.fields |= kFieldPoints32;
     known->answer = answer_of(engine, *known);
     queries_.push_back(std::move(known));
   }

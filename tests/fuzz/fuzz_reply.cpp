@@ -48,7 +48,7 @@ void use(Reply reply) {
   touch(reply.gradient_joints());
   touch(reply.pair());
   touch(reply.configuration());
-  touch(reply.compact());
+  touch(reply.points32());
   touch(std::span<const char>(reply.backend()));
 }
 

@@ -28,28 +28,23 @@ constexpr GoldenQuery kQuestions[] = {{"none", Reduce::kNone, false},    {"none_
 
 struct Setting {
   GoldenQuery question;
-  Format format;
   Precision precision;
-  bool depth, warm;
+  bool depth;
 
   std::string name() const {
-    return std::string(question.name) + (format == Format::kCompact ? ",compact" : ",full") +
-           (precision == Precision::kF32 ? ",f32" : ",f64") + (depth ? ",depth" : ",") + (warm ? ",warm" : ",cold");
+    return std::string(question.name) + (precision == Precision::kF32 ? ",f32" : ",f64") + (depth ? ",depth" : ",");
   }
 };
 
 std::vector<Setting> all_settings() {
   std::vector<Setting> all;
   for (const GoldenQuery& question : kQuestions)
-    for (const Format format : {Format::kFull, Format::kCompact})
-      for (const Precision precision : {Precision::kF64, Precision::kF32})
-        for (const bool depth : {false, true})
-          for (const bool warm : {false, true}) {
-            if (depth && precision == Precision::kF32) continue;     // depths are always float64
-            if (depth && question.reduce == Reduce::kAny) continue;  // kAny has no depths
-            if (warm && question.reduce != Reduce::kNone) continue;  // reductions start cold
-            all.push_back({question, format, precision, depth, warm});
-          }
+    for (const Precision precision : {Precision::kF64, Precision::kF32})
+      for (const bool depth : {false, true}) {
+        if (depth && precision == Precision::kF32) continue;     // depths are always float64
+        if (depth && question.reduce == Reduce::kAny) continue;  // kAny has no depths
+        all.push_back({question, precision, depth});
+      }
   return all;
 }
 
@@ -89,14 +84,7 @@ void add(const test::Answer& answer, Digests* to) {
     const bool gives_interval =
         begin && (begin == view.distance || begin == view.lower || begin == view.upper || begin == view.status);
     for (std::uint64_t i = 0; values && i < answer.info.rows * width; ++i) {
-      if constexpr (std::is_same_v<decltype(values), CompactAnswer*>) {
-        const CompactAnswer& c = values[i];
-        for (const float bound : {c.lower, c.upper}) to->interval.add(bits_of(bound));
-        for (int k = 0; k < 3; ++k) {
-          to->rest.add(bits_of(c.point_a[k]));
-          to->rest.add(bits_of(c.point_b[k]));
-        }
-      } else if constexpr (std::is_integral_v<std::remove_pointer_t<decltype(values)>>) {
+      if constexpr (std::is_integral_v<std::remove_pointer_t<decltype(values)>>) {
         (gives_interval ? to->interval : to->rest).add(bits_of(std::uint64_t{values[i]}));
       } else {
         (gives_interval ? to->interval : to->rest).add(bits_of(values[i]));
@@ -106,16 +94,13 @@ void add(const test::Answer& answer, Digests* to) {
   for_each_column(column, view);
 }
 
-Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s, std::uint64_t client) {
+Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s) {
   QueryView q;
   q.reduce = s.question.reduce;
   if (s.question.cut) (q.reduce == Reduce::kAny ? q.margin : q.max_distance) = g.cut_off;
-  q.format = s.format;
-  q.fields = s.format == Format::kCompact ? kFieldCompact | kFieldStatus | kFieldFlags | kFieldPieces | kFieldPair
-                                          : test::kAllFields;
+  q.fields = test::kAllFields;
   q.precision = s.precision;
   q.signed_distance = s.depth;
-  q.warm_slot = s.warm ? client : 0;
   q.configuration_count = kConfigurations;
   q.bodies = g.moved;
   Digests digests;
@@ -139,7 +124,7 @@ std::string line_of(const GoldenScene& g, const Setting& s, const Digests& d) {
   return line + digests;
 }
 
-constexpr const char* kHead = "scene,reduce,format,precision,depth,start,ok,overlap,contact,beyond,other,interval,rest";
+constexpr const char* kHead = "scene,reduce,precision,depth,ok,overlap,contact,beyond,other,interval,rest";
 
 // The lines for each instruction set and number of threads, which must agree.
 std::vector<std::string> lines_of(const std::string& instruction_set, int threads) {
@@ -148,8 +133,7 @@ std::vector<std::string> lines_of(const std::string& instruction_set, int thread
     Engine::Options options{"cpu", threads};
     options.instruction_set = instruction_set;
     const Engine engine(g.scene, options);
-    std::uint64_t client = 0;
-    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s, ++client)));
+    for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s)));
   }
   return lines;
 }

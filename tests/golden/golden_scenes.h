@@ -14,7 +14,7 @@ struct GoldenScene {
   Scene scene;
   std::vector<std::uint32_t> moved;  ///< bodies that configurations place
   std::vector<Pose> configurations,
-      next;            ///< (kConfigurations, moved); `next` is slightly displaced, for warm starts
+      next;            ///< (kConfigurations, moved); `next` is slightly displaced
   double cut_off = 1;  ///< in metres; some pairs are nearer, some farther
 };
 inline constexpr std::uint32_t kConfigurations = 5;

@@ -53,15 +53,14 @@ std::vector<std::pair<std::string, QueryView>> queries() {
   };
   add("default columns", [](QueryView&) {});
   add("all columns", [](QueryView& q) { q.fields = kAllFields; });
-  add("compact",
-      [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldStatus | kFieldFlags; });
+  add("float32 columns", [](QueryView& q) { q.fields = kFloat32; });
+  add("float32 columns, status and flags", [](QueryView& q) { q.fields = kFloat32 | kFieldStatus | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0, q.fields = kAllFields; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.fields = kAllFields; });
   add("near", [](QueryView& q) { q.max_distance = 1.5, q.fields = kAllFields; });
   add("depth", [](QueryView& q) { q.signed_distance = true, q.fields = kAllFields; });
   add("f32", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kAllFields; });
-  add("f32, compact",
-      [](QueryView& q) { q.precision = Precision::kF32, q.format = Format::kCompact, q.fields = kFieldCompact; });
+  add("f32, float32 columns", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kFloat32; });
   add("f32, bounds", [](QueryView& q) { q.precision = Precision::kF32, q.fields = kFieldLower | kFieldUpper; });
   add("f32, hardly attainable",
       [](QueryView& q) { q.precision = Precision::kF32, q.rel_tol = 1e-5, q.fields = kAllFields; });
@@ -112,7 +111,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
 }
 
-// Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations; warm queries start cold.
+// Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 5.0}) {
     const Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
@@ -139,26 +138,6 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
     EXPECT_GT(converged, 100'000u);
     EXPECT_GT(converged, 5 * rest)
         << rest << " were finished by the CPU: those without a tolerance, and depths of several pieces";
-    QueryView warm;
-    warm.warm_slot = 5;
-    warm.fields = kAllFields;
-    QueryView cold;
-    cold.fields = kAllFields;
-    const Answer expected = evaluate(cpu, cold);
-    const std::vector<BodyPair> pairs = cpu.pairs(cold);
-    const Scene scene = decomposed_scene(90, box, 41);
-    std::size_t several = 0;
-    for (int i = 0; i < 2; ++i) {
-      const Answer a = evaluate(device, warm);
-      EXPECT_EQ(a.info.backend, "cuda");
-      for (std::size_t row = 0; row < pairs.size(); ++row) {
-        if (scene.bodies()[pairs[row].a].parts.size() * scene.bodies()[pairs[row].b].parts.size() == 1) continue;
-        ++several;
-        EXPECT_TRUE(same_bits(a.view.lower[row], expected.view.lower[row]) &&
-                    same_bits(a.view.upper[row], expected.view.upper[row]));
-      }
-    }
-    EXPECT_GT(several, 5000u);
   }
 }
 
@@ -264,75 +243,6 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
     }
   }
   EXPECT_GT(counter(device, "cuda.chunks"), counter(device, "cuda.queries")) << "some took several chunks";
-}
-
-// Along a trajectory; the bodies are apart, so the CPU has nothing to finish.
-TEST_F(CudaBackend, BeginsWhereItsClientsLastQueryEnded) {
-  const auto apart = [] {
-    Scene scene;
-    for (int i = 0; i < 64; ++i)
-      scene.add_hull("h" + std::to_string(i),
-                     cloud_on_sphere(20 + 9 * (i % 8), 1, 30 + static_cast<std::uint64_t>(i % 8)),
-                     {.pose = {{3.0 * (i % 4), 3.0 * (i / 4 % 4), 3.0 * (i / 16)}}});
-    return scene;
-  };
-  const Engine device(apart(), {"cuda"}), cpu(apart(), {"cpu"});
-  std::vector<std::uint32_t> bodies(64);
-  std::iota(bodies.begin(), bodies.end(), 0u);
-  Random random(15);
-  std::vector<BodyPair> explicit_pairs;
-  for (std::uint32_t i = 0; i < 63; ++i) explicit_pairs.push_back({i, i + 1});
-  for (const std::uint32_t K : {1u, 40u}) {
-    std::vector<Pose> poses;
-    for (std::uint32_t k = 0; k < K; ++k)
-      for (int i = 0; i < 64; ++i) {
-        poses.push_back(random.pose(0.2));
-        poses.back().translation += Vec3d{3.0 * (i % 4), 3.0 * (i / 4 % 4), 3.0 * (i / 16)};
-      }
-    QueryView q;
-    q.fields = kAllFields;
-    q.bodies = bodies;
-    q.configuration_count = K;
-    std::uint64_t unlike_cold = 0;  // bits of bounds
-    for (int step = 0; step < 4; ++step) {
-      q.configurations = poses;
-      for (const bool compact : {false, true}) {
-        if (step == 0 && compact) continue;
-        q.format = compact ? Format::kCompact : Format::kFull;
-        q.fields = compact ? kFieldCompact : kAllFields;
-        for (const std::uint64_t client : {1, 2}) {
-          q.warm_slot = client;
-          q.all_pairs = client == 1;
-          q.pairs = client == 1 ? std::span<const BodyPair>() : std::span<const BodyPair>(explicit_pairs);
-          const Answer warm = evaluate(device, q);
-          EXPECT_EQ(warm.info.backend, "cuda");
-          q.warm_slot = 0;
-          const Answer cold = evaluate(cpu, q);
-          if (compact) {
-            for (std::uint64_t i = 0; i < warm.size.rows; ++i)
-              ASSERT_TRUE(warm.view.compact[i].lower <= cold.view.compact[i].upper &&
-                          cold.view.compact[i].lower <= warm.view.compact[i].upper);
-            continue;
-          }
-          for (std::uint64_t i = 0; i < warm.size.rows; ++i) {
-            ASSERT_TRUE(warm.view.lower[i] <= cold.view.upper[i] && cold.view.lower[i] <= warm.view.upper[i])
-                << step << ' ' << i;
-            ASSERT_LE(warm.view.upper[i] - warm.view.lower[i], 1e-6 * warm.view.upper[i]);
-            ASSERT_EQ(warm.view.status[i], cold.view.status[i]);
-            unlike_cold += !same_bits(warm.view.upper[i], cold.view.upper[i]) ||
-                           !same_bits(warm.view.lower[i], cold.view.lower[i]);
-          }
-          if (step == 0) {
-            EXPECT_EQ(unlike_cold, 0u) << "there was nothing to begin from";
-          }
-        }
-      }
-      for (Pose& p : poses) p.translation += Vec3d{random.uniform(-0.01, 0.01), random.uniform(-0.01, 0.01), 0};
-    }
-    EXPECT_GT(unlike_cold, 0u) << "the same answer, found another way";
-  }
-  EXPECT_EQ(counter(device, "cuda.pairs_finished_on_cpu"), 0u);
-  EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
 
 TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {

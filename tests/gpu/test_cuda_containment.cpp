@@ -1,4 +1,4 @@
-// A million pairs on the device, cold, warm and reduced, in float64 and float32, each checked by the exact oracle. The
+// A million pairs on the device, all and reduced, in float64 and float32, each checked by the exact oracle. The
 // same test runs a part of them on the CPU.
 #include <algorithm>
 #include <atomic>
@@ -154,29 +154,23 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
       const std::string name = precision == Precision::kF64 ? "f64 " : "f32 ";
       q.precision = precision;
       q.reduce = Reduce::kNone;
-      for (const std::uint64_t warm : {0, 1, 1}) {  // the second warm query begins where the first ended
-        q.warm_slot = warm;
-        const Answer answer = evaluate(engine, q);
-        ASSERT_EQ(answer.info.backend, GetParam());
-        ASSERT_EQ(answer.size.rows, exact.size());
-        for (std::uint64_t i = 0; i < exact.size(); ++i)
-          hold(exact[i], answer.view.lower[i], answer.view.upper[i], name + (warm ? "warm" : "cold"));
-      }
+      const Answer answer = evaluate(engine, q);
+      ASSERT_EQ(answer.info.backend, GetParam());
+      ASSERT_EQ(answer.size.rows, exact.size());
+      for (std::uint64_t i = 0; i < exact.size(); ++i) hold(exact[i], answer.view.lower[i], answer.view.upper[i], name);
       const std::size_t P = exact.size() / kBatch;
-      for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest})
-        for (const std::uint64_t warm : {0, 2, 2}) {
-          q.warm_slot = warm;
-          q.reduce = reduce;
-          const Answer least = evaluate(engine, q);
-          ASSERT_EQ(least.info.backend, GetParam());
-          const std::size_t groups = reduce == Reduce::kMin ? 1 : kBodies;
-          ASSERT_EQ(least.size.rows, kBatch * groups);
-          for (std::size_t row = 0; row < least.size.rows; ++row) {
-            const Exact of_group =
-                least_of(requested, &exact[row / groups * P], reduce, static_cast<std::uint32_t>(row % groups));
-            hold(of_group, least.view.lower[row], least.view.upper[row], name + (warm ? "least, warm" : "least, cold"));
-          }
+      for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest}) {
+        q.reduce = reduce;
+        const Answer least = evaluate(engine, q);
+        ASSERT_EQ(least.info.backend, GetParam());
+        const std::size_t groups = reduce == Reduce::kMin ? 1 : kBodies;
+        ASSERT_EQ(least.size.rows, kBatch * groups);
+        for (std::size_t row = 0; row < least.size.rows; ++row) {
+          const Exact of_group =
+              least_of(requested, &exact[row / groups * P], reduce, static_cast<std::uint32_t>(row % groups));
+          hold(of_group, least.view.lower[row], least.view.upper[row], name + "least");
         }
+      }
     }
     // At the bodies' current poses.
     q.precision = Precision::kF64;
@@ -186,13 +180,10 @@ TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
       engine.set_poses(stand);
       QueryView here;
       here.reduce = Reduce::kNearest;
-      for (const std::uint64_t warm : {0, 3}) {
-        here.warm_slot = warm;
-        const Answer nearest = evaluate(engine, here);
-        for (std::uint32_t b = 0; b < kBodies; ++b)
-          hold(least_of(requested, &exact[k * requested.size()], Reduce::kNearest, b), nearest.view.lower[b],
-               nearest.view.upper[b], warm ? "where bodies stand, warm" : "where bodies stand");
-      }
+      const Answer nearest = evaluate(engine, here);
+      for (std::uint32_t b = 0; b < kBodies; ++b)
+        hold(least_of(requested, &exact[k * requested.size()], Reduce::kNearest, b), nearest.view.lower[b],
+             nearest.view.upper[b], "at the current poses");
     }
   }
   EXPECT_EQ(outside, 0u);

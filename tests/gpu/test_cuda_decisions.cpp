@@ -28,10 +28,9 @@ std::vector<std::pair<std::string, QueryView>> queries() {
   for (const double margin : {0.0, 1e-6, 0.02, 0.3})
     add("margin " + std::to_string(margin), [&](QueryView& q) { q.margin = margin; });
   add("status alone", [](QueryView& q) { q.fields = kFieldStatus; });
-  add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldFlags; });
+  add("float32 columns", [](QueryView& q) { q.fields = kFloat32 | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.margin = 0.05; });
-  add("warm", [](QueryView& q) { q.warm_slot = 1, q.margin = 0.05; });
   add("f32", [](QueryView& q) { q.precision = Precision::kF32; });
   add("f32, margin", [](QueryView& q) { q.precision = Precision::kF32, q.margin = 0.02; });
   return all;

@@ -23,7 +23,7 @@ std::vector<std::pair<std::string, QueryView>> queries() {
     };
     add("all columns", [](QueryView&) {});
     add("default columns", [](QueryView& q) { q.fields = kDefaultFields; });
-    add("compact", [](QueryView& q) { q.format = Format::kCompact, q.fields = kFieldCompact | kFieldFlags; });
+    add("float32 columns", [](QueryView& q) { q.fields = kFloat32 | kFieldFlags; });
     add("no tolerance", [](QueryView& q) { q.rel_tol = 0; });
     add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01; });
     add("near", [](QueryView& q) { q.max_distance = 0.05; });

@@ -132,8 +132,8 @@ void expect_the_cpus(const Answer& got, const Answer& cpu, const std::string& wh
     if (same_row(got.view, cpu.view, row)) continue;
     ++others;
     const auto bounds = [&](const ReplyView& v) {
-      return v.compact ? std::pair<double, double>(v.compact[row].lower, v.compact[row].upper)
-                       : std::pair(v.lower[row], v.upper[row]);
+      return v.lower ? std::pair(v.lower[row], v.upper[row])
+                     : std::pair<double, double>(v.bounds[2 * row], v.bounds[2 * row + 1]);
     };
     const auto [lower, upper] = bounds(got.view);
     const auto [cpu_lower, cpu_upper] = bounds(cpu.view);
@@ -155,12 +155,10 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
     const Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
     for (const std::uint32_t configurations : {0u, 1u, 50u})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
-        for (const std::uint32_t fields :
-             {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFieldBounds, std::uint32_t{kFieldCompact}})
+        for (const std::uint32_t fields : {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFloat32, kFloat32})
           for (const double max_distance : {std::numeric_limits<double>::infinity(), 1.0}) {
             Requested requested(device.scene(), configurations, box);
             requested.q.fields = fields;
-            requested.q.format = fields == kFieldCompact ? Format::kCompact : Format::kFull;
             requested.q.precision = precision;
             requested.q.max_distance = max_distance;
             Running running(device, requested.q);

@@ -129,12 +129,11 @@ TEST_F(SharedDeviceMemory, GivesAnotherProcessTheBitsThatAPlanHasHere) {
   const Engine engine(some_bodies(), {"cuda"});
   const std::vector<std::uint32_t> moved{0, 1, 2, 9, 13};
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const std::uint32_t fields : {kDefaultFields | kFieldBounds, std::uint32_t{kFieldCompact}}) {
+    for (const std::uint32_t fields : {kDefaultFields | kFieldBounds, kFloat32}) {
       std::vector<Pose> poses(kConfigurations * moved.size());
       QueryView q;
       q.precision = precision;
       q.fields = fields;
-      q.format = fields == kFieldCompact ? Format::kCompact : Format::kFull;
       q.configuration_count = kConfigurations;
       q.bodies = moved;
       q.configurations = poses;

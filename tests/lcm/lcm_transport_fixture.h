@@ -210,7 +210,8 @@ class LcmTransportTest : public LcmTest {
     join(whole.gradient, part.gradient);
     join(whole.pair, part.pair);
     join(whole.configuration, part.configuration);
-    join(whole.compact, part.compact);
+    join(whole.points32, part.points32);
+    join(whole.bounds, part.bounds);
   }
 };
 

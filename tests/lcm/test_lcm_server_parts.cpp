@@ -49,9 +49,7 @@ TEST(LcmTranslate, QueryFieldsAreAllCarried) {
   query.fields = clearance_lcm::query_t::FIELD_LOWER;
   query.precision = 1;
   query.reduce = clearance_lcm::query_t::REDUCE_MIN;
-  query.format = 1;
   query.signed_distance = 1;
-  query.warm = 1;
   query.pair_count = 2;
   query.pairs = {{1, clearance_lcm::query_t::EVERY_BODY}, {clearance_lcm::query_t::GROUP + 3, 4}};
   query.body_count = 3;
@@ -76,9 +74,7 @@ TEST(LcmTranslate, QueryFieldsAreAllCarried) {
   EXPECT_EQ(parts.header.fields, static_cast<std::uint32_t>(kFieldLower));
   EXPECT_EQ(parts.header.precision, 1);
   EXPECT_EQ(parts.header.reduce, static_cast<std::uint8_t>(Reduce::kMin));
-  EXPECT_EQ(parts.header.format, 1);
   EXPECT_EQ(parts.header.signed_distance, 1);
-  EXPECT_EQ(parts.header.warm, 1);
   EXPECT_EQ(parts.header.all_pairs, 0);
   ASSERT_EQ(parts.pairs.size(), 2u);
   EXPECT_EQ(parts.pairs[0].b, kEveryBody);

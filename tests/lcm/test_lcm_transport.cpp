@@ -55,7 +55,8 @@ void expect_same(const reply_t& reply, const Engine& engine, QueryView query, st
   vectors(reply.gradient, view.gradient, 12, "gradient");
   vectors(reply.pair, reinterpret_cast<const std::uint32_t*>(view.pair), 2, "pair");
   scalars(reply.configuration, view.configuration, "configuration");
-  vectors(reply.compact, reinterpret_cast<const float*>(view.compact), 8, "compact");
+  vectors(reply.points32, view.points32, 6, "points32");
+  vectors(reply.bounds, view.bounds, 2, "bounds");
 }
 
 TEST_F(LcmTransportTest, AnEmptyQueryRequestsAllPairs) {
@@ -85,18 +86,16 @@ TEST_F(LcmTransportTest, EveryColumn) {
   expect_same(*reply, *engine_, {}, fields);
 }
 
-TEST_F(LcmTransportTest, Compact) {
+TEST_F(LcmTransportTest, Float32Columns) {
   start();
   set_poses(1, 0.7);
   query_t query = query_message();
-  query.format = static_cast<std::int8_t>(Format::kCompact);
+  query.fields = query_t::FIELD_BOUNDS | query_t::FIELD_POINTS32;
   const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
-  EXPECT_EQ(reply->compact.size(), 21u);
-  QueryView view;
-  view.format = Format::kCompact;
-  expect_same(*reply, *engine_, view, kDefaultFields | kFieldPair);
+  EXPECT_EQ(reply->points32.size(), 21u);
+  expect_same(*reply, *engine_, {}, kFieldBounds | kFieldPoints32);
 }
 
 TEST_F(LcmTransportTest, Reductions) {

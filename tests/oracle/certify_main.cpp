@@ -60,7 +60,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
                const std::vector<std::vector<Tally>>& table) {
   out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in "
       << o.columns_every << "\n"
-      << "class,backend,precision,depth,format,rel_tol,max_distance,cases,apart,touching,overlapping,violations,"
+      << "class,backend,precision,depth,columns,rel_tol,max_distance,cases,apart,touching,overlapping,violations,"
          "inaccurate,"
          "worst_error,worst_width,contact,unconverged,rounding_limited\n";
   for (std::size_t k = 0; k < table.size(); ++k)

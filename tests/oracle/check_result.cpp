@@ -52,7 +52,6 @@ class ResultChecker {
 
  private:
   int exact_against(double x) const { return clipped_ ? (x < 0) - (x > 0) : exact_value_.distance.compare(x); }
-  bool compact() const { return setting_.format == Format::kCompact; }
   void violation(const std::string& what) {
     if (v_.violation.empty()) v_.violation = what;
   }
@@ -75,12 +74,12 @@ class ResultChecker {
   void status() {
     const double lower = answer_.lower, upper = answer_.upper;
     const double requested =
-        std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(compact() ? upper : answer_.distance));
-    const bool narrow = compact() || upper - lower <= requested || (answer_.flags & kFlagRoundingLimited) != 0;
+        std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(setting_.float32 ? upper : answer_.distance));
+    const bool narrow = setting_.float32 || upper - lower <= requested || (answer_.flags & kFlagRoundingLimited) != 0;
     switch (answer_.status) {
       case Status::kOk:
-        // Compact bounds are rounded outward, perhaps to 0.
-        if (!(lower > 0) && !(compact() && lower >= 0)) violation("ok, but lower is not above 0");
+        // Bounds in float32 are rounded outward, perhaps to 0.
+        if (!(lower > 0) && !(setting_.float32 && lower >= 0)) violation("ok, but lower is not above 0");
         if (exact_value_.distance.compare(0) <= 0) violation("ok, but the bodies touch or overlap");
         if (!narrow) violation(text("ok, but wider than asked: %.3g > %.3g", upper - lower, requested));
         break;
@@ -94,7 +93,7 @@ class ResultChecker {
         if (!(lower <= 0 && upper >= 0)) violation("contact, but the bounds prove a side");
         break;
       case Status::kBeyond:
-        if (!(lower > setting_.max_distance) && !compact()) violation("beyond, but lower is not");
+        if (!(lower > setting_.max_distance) && !setting_.float32) violation("beyond, but lower is not");
         if (exact_value_.distance.compare(setting_.max_distance) <= 0)
           violation("beyond, but nearer than max_distance");
         break;
@@ -103,7 +102,7 @@ class ResultChecker {
       default:
         violation(text("status %d for a pair with good poses", static_cast<int>(answer_.status)));
     }
-    if (compact() || answer_.status == Status::kUnconverged) return;
+    if (setting_.float32 || answer_.status == Status::kUnconverged) return;
     const double expected =
         answer_.status == Status::kBeyond || (answer_.status == Status::kOverlap && setting_.signed_distance)
             ? answer_.lower
@@ -116,10 +115,10 @@ class ResultChecker {
 
   void accuracy() {
     if (answer_.status == Status::kBeyond) return;
-    const double loose = compact() ? 4 * kEpsFloat * std::abs(exact_) + std::numeric_limits<float>::min() : 0;
+    const double loose = setting_.float32 ? 4 * kEpsFloat * std::abs(exact_) + std::numeric_limits<float>::min() : 0;
     const double requested = std::max(setting_.abs_tol, setting_.wanted_rel_tol() * std::abs(exact_)) + loose;
     v_.width = (answer_.upper - answer_.lower) / (requested + 32 * kEps * scale_);
-    const double distance = compact() ? answer_.upper : answer_.distance;
+    const double distance = setting_.float32 ? answer_.upper : answer_.distance;
     v_.error = std::abs(distance - exact_) / (requested + 16 * kEps * scale_);
     if (!(v_.error <= 1))
       inaccuracy(text("distance %.17g is off the exact %.17g by %.3g of what is allowed", distance, exact_, v_.error));
@@ -129,7 +128,7 @@ class ResultChecker {
     if (!finite(answer_.point_a) || !finite(answer_.point_b)) return violation("a witness point is not finite");
     Vec3d a = answer_.point_a, b = answer_.point_b;
     double rounding = 16 * kEps * scale_;
-    if (compact()) {
+    if (setting_.float32) {
       rounding += 4 * kEpsFloat * scale_;
       a += c_.X_wa.translation;
       b += c_.X_wb.translation;
@@ -142,7 +141,7 @@ class ResultChecker {
       inaccuracy(text("point_b is outside its piece by %.3g, rounding allows %.3g", out, near_b));
     const double between = norm(b - a), error = std::abs(between - std::abs(answer_.upper));
     const double allowed =
-        2 * near_a + 2 * near_b + (compact() ? 4 * kEpsFloat * std::abs(exact_) : 0) +
+        2 * near_a + 2 * near_b + (setting_.float32 ? 4 * kEpsFloat * std::abs(exact_) : 0) +
         // A depth's upper bound has no witness of its own; the points are within the requested tolerance of it. In
         // float32 the upper bound includes float32's rounding errors, the points do not.
         (setting_.precision == Precision::kF32 ? answer_.upper - answer_.lower : 0) +
@@ -153,7 +152,7 @@ class ResultChecker {
   }
 
   void normal() {
-    if (compact()) return;
+    if (setting_.float32) return;
     if (!finite(answer_.normal) || std::abs(norm(answer_.normal) - 1) > 8 * kEps)
       return violation("the normal is not a unit vector");
     if (!setting_.signed_distance && answer_.lower <= 0) return;       // clipped: nothing to prove
@@ -178,7 +177,7 @@ class ResultChecker {
 std::string Setting::name() const {
   std::string s = backend + (precision == Precision::kF64 ? " f64" : " f32");
   if (signed_distance) s += " signed";
-  if (format == Format::kCompact) s += " compact";
+  if (float32) s += " float32";
   if (rel_tol >= 0) s += text(" rel %.0e", rel_tol);
   if (abs_tol > 0) s += text(" abs %.0e", abs_tol);
   if (max_distance < 1e300) s += text(" max %.3g", max_distance);

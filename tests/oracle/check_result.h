@@ -14,21 +14,21 @@ struct Setting {
   std::string backend = "cpu";
   Precision precision = Precision::kF64;
   bool signed_distance = false;
-  Format format = Format::kFull;
-  double rel_tol = -1;  ///< if negative, the default of the precision
+  bool float32 = false;  ///< bounds and points in float32, and no other columns of numbers
+  double rel_tol = -1;   ///< if negative, the default of the precision
   double abs_tol = 0;
   double max_distance = 1e300;
 
   double wanted_rel_tol() const { return rel_tol >= 0 ? rel_tol : precision == Precision::kF32 ? 1e-4 : 1e-6; }
-  std::string name() const;  ///< "cpu f64 signed compact rel 1e-3 ..."
+  std::string name() const;  ///< "cpu f64 signed float32 rel 1e-3 ..."
 };
 
-/// One row of a reply. With Format::kCompact `distance` and `normal` are absent, and the points are single precision.
+/// One row of a reply. With Setting::float32 `distance` and `normal` are absent.
 struct Answer {
   double distance = 0, lower = 0, upper = 0;
   Status status = Status::kOk;
   std::uint16_t flags = 0;
-  Vec3d point_a{0, 0, 0}, point_b{0, 0, 0};  ///< full: world frame; compact: from each body's origin, world axes
+  Vec3d point_a{0, 0, 0}, point_b{0, 0, 0};  ///< world frame; with Setting::float32 from each body's origin, world axes
   Vec3d normal{0, 0, 0};
 };
 

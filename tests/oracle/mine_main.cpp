@@ -124,7 +124,7 @@ std::vector<Found> score(const std::vector<Case>& cases, const std::vector<Setti
 void mine(const Options& o) {
   std::vector<Setting> settings;
   for (const Setting& s : standard_settings())
-    if (s.format == Format::kFull && s.max_distance > 1e299) settings.push_back(s);
+    if (!s.float32 && s.max_distance > 1e299) settings.push_back(s);
   Random random(o.seed);
   const auto start = std::chrono::steady_clock::now();
   const auto spent = [&] { return std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count(); };

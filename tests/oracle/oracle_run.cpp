@@ -57,7 +57,6 @@ std::vector<BodyPair> Bench::pairs() const {
 }
 
 QueryView Bench::query(const Setting& setting, std::span<const BodyPair> pairs) {
-  const bool compact = setting.format == Format::kCompact;
   QueryView query;
   query.pairs = pairs;
   query.all_pairs = false;
@@ -66,9 +65,9 @@ QueryView Bench::query(const Setting& setting, std::span<const BodyPair> pairs) 
   query.abs_tol = setting.abs_tol;
   query.precision = setting.precision;
   query.signed_distance = setting.signed_distance;
-  query.format = setting.format;
   query.fields = kFieldStatus | kFieldFlags |
-                 (compact ? kFieldCompact : kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal);
+                 (setting.float32 ? kFieldBounds | kFieldPoints32
+                                  : kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal);
   return query;
 }
 
@@ -82,17 +81,16 @@ std::string Bench::certificate(const Setting& setting) const {
 std::vector<Answer> Bench::evaluate(const Setting& setting) const {
   const std::vector<BodyPair> pairs = this->pairs();
   const QueryView query = Bench::query(setting, pairs);
-  const bool compact = setting.format == Format::kCompact;
   std::vector<double> distance(count_), lower(count_), upper(count_), points_a(3 * count_), points_b(3 * count_),
       normals(3 * count_);
   std::vector<std::uint8_t> status(count_);
   std::vector<std::uint16_t> flags(count_);
-  std::vector<CompactAnswer> rows(count_);
+  std::vector<float> bounds(2 * count_), points(6 * count_);
   ReplyView reply;
   reply.status = status.data();
   reply.flags = flags.data();
-  if (compact) {
-    reply.compact = rows.data();
+  if (setting.float32) {
+    reply.bounds = bounds.data(), reply.points32 = points.data();
   } else {
     reply.distance = distance.data(), reply.lower = lower.data(), reply.upper = upper.data();
     reply.point_a = points_a.data(), reply.point_b = points_b.data(), reply.normal = normals.data();
@@ -108,11 +106,11 @@ std::vector<Answer> Bench::evaluate(const Setting& setting) const {
     Answer& a = answers[i];
     a.status = static_cast<Status>(status[i]);
     a.flags = flags[i];
-    if (compact) {
-      const CompactAnswer& r = rows[i];
-      a.lower = r.lower, a.upper = r.upper;
-      a.point_a = {r.point_a[0], r.point_a[1], r.point_a[2]};
-      a.point_b = {r.point_b[0], r.point_b[1], r.point_b[2]};
+    if (setting.float32) {
+      const float* const p = &points[6 * i];
+      a.lower = bounds[2 * i], a.upper = bounds[2 * i + 1];
+      a.point_a = {p[0], p[1], p[2]};
+      a.point_b = {p[3], p[4], p[5]};
     } else {
       a.distance = distance[i], a.lower = lower[i], a.upper = upper[i];
       a.point_a = at(points_a, i), a.point_b = at(points_b, i), a.normal = at(normals, i);
@@ -166,7 +164,7 @@ std::vector<Setting> standard_settings(const std::vector<std::string>& backends,
       s.precision = Precision::kF32;
       settings.push_back(s);
       s = plain;
-      s.format = Format::kCompact;
+      s.float32 = true;
       settings.push_back(s);
       s = plain;
       s.max_distance = 0.1;
@@ -179,8 +177,8 @@ std::vector<Setting> standard_settings(const std::vector<std::string>& backends,
 std::string csv_key(const Setting& s) {
   std::ostringstream out;
   out << s.backend << ',' << (s.precision == Precision::kF64 ? "f64" : "f32") << ','
-      << (s.signed_distance ? "signed" : "unsigned") << ',' << (s.format == Format::kCompact ? "compact" : "full")
-      << ',' << s.wanted_rel_tol() << ',';
+      << (s.signed_distance ? "signed" : "unsigned") << ',' << (s.float32 ? "float32" : "float64") << ','
+      << s.wanted_rel_tol() << ',';
   if (s.max_distance < 1e300) out << s.max_distance;
   return out.str();
 }

@@ -61,8 +61,8 @@ struct Tally {
   void add(const Tally& other);
 };
 
-/// The settings of tests and oracle runs for each backend: float64 and float32; with and without depth; full and
-/// compact; default, zero and loose tolerances; cut-off distances. The reference runs with and without depth only.
+/// The settings of tests and oracle runs for each backend: float64 and float32; with and without depth; columns in
+/// float64 and float32; default, zero and loose tolerances; cut-off distances. The reference runs with and without depth only.
 /// \param with_depth false for bodies with triangles, which have none
 std::vector<Setting> standard_settings(const std::vector<std::string>& backends = {"cpu", "reference"},
                                        bool with_depth = true);

@@ -82,12 +82,10 @@ QUERY = {
     "signed_distance": BOOLS,
     "reduce": WORDS,
     "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 20, -1],
-    "format": WORDS,
     "out": OUTS,
     "timeout_s": NUMBERS_FROM_0,
     "max_results": COUNTS,
     "max_pose_age_ns": COUNTS,
-    "warm": BOOLS,
     "copy": BOOLS,
     "min_pose_stamp_ns": COUNTS,
     "pose_wait_s": [*NUMBERS, None, "", 11, -1],
@@ -311,7 +309,7 @@ def test_what_is_as_good_is_taken(engine):
 
 
 @pytest.mark.parametrize("argument, word, meant", [
-    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"), ("format", "compct", "compact"),
+    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"),
     ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"),
     ("wait_for", "lnk1", "link1"),
 ])  # fmt: skip

@@ -23,7 +23,7 @@ ARM_PAIRS = [
     for other in ("table", "cup", "arm/base")
 ]
 
-MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.COMPACT)
+MASK = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.POINTS32)
 
 
 class FakeDevice:
@@ -66,12 +66,12 @@ POSES = OnDevice(64, (3, 4, 7), "<f8")
 
 
 def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: FakeDevice) -> None:
-    lower, compact = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 8), "<f4")
-    rows = plan(POSES, out={"lower": lower, "compact": compact}, stream=77)
-    assert rows.lower is lower and rows.compact is compact
+    lower, points = OnDevice(4096, (3, 2), "<f8"), OnDevice(8192, (3, 2, 2, 3), "<f4")
+    rows = plan(POSES, out={"lower": lower, "points32": points}, stream=77)
+    assert rows.lower is lower and rows.points32 is points
     poses, positions, columns, stream = run.runs[0]
     assert (poses, positions, stream) == (64, 0, 77)
-    assert columns[COLUMNS["lower"].bit] == 4096 and columns[COLUMNS["compact"].bit] == 8192
+    assert columns[COLUMNS["lower"].bit] == 4096 and columns[COLUMNS["points32"].bit] == 8192
     assert sum(map(bool, columns)) == 2
     with pytest.raises(AttributeError, match=r"no column 'uper'|no column 'upper'"):
         _ = rows.upper
@@ -79,7 +79,7 @@ def test_memory_of_the_caller_goes_to_its_column(plan: DevicePlan, run: FakeDevi
 
 def test_memory_of_the_plan_is_shown_as_arrays(plan: DevicePlan, run: FakeDevice) -> None:
     rows = plan(POSES)
-    assert plan.fields == ("lower", "upper", "status", "compact")
+    assert plan.fields == ("lower", "upper", "status", "points32")
     assert isinstance(rows.status, DeviceArray) and rows.status.dtype == np.uint8
     interface = rows.upper.__cuda_array_interface__
     assert interface["shape"] == (3, 2) and interface["data"] == (2000, False) and interface["typestr"] == "<f8"

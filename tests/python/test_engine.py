@@ -308,19 +308,15 @@ def test_points_come_by_default_for_few_rows_only():
     assert "point_a" in engine.distances(configurations=more, fields=["points", "lower"]).columns
 
 
-def test_compact(engine):
+def test_float32_columns(engine):
     full = engine.distances()
-    r = engine.distances(format="compact")
-    assert r.compact.dtype.itemsize == 32 and r.compact.shape == (1, 7)
-    assert r.lower.dtype == np.float32 and r.point_a.shape == (1, 7, 3)
-    assert (r.lower.astype(np.float64) <= full.lower).all() and (r.upper.astype(np.float64) >= full.upper).all()
-    assert np.allclose(r.lower, full.lower, rtol=1e-6)
-    assert np.array_equal(r.status, full.status)
-    states = engine.body_states()
-    origins = np.array([states[a].pose[:3] for a, b in r.pairs])
-    assert np.allclose(origins + r.point_a[0], full.point_a[0], atol=1e-6)
-    with pytest.raises(AttributeError, match="'distance' was not requested"):
-        r.distance
+    r = engine.distances(fields=("bounds", "points32"))
+    assert r.bounds.shape == (1, 7, 2) and r.points32.shape == (1, 7, 2, 3) and r.points32.dtype == np.float32
+    lower, upper = r.bounds[..., 0], r.bounds[..., 1]
+    assert (lower.astype(np.float64) <= full.lower).all() and (upper.astype(np.float64) >= full.upper).all()
+    assert np.allclose(lower, full.lower, rtol=1e-6)
+    origins = np.array([[state.pose[:3] for state in np.array(engine.body_states())[pair]] for pair in r.pairs])
+    assert np.allclose(origins + r.points32[0], np.stack((full.point_a[0], full.point_b[0]), axis=1), atol=1e-6)
 
 
 # ---- bodies that follow others --------------------------------------------------------------------------------------

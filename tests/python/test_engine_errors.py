@@ -105,7 +105,6 @@ def test_renormalised_is_a_flag_and_stale_a_status(engine):
     ({"precision": "f16"}, ValueError, r"precision: expected 'f64' or 'f32', got 'f16'"),
     ({"reduce": "max"}, ValueError, r"reduce: expected 'none' or 'within' or 'nearest' or 'min' or 'any', got 'max'"),
     ({"reduce": None}, TypeError, r"reduce: expected 'none' or"),
-    ({"format": "json"}, ValueError, r"format: expected 'full' or 'compact', got 'json'"),
     ({"fields": "distnce"}, ValueError, r"fields: no column is named 'distnce'; there are distance, lower"),
     ({"fields": ["lower", 3]}, ValueError, r"fields: no column is named 3"),
     ({"fields": []}, ValueError, r"fields: expected at least one column"),

@@ -22,7 +22,7 @@ from clearance._device_plan import DevicePlan  # noqa: E402
 from clearance._words import COLUMNS, Field  # noqa: E402
 
 K, BODIES = 5, ["s1", "s4"]
-MASK = int(Field.DISTANCE | Field.LOWER | Field.STATUS | Field.GRADIENT | Field.COMPACT)
+MASK = int(Field.DISTANCE | Field.LOWER | Field.STATUS | Field.GRADIENT | Field.POINTS32)
 
 
 def balls() -> clearance.Scene:
@@ -39,9 +39,7 @@ def memory(address: int, shape: tuple[int, ...], dtype: np.dtype) -> np.ndarray:
 
 def answer(engine: clearance.Engine, pairs: np.ndarray, numbers: np.ndarray, name: str) -> np.ndarray:
     """A column of an ordinary query."""
-    format = "compact" if name == "compact" else "full"
-    fields = None if name == "compact" else [name]
-    rows = engine.distances(configurations=numbers, bodies=BODIES, pairs=pairs, format=format, fields=fields)
+    rows = engine.distances(configurations=numbers, bodies=BODIES, pairs=pairs, fields=[name])
     return getattr(rows, name)
 
 
@@ -90,7 +88,7 @@ def poses() -> np.ndarray:
 
 
 def test_rows_are_those_of_the_plan(engine: clearance.Engine, plan: DevicePlan) -> None:
-    numbers, names = poses(), ["lower", "status", "compact"]
+    numbers, names = poses(), ["lower", "status", "points32"]
     rows = clearance.jax.Rows(plan, names, platform="cpu")
     expected = {name: answer(engine, plan.pairs, numbers, name) for name in names}
     for evaluate in (rows, jax.jit(rows)):
@@ -98,9 +96,8 @@ def test_rows_are_those_of_the_plan(engine: clearance.Engine, plan: DevicePlan) 
         assert sorted(got) == sorted(names)
         np.testing.assert_array_equal(got["lower"], expected["lower"])
         np.testing.assert_array_equal(got["status"], expected["status"])
-        assert got["compact"].shape == (*plan.shape, 8) and got["compact"].dtype == np.float32
-        bits = expected["compact"].view(np.uint8).reshape(*plan.shape, 32)
-        np.testing.assert_array_equal(np.asarray(got["compact"]).view(np.uint8), bits)
+        assert got["points32"].shape == (*plan.shape, 2, 3) and got["points32"].dtype == np.float32
+        np.testing.assert_array_equal(got["points32"], expected["points32"])
 
 
 def test_the_gradient_is_the_slope(engine: clearance.Engine, plan: DevicePlan) -> None:

@@ -78,8 +78,6 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
     same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
     known = front.distances([("ball", "plate"), ("plate", "floor")])
     assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()
-    again = evaluate(front, model="truth", warm=True), evaluate(front, model="pieces", warm=True)
-    assert np.allclose(again[0].upper, exact_value.upper, 1e-5) and np.allclose(again[1].upper, pieces.upper, 1e-5)
 
 
 def test_signed_values_below_0_are_the_pieces(front):

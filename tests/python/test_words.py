@@ -78,12 +78,11 @@ def test_columns_have_the_sizes_of_the_header(header):
 def test_words_as_strings():
     assert _words.REDUCTIONS == {"none": 0, "within": 1, "nearest": 2, "min": 3, "any": 4}
     assert _words.PRECISIONS == {"f64": 0, "f32": 1}
-    assert _words.FORMATS == {"full": 0, "compact": 1}
     assert _words.MODELS == {"truth": 0, "pieces": 1}
 
 
 @pytest.mark.parametrize("literal, table", [
-    ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"), ("FormatWord", "FORMATS"),
+    ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"),
     ("MeshAsWord", "MESH_AS"), ("BackendWord", "BACKENDS"), ("ModelWord", "MODELS"),
 ])  # fmt: skip
 def test_type_checkers_know_the_words(literal, table):
@@ -92,7 +91,7 @@ def test_type_checkers_know_the_words(literal, table):
 
 @pytest.mark.parametrize("call, argument, literal", [
     ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "precision", "PrecisionWord"),
-    ("Client.distances", "format", "FormatWord"), ("Engine.__init__", "backend", "BackendWord"),
+    ("Engine.__init__", "backend", "BackendWord"),
     ("Scene.add_mesh", "mesh_as", "MeshAsWord"), ("Client.distances", "model", "ModelWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):

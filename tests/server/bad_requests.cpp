@@ -84,7 +84,7 @@ void add_frames(List& list) {
              "frame: a payload of 18446744073709551615 bytes is more than the 2147483584 allowed",
              [](auto& h) { h.payload_bytes = ~std::uint64_t{0}; });
   list.frame("reserved words of the frame", ping, ErrorCode::kBadFrame, "frame: reserved words must be 0",
-             [](auto& h) { h.reserved[1] = 1; });
+             [](auto& h) { h.reserved[0] = 1; });
   list.frame("unknown type", ping, ErrorCode::kUnknownType, "frame: type 99 is no request",
              [](auto& h) { h.type = 99; });
   list.frame("a reply as a request", ping, ErrorCode::kUnknownType, "frame: type kReply is no request",
@@ -141,8 +141,6 @@ void add_query_values(List& list, std::uint64_t scene_revision) {
   value("precision", "query: precision 3 is not one of 0 to 1", [](auto& q) { q.precision = 3; });
   value("signed_distance", "query: signed_distance 2 is not one of 0 to 1", [](auto& q) { q.signed_distance = 2; });
   value("reduce", "query: reduce 7 is not one of 0 to 4", [](auto& q) { q.reduce = 7; });
-  value("format", "query: format 9 is not one of 0 to 1", [](auto& q) { q.format = 9; });
-  value("warm", "query: warm 200 is not one of 0 to 1", [](auto& q) { q.warm = 200; });
   value("fields", "query: fields has unknown bits: 2147483648", [](auto& q) { q.fields |= 1u << 31; });
   value("max_pose_age_ns", "query: max_pose_age_ns must be >= 0, got -5", [](auto& q) { q.max_pose_age_ns = -5; });
   value("configurations without bodies", "query: 4 configurations of no bodies and no joints",

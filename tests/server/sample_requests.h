@@ -32,7 +32,7 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
     q.configurations = {here, there, there, here};
     q.header.precision = 1;
     q.header.fields =
-        kKnownFields & ~(kFieldCompact | kFieldPairLower | kFieldGradientJoints | kMotionFields | kFieldFreeScale);
+        kKnownFields & ~(kFieldPoints32 | kFieldPairLower | kFieldGradientJoints | kMotionFields | kFieldFreeScale);
   });
   query("signed_with_points", [&](TestQuery& q) {
     q.bodies = {1};
@@ -50,12 +50,11 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
     q.header.fields = kDefaultFields | kFieldFlags;
     q.header.max_pose_age_ns = 1000;
   });
-  query("least_compact_warm", [&](TestQuery& q) {
+  query("least_float32", [&](TestQuery& q) {
     q.bodies = {1};
     q.configurations = {here, there};
     q.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-    q.header.format = static_cast<std::uint8_t>(Format::kCompact);
-    q.header.warm = 1;
+    q.header.fields = kFieldBounds | kFieldPoints32;
   });
   query("waits_for_poses", [](TestQuery& q) {
     q.header.min_pose_stamp_ns = 1000;  // of the poses below

@@ -70,7 +70,7 @@ std::array<const void*, kFieldCount> columns_of(const Reply& r) {
   return {r.distance().data(),      r.lower().data(),           r.upper().data(),      r.status().data(),
           r.flags().data(),         r.point_a().data(),         r.point_b().data(),    r.normal().data(),
           r.pieces().data(),        r.gradient().data(),        r.pair().data(),       r.configuration().data(),
-          r.compact().data(),       r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
+          r.points32().data(),      r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
           r.first_contact().data(), r.steps().data(),           r.bounds().data(),     r.free_scale().data()};
 }
 
@@ -210,8 +210,8 @@ using WritablePoseRows = nb::ndarray<double, nb::shape<-1, 7>, nb::c_contig, nb:
 class PyClient {
  public:
   PyClient(const std::vector<std::string>& urls, double timeout_s, const std::string& server_key,
-           const std::string& key, std::optional<double> hang_s) {
-    ConnectOptions options{duration_of(timeout_s), server_key, key, {}};
+           const std::string& key, std::optional<double> hang_s, bool as_planning) {
+    ConnectOptions options{duration_of(timeout_s), server_key, key, {}, as_planning};
     if (hang_s) options.hang = duration_of(*hang_s);
     const GilRelease release;
     connection_ = std::make_shared<Connection>(urls, options);
@@ -438,8 +438,9 @@ NB_MODULE(_client, m) {
 
   nb::class_<PyClient>(m, "Client")
       .def(nb::init<const std::vector<std::string>&, double, const std::string&, const std::string&,
-                    std::optional<double>>(),
-           nb::arg("urls"), nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"), nb::arg("hang_s").none())
+                    std::optional<double>, bool>(),
+           nb::arg("urls"), nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"), nb::arg("hang_s").none(),
+           nb::arg("as_planning"))
       .def_prop_ro("url", [](const PyClient& c) { return c.use().with([](Client& client) { return client.url(); }); })
       .def_prop_ro("epoch",
                    [](const PyClient& c) { return c.use().with([](Client& client) { return client.epoch(); }); })

@@ -127,7 +127,7 @@ template <class Requested>
 nb::dict query_options() {
   nb::dict rows;
   for_each_query_option([&rows](const QueryOption& option, auto member) {
-    if constexpr (requires(Requested& requested) { member(requested); }) {
+    if constexpr (requires(Requested & requested) { member(requested); }) {
       using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
       const bool is_word = option.legal.kind == Legal::Kind::kWord;
       const char* kind = std::is_same_v<T, bool>       ? "bool"
@@ -205,7 +205,7 @@ inline void bind_answer(nb::module_& m) {
 
 inline constexpr const char* kFieldNames[kFieldCount] = {
     "distance",   "lower",  "upper",         "status", "flags",         "point_a",   "point_b",
-    "normal",     "pieces", "gradient",      "pair",   "configuration", "compact",   "gradient_joints",
+    "normal",     "pieces", "gradient",      "pair",   "configuration", "points32",  "gradient_joints",
     "pair_lower", "time",   "first_contact", "steps",  "bounds",        "free_scale"};
 
 /// Output arrays of the caller: a list with an array or None for each field. Python has checked dtype and contiguity;

@@ -57,7 +57,7 @@ class Certificates:
 
         rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
         arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() with
-            warm=False on the same poses, unless their uncertainty grows with age. Or those of motions(), including
+            the same poses, unless their uncertainty grows with age. Or those of motions(), including
             `start` and `end`, with any reduction; `first_contact` is proved, too, unless `fields` excludes it.
 
         Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as

@@ -5,7 +5,7 @@ from __future__ import annotations
 import concurrent.futures
 import os
 from collections.abc import Mapping, Sequence
-from typing import Any, Optional, Union
+from typing import Any, Literal, Optional, Union
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from ._arguments import (
     to_path,
     to_shape,
     to_text,
+    to_word,
 )
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyState, Front, Pairs, SceneChanged
@@ -41,6 +42,7 @@ def connect(
     server_key: Union[str, os.PathLike[str], None] = None,
     key: Union[str, os.PathLike[str], None] = None,
     hang_s: Optional[float] = None,
+    service_class: Literal["control", "planning"] = "control",
 ) -> Client:
     """Connects to a daemon.
 
@@ -54,11 +56,12 @@ def connect(
         environment (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), otherwise no keys.
     hang_s: seconds that the daemon's loop may stand still during a request, 0.01 or more; then calls raise DaemonHung,
         at most a quarter later. 0 disables this test. Default: 1 s, or a fifth of timeout_s if that is more.
+    service_class: "planning" lowers the requests of a client that has the class "control" (docs/security.md).
 
     Raises ConnectionError naming url and cause, over LCM also if several daemons respond; ValueError for a url of an
     unknown kind.
     """
-    return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s)
+    return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s, service_class=service_class)
 
 
 class Client(Front):
@@ -80,6 +83,7 @@ class Client(Front):
         server_key: Union[str, os.PathLike[str], None] = None,
         key: Union[str, os.PathLike[str], None] = None,
         hang_s: Optional[float] = None,
+        service_class: Literal["control", "planning"] = "control",
     ):
         super().__init__()
         self._connection: Any = None
@@ -94,6 +98,7 @@ class Client(Front):
             "" if server_key is None else to_path(server_key, "server_key"),
             "" if key is None else to_path(key, "key"),
             None if hang_s is None else to_number_from_0(hang_s, "hang_s"),
+            to_word(service_class, {"control": 0, "planning": 1}, "service_class") == 1,
         )
         self._url = self._connection.url
 

@@ -196,9 +196,6 @@ class DevicePlan:
 
     def _address(self, array: Any, what: str, dtype: np.dtype, shape: tuple[int, ...]) -> int:
         address, got_shape, got_dtype = self._memory_of(array, what)
-        # A compact row may be given as its eight float32 numbers.
-        if got_shape == (*shape, dtype.itemsize // 4) and dtype.kind == "V" and got_dtype == np.dtype("<f4"):
-            return address
         if got_dtype != dtype:
             raise TypeError(f"{what}: expected {dtype}, got {got_dtype}")
         if got_shape != shape:
@@ -213,8 +210,6 @@ class DevicePlan:
             interface = None
         if interface is not None:
             shape, dtype = tuple(interface["shape"]), np.dtype(interface["typestr"])
-            if dtype.kind == "V" and "descr" in interface:
-                dtype = np.dtype([tuple(field) for field in interface["descr"]])
             strides = interface.get("strides")
             if strides is not None and tuple(strides) != _strides_in_c_order(shape, dtype.itemsize):
                 raise ValueError(f"{what}: expected C order, got strides {tuple(strides)}")

@@ -116,9 +116,9 @@ class Engine(Front):
             group of its joints, or names or ids. The uncertainty of links still applies.
         reduce: "none" for a row per configuration and pair; "min" for a row per configuration with its least distance;
             "any" for a row per configuration with the status BEYOND if every pair is farther than its `margin`.
-        fields: names of columns. Default: lower and upper; the status for "any"; the compact row and the status for
-            the format "compact". "gradient_joints" requires joints; reductions also have the column "pair".
-        pairs, and `more` (max_distance, abs_tol, rel_tol, margin, precision, format, ...): as in distances().
+        fields: names of columns. Default: lower and upper; the status for "any". "gradient_joints" requires joints;
+            reductions also have the column "pair".
+        pairs, and `more` (max_distance, abs_tol, rel_tol, margin, precision, ...): as in distances().
 
         Other bodies keep their current poses. Raises as distances(); QueryError for unsupported queries (depths, other
         reductions, bodies with a max_speed, limits on the age of poses, surfaces); and QueryError for an engine without

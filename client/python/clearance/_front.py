@@ -27,7 +27,7 @@ from ._prepared import Prepared, TableOf
 from ._query import Parser, Query
 from ._result import Check, Out, Result
 from ._updates import Updates
-from ._words import Field, FormatWord, ModelWord, PrecisionWord, ReduceWord, Status
+from ._words import Field, ModelWord, PrecisionWord, ReduceWord, Status
 
 if TYPE_CHECKING:
     from typing_extensions import ParamSpec
@@ -218,12 +218,10 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         signed_distance: bool = False,
         reduce: ReduceWord = "none",
         fields: Union[str, Sequence[str], None] = None,
-        format: FormatWord = "full",
         out: Out = None,
         timeout_s: Optional[float] = None,
         max_results: int = 1 << 20,
         max_pose_age_ns: int = 0,
-        warm: bool = False,
         copy: bool = True,
         min_pose_stamp_ns: int = 0,
         pose_wait_s: float = 0.0,
@@ -252,15 +250,13 @@ class Front(MotionQueries, Certificates, Updates, Parser):
             {("arm", "*"): 0.02, ...}, where later entries win and other pairs have a margin of 0. Its column
             "free_scale" takes `weights` (J,), the motion of each joint at a scale of 1, as in free_scale().
         fields: names of the columns to return; "points" is both points, "default" is distance, lower, upper and
-            status, "bounds" is lower and upper in float32, rounded outward. The default is "default", plus points and
+            status, "bounds" is lower and upper in float32, rounded outward, "points32" both points in
+            float32 from their body's origin, in world axes. The default is "default", plus points and
             normal for at most 100,000 rows.
-        format: "full", or "compact": float32 bounds rounded outward, points relative to each body's origin.
         out: a dict of arrays or an earlier result to write into; its columns set `fields`.
         timeout_s: seconds. Default: the client's timeout; no limit in process.
         max_results: maximum number of rows of reduce="within".
         max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. 0 accepts any age.
-        warm: keeps warm-start state between calls. Faster, but the last bits then depend on earlier calls. The CPU
-            reduces without it.
         copy: if False, a client's columns are read-only views of the transport's memory, which is released with the
             last array. In process, the result always owns its columns.
         min_pose_stamp_ns: waits for poses with this stamp or a newer one (publisher's clock); 0 to not wait. Raises
@@ -285,9 +281,9 @@ class Front(MotionQueries, Certificates, Updates, Parser):
         status of its rows.
         """
         arguments = (
-            max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields, format, out, timeout_s,
+            max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields, out, timeout_s,
             max_results,
-            max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
+            max_pose_age_ns, copy, min_pose_stamp_ns, pose_wait_s, wait_for, joints,
         )  # fmt: skip
         rows = None if positions is None else to_floats(positions, "positions", "(K, J) numbers")
         requested = (pairs, bodies, model, *arguments)

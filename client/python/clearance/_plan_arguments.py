@@ -25,7 +25,7 @@ def plan_query(
 ) -> tuple[Query, int]:
     """Returns the query, with one configuration of zeros in place of K, and K."""
     count = to_count(configurations, "configurations")
-    if fields is None and more.get("format") != "compact":
+    if fields is None:
         fields = "status" if reduce == "any" else ("lower", "upper")
     requested: dict[str, Any] = {"pairs": pairs, "fields": fields, "reduce": reduce, **more}
     if count == 0 and (bodies is not None or joints is not None):

@@ -12,7 +12,7 @@ from ._joints import JointTable
 from ._names import NameTable, has_selectors
 from ._poses import as_pose7
 from ._result import fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, FORMATS, MARGIN_DTYPE, MODELS, PRECISIONS, REDUCTIONS, Field
+from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, MARGIN_DTYPE, MODELS, PRECISIONS, REDUCTIONS, Field
 
 NO_WAIT = (
     "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
@@ -84,8 +84,7 @@ class Parser:
 
     def _parse(  # type: ignore[no-untyped-def]  # types as in distances()
         self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields,
-        format,
-        out, timeout_s, max_results, max_pose_age_ns, warm, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
+        out, timeout_s, max_results, max_pose_age_ns, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
         joints, positions, model, **more,
     ) -> Query:  # fmt: skip
         query = Query()
@@ -106,14 +105,13 @@ class Parser:
             count = len(rows)
 
         query.reduce = to_word(reduce, REDUCTIONS, "reduce")
-        format_word = to_word(format, FORMATS, "format")
         query.out = None if out is None else out_arrays(out)
         query.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
         query.copy = to_bool(copy, "copy")
         if query.out is not None and not query.copy:
             raise ValueError("copy: out= is a copy; expected copy=True")
         query.max_results = to_count(max_results, "max_results")
-        mask = self._mask(query, fields, format_word, count)
+        mask = self._mask(query, fields, count)
         raw = query.raw = self._module.Query(
             query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT), query.joints, rows
         )
@@ -124,11 +122,9 @@ class Parser:
         raw.signed_distance = to_bool(signed_distance, "signed_distance")
         raw.model = to_word(model, MODELS, "model")
         raw.reduce = query.reduce
-        raw.format = format_word
         raw.fields = mask & ~POINTS_BY_DEFAULT
         raw.max_results = query.max_results
         raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
-        raw.warm = to_bool(warm, "warm")
         if more:
             if "weights" in more:
                 raw.set_weights(_weights(more.pop("weights")))
@@ -186,7 +182,7 @@ class Parser:
             raise ValueError(f"configurations: expected at least one, got shape {np.shape(configurations)}")
         return poses, ids
 
-    def _mask(self, query: Query, fields: Any, format_word: int, configurations: int) -> int:
+    def _mask(self, query: Query, fields: Any, configurations: int) -> int:
         """Returns the column bits of the query. With POINTS_BY_DEFAULT, the engine decides about points and normal."""
         if query.out is not None:
             held = fields_mask(tuple(query.out))
@@ -200,8 +196,6 @@ class Parser:
             return mask
         if fields is not None:
             return fields_mask(fields)
-        if format_word:
-            return int(Field.COMPACT | Field.STATUS)
         return self._default_fields(query, configurations)
 
 

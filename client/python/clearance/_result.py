@@ -10,7 +10,7 @@ import numpy as np
 
 from ._arguments import did_you_mean
 from ._limits import Beyond, LimitViolation
-from ._words import COLUMNS, COMPACT_DTYPE, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
+from ._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
 
@@ -55,8 +55,7 @@ class Result:
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
     "within", where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame.
-    A column that was not requested raises AttributeError. With format="compact", lower, upper, point_a and point_b are
-    float32 and the points are relative to each body's origin, in world axes.
+    A column that was not requested raises AttributeError.
 
     The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
     """
@@ -85,7 +84,7 @@ class Result:
     steps: np.ndarray = _ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
     free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
-    compact: np.ndarray = _ColumnAttribute("structured: rows of 32 bytes as they came, for format='compact'")  # type: ignore[assignment]
+    points32: np.ndarray = _ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
 
     def __init__(
         self,
@@ -172,8 +171,6 @@ class Result:
     def _column(self, name: str) -> np.ndarray:
         column = COLUMNS[name]
         if not self._answer.fields >> column.bit & 1:
-            if self.fields & Field.COMPACT and name in (COMPACT_DTYPE.names or ()):
-                return self.compact[name]
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
             raise AttributeError(f"the column {name!r} was not requested; fields were: {have}")
         if self._out is not None and name in self._out:

@@ -73,13 +73,6 @@ class MeshAs(enum.IntEnum):
     AUTO = 5  #: the default: the hull of a convex or an open mesh, otherwise a solid
 
 
-class Format(enum.IntEnum):
-    """How columns are encoded."""
-
-    FULL = 0  #: float64 columns, points in the world frame
-    COMPACT = 1  #: 32 bytes a row: float32 bounds rounded outward, points relative to each body's origin
-
-
 class Field(enum.IntFlag):
     """Columns of an answer, as bits of a mask."""
 
@@ -95,7 +88,7 @@ class Field(enum.IntFlag):
     GRADIENT = 1 << 9
     PAIR = 1 << 10
     CONFIGURATION = 1 << 11
-    COMPACT = 1 << 12
+    POINTS32 = 1 << 12
     GRADIENT_JOINTS = 1 << 13
     PAIR_LOWER = 1 << 14
     TIME = 1 << 15
@@ -103,10 +96,6 @@ class Field(enum.IntFlag):
     STEPS = 1 << 17
     BOUNDS = 1 << 18
     FREE_SCALE = 1 << 19
-
-
-#: One row of format="compact".
-COMPACT_DTYPE = np.dtype([("lower", "<f4"), ("upper", "<f4"), ("point_a", "<f4", 3), ("point_b", "<f4", 3)])
 
 
 class Column(NamedTuple):
@@ -134,7 +123,7 @@ COLUMNS: dict[str, Column] = {
     "gradient": Column(9, np.dtype("<f8"), (2, 6)),
     "pair": Column(10, np.dtype("<u4"), (2,)),
     "configuration": Column(11, np.dtype("<u4"), ()),
-    "compact": Column(12, COMPACT_DTYPE, ()),
+    "points32": Column(12, np.dtype("<f4"), (2, 3)),
     "gradient_joints": Column(13, np.dtype("<f8"), ()),
     "pair_lower": Column(14, np.dtype("<u4"), (2,)),
     "time": Column(15, np.dtype("<f8"), ()),
@@ -159,7 +148,6 @@ FIELD_MASKS: dict[str, int] = {
 PrecisionWord = Literal["f64", "f32"]
 ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
-FormatWord = Literal["full", "compact"]
 MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
@@ -167,7 +155,6 @@ BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
 MODELS = {word.name.lower(): int(word) for word in Model}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
-FORMATS = {word.name.lower(): int(word) for word in Format}
 MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}

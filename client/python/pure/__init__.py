@@ -111,10 +111,18 @@ class RemotePlan:
 class Client:
     """One connection, shared by the client object, its futures and the answers that view its memory."""
 
-    def __init__(self, urls: Sequence[str], timeout_s: float, server_key: str, key: str, hang_s: Optional[float]):
+    def __init__(
+        self,
+        urls: Sequence[str],
+        timeout_s: float,
+        server_key: str,
+        key: str,
+        hang_s: Optional[float],
+        as_planning: bool,
+    ):
         self._lock = threading.Lock()
         self._trash: deque[int] = deque()  # abandoned requests
-        self._session = Session(Connection(urls, timeout_s, (server_key, key), hang_s), OPTIONS)
+        self._session = Session(Connection(urls, timeout_s, (server_key, key), hang_s), OPTIONS, as_planning)
 
     def _with(self, call: Any, *args: Any) -> Any:
         # Before the lock, which another thread can have held at the fork; that thread does not exist in the child.

@@ -8,7 +8,7 @@ from typing import Any
 from .._errors import ConnectionError
 from ..wire import MAGIC, RECORD_REQUIRED, VERSION, CommonRecord, FrameType
 
-HEADER = struct.Struct("<IHHQQQQQ16x")
+HEADER = struct.Struct("<IHHQQQQQQ8x")
 #: First id of the library's own requests; a caller's requests count from 1.
 OWN_REQUESTS = 1 << 62
 #: Id of an echo request whose reply only serves as a sign of life.
@@ -23,7 +23,7 @@ class Frame:
     __slots__ = ("type", "request_id", "payload", "records", "lease")
 
     def __init__(self, header: Any, payload: Any, url: str, lease: Any = None):
-        magic, version, self.type, self.request_id, size, _, _, records = HEADER.unpack(header)
+        magic, version, self.type, self.request_id, size, _, _, records, _ = HEADER.unpack(header)
         if (magic, version) != (MAGIC, VERSION) or size != len(payload) or records > size or records % 8:
             raise malformed(url, "its header does not fit what came")
         self.payload = memoryview(payload)[: size - records]
@@ -57,9 +57,11 @@ def record(tag: int, payload: bytes) -> bytes:
     return _RECORD.pack(tag, RECORD_REQUIRED, len(payload)) + payload + bytes(-len(payload) % 8)
 
 
-def header_bytes(type: int, request_id: int, payload_bytes: int, scene_revision: int = 0, records: int = 0) -> bytes:
-    """records: bytes of them that the payload ends in."""
-    return HEADER.pack(MAGIC, VERSION, type, request_id, payload_bytes, scene_revision, 0, records)
+def header_bytes(
+    type: int, request_id: int, payload_bytes: int, scene_revision: int = 0, records: int = 0, flags: int = 0
+) -> bytes:
+    """records: bytes of them that the payload ends in. flags: FrameFlag bits."""
+    return HEADER.pack(MAGIC, VERSION, type, request_id, payload_bytes, scene_revision, 0, records, flags)
 
 
 def name_of_type(type: int) -> str:

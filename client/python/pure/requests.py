@@ -55,8 +55,9 @@ class Scene(NamedTuple):
 class Session:
     """Requests of one client. Not thread-safe."""
 
-    def __init__(self, connection: Connection, options: dict[str, Any]):
+    def __init__(self, connection: Connection, options: dict[str, Any], as_planning: bool):
         self.connection = connection
+        self._flags = int(as_planning)  # FrameFlag bits of requests
         self._options = options
         self._scene: Optional[Scene] = None  # the scene that the caller has read
         self._scene_is_old = False  # reported by the daemon; the caller's next read fetches the scene again
@@ -86,7 +87,7 @@ class Session:
                 f"a request of {size + 64} bytes is more than the {MAX_REQUEST_BYTES} allowed: split it",
             )
         request_id = self.connection.next_request_id()
-        header = header_bytes(type, request_id, size, scene_revision, len(records))
+        header = header_bytes(type, request_id, size, scene_revision, len(records), self._flags)
         bodies = [part.tobytes() if isinstance(part, np.ndarray) else part for part in parts]
         self.connection.send(header, [*bodies, records], reply_bytes)
         return request_id
@@ -244,7 +245,7 @@ class Session:
                 rows *= (scene.pair_count if scene else 0) * (len(pairs) if pairs is not None else 1)
             if reduce == Reduce.WITHIN:
                 rows = min(rows, int(q["max_results"]))
-        fields = int(q["fields"]) | (Field.COMPACT if q["format"] else 0)
+        fields = int(q["fields"])
         if reduce != Reduce.NONE:
             fields |= Field.PAIR | Field.CONFIGURATION
         size = 64 + wire._wire.ReplyHeader.itemsize + 2 * 16  # records with the epoch and the number of joints

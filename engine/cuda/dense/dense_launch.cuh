@@ -21,16 +21,16 @@ inline bool f32_goes_first(const PairLimits& pair_limits, const ChunkSetup& chun
 
 // The kernel for pairs that share both hulls.
 // \param points whether rows have points
-template <class T, bool kLean, bool kWarm>
+template <class T, bool kLean>
 auto group_kernel(bool points) {
-  if constexpr (kLean && !kWarm)
+  if constexpr (kLean)
     return points ? answer_lean<T, true> : answer_lean<T, false>;
   else
-    return answer_groups<T, kLean, kWarm>;
+    return answer_groups<T>;
 }
 
 // The last kernel hands over the counts.
-template <bool kLean, bool kWarm>
+template <bool kLean>
 void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.pair_limits.f32;
@@ -42,15 +42,15 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   const ChunkView& first = f32_first || proof_follows ? before : view;
   const bool points = view.pair_limits.want_points;
   if (f32_first) {
-    const auto kernel = group_kernel<float, kLean, kWarm>(points);
+    const auto kernel = group_kernel<float, kLean>(points);
     kernel<<<chunk.group_tiles, kTile, pairs.most_shared_f32, stream>>>(first);
   }
   if (chunk.group_tiles > 0 && !only_f32) {
-    const auto kernel = group_kernel<double, kLean, kWarm>(points);
+    const auto kernel = group_kernel<double, kLean>(points);
     kernel<<<chunk.group_tiles, kTile, pairs.most_shared, stream>>>(first);
   }
   if (chunk.ungrouped_tiles > 0) {
-    const auto kernel = f32 ? answer_ungrouped<true, kLean, kWarm> : answer_ungrouped<false, kLean, kWarm>;
+    const auto kernel = f32 ? answer_ungrouped<true, kLean> : answer_ungrouped<false, kLean>;
     kernel<<<chunk.ungrouped_tiles, kTile, 0, stream>>>(first, chunk.ungrouped);
   }
   if (chunk.several_tiles > 0) {
@@ -61,7 +61,7 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
     ChunkView open = proof_follows ? before : view;
     open.prove_at_once = view.pair_limits.prove_overlaps;
     open.blocks = std::min(chunk.group_tiles, kLateBlocks);
-    answer_open<kLean, kWarm><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
+    answer_open<kLean><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
   }
   if (proof_follows && view.pair_limits.prove_depths) {
     start_depths(view, chunk.rows(), stream);
@@ -73,16 +73,14 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
 
 // The same if a body is uncertain: one list of all pairs of single convex parts, whose hulls are read from the scene's
 // arrays. Overlaps are proved by the thread that finds them.
-template <bool kWarm>
-void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
+inline void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream_t stream) {
   const Group singles{kNone, kNone, 0, chunk.ungrouped.first + chunk.ungrouped.count, 0};
   const std::uint32_t tiles = blocks_of(std::uint64_t{singles.count} * chunk.configurations, kTile);
   const bool f32 = view.pair_limits.f32;
   view.prove_at_once = view.pair_limits.prove_overlaps;
   view.blocks = tiles + chunk.several_tiles;
   if (tiles > 0) {
-    const auto kernel =
-        f32 ? answer_ungrouped<true, false, kWarm, Slack> : answer_ungrouped<false, false, kWarm, Slack>;
+    const auto kernel = f32 ? answer_ungrouped<true, false, Slack> : answer_ungrouped<false, false, Slack>;
     kernel<<<tiles, kTile, 0, stream>>>(view, singles);
   }
   if (chunk.several_tiles > 0) {
@@ -92,18 +90,13 @@ void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cudaStream
 }
 
 // \param fields requested columns, Field bits
-// \param warm whether the view has warm-start rows
 inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
-                         bool warm, cudaStream_t stream) {
+                         cudaStream_t stream) {
   const bool lean = (fields & ~kLeanFields) == 0;
   if (view.bodies.uncertainties.fixed)
-    warm ? answer_uncertain_chunk<true>(view, chunk, stream) : answer_uncertain_chunk<false>(view, chunk, stream);
-  else if (warm)
-    lean ? answer_chunk_as<true, true>(view, chunk, pairs, stream)
-         : answer_chunk_as<false, true>(view, chunk, pairs, stream);
+    answer_uncertain_chunk(view, chunk, stream);
   else
-    lean ? answer_chunk_as<true, false>(view, chunk, pairs, stream)
-         : answer_chunk_as<false, false>(view, chunk, pairs, stream);
+    lean ? answer_chunk_as<true>(view, chunk, pairs, stream) : answer_chunk_as<false>(view, chunk, pairs, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
 

@@ -42,8 +42,6 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
 
   void begin(const QuerySetup& s) override {
     QuerySide::begin(s);
-    warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
-    all_pairs_ = s.all_pairs;
     last_ended_ = 0;
   }
 
@@ -53,8 +51,6 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     slot.rows = chunk.rows();
     slot.is_small = slot.rows <= kSmallRows;
     ChunkView& view = slot.device_view = view_of(slot, chunk);
-    view.warm = warm_ ? warm_ + chunk.first_row : nullptr;
-    view.warm_stride = all_pairs_;
     std::uint64_t reply_bytes = 0;
     reply_view_over(nullptr, slot.rows, fields_, &reply_bytes, joints_);
     slot.host_view = reply_view_over(slot.host_reply.reserve(reply_bytes), slot.rows, fields_, nullptr, joints_);
@@ -120,7 +116,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
-    answer_chunk(slot.device_view, chunk, *pairs_, fields_, warm_ != nullptr, slot.stream);
+    answer_chunk(slot.device_view, chunk, *pairs_, fields_, slot.stream);
   }
 
   // Copies columns to their destinations. Columns that stay in the workspace are contiguous and are copied together.
@@ -153,8 +149,6 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
     flush();
   }
 
-  WarmRow* warm_ = nullptr;  // of the query's rows; null for a cold start
-  std::uint64_t all_pairs_ = 0;
   std::uint64_t last_ended_ = 0;  // of the finished chunks, in device nanoseconds
 };
 

@@ -48,16 +48,14 @@ __device__ inline bool goes_first(const ChunkView& c, const HullHead& a, const H
 }
 
 // Answers an item and writes its row, if it converges.
-template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
+template <bool kLean, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& item, const Hull& a, const Hull& b,
                                           const PairHulls<PointHull>& hulls, const PairFrame<typename Hull::T>& at,
                                           Enclosed& enclosed, const S& slack = S()) {
   enclosed.pair = item.pair;
   enclosed.configuration = item.k;
   PairAnswer answer;
-  WarmRow* const warm = kWarm ? c.warm + item.k * c.warm_stride + c.position[item.pair] : nullptr;
-  const PairOutcome outcome =
-      solve_item<kLean, kWarm>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, warm, slack);
+  const PairOutcome outcome = solve_item<kLean>(c, a, b, hulls, item.at_a, item.at_b, at, answer, enclosed, slack);
   if (outcome == PairOutcome::kEnclosed && c.prove_at_once) return prove_row(c, enclosed);
   if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged)
     write_answer<kLean>(c, item.row, item.k, item.at_a, item.at_b, answer);
@@ -67,7 +65,7 @@ __device__ inline PairOutcome answer_item(const ChunkView& c, const GroupItem& i
 // Blocks of pairs that share both hulls, which are copied to shared memory. The float32 kernel takes the hulls that fit
 // it, and lists unresolved pairs.
 // \tparam T scalar of the iteration
-template <class T, bool kLean, bool kWarm>
+template <class T>
 __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
     answer_groups(const __grid_constant__ ChunkView c) {
   note_begin(c);
@@ -87,9 +85,9 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
   const PairHulls<Hull<SharedVertices>> hulls{a.hull, b.hull};
   if (place < count) {
     if constexpr (kIsF32<T>)
-      outcome = answer_item<kLean, kWarm>(c, item, a.hull_f32, b.hull_f32, hulls, at, enclosed);
+      outcome = answer_item<false>(c, item, a.hull_f32, b.hull_f32, hulls, at, enclosed);
     else
-      outcome = answer_item<kLean, kWarm>(c, item, a.hull, b.hull, hulls, at, enclosed);
+      outcome = answer_item<false>(c, item, a.hull, b.hull, hulls, at, enclosed);
   }
   report<kIsF32<T>>(c, outcome, item.row, enclosed);
   hand_over_counts(c);
@@ -98,7 +96,7 @@ __global__ void __launch_bounds__(kTile, kIsF32<T> ? kBlocksF32 : kBlocks)
 // One item, with hulls read from the scene's arrays.
 // \tparam kBoth float32 is tried first where requested and possible
 // \tparam S Slack, or NoSlack
-template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
+template <bool kBoth, bool kLean, class S = NoSlack>
 __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, bool is_there) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
@@ -110,12 +108,12 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
     outcome = PairOutcome::kUnresolved;
     if (kBoth && fit_f32(*head_a, *head_b)) {
       const PairFrame<float> at = place_pair<float>(item.at_a, *head_a, item.at_b, *head_b);
-      outcome = answer_item<kLean, kWarm>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b),
-                                          hulls, at, enclosed, slack);
+      outcome = answer_item<kLean>(c, item, scene_hull_f32(c.hulls, head_a), scene_hull_f32(c.hulls, head_b), hulls, at,
+                                   enclosed, slack);
     }
     if (outcome == PairOutcome::kUnresolved) {
       const PairFrame<double> at = place_pair<double>(item.at_a, *head_a, item.at_b, *head_b);
-      outcome = answer_item<kLean, kWarm>(c, item, a, b, hulls, at, enclosed, slack);
+      outcome = answer_item<kLean>(c, item, a, b, hulls, at, enclosed, slack);
     }
   }
   report(c, outcome, item.row, enclosed);
@@ -123,16 +121,16 @@ __device__ inline void answer_alone(const ChunkView& c, const GroupItem& item, b
 
 // Pairs too few to fill a block of their own group; with uncertainty, all pairs of single convex parts.
 // \param ungrouped their group
-template <bool kBoth, bool kLean, bool kWarm, class S = NoSlack>
+template <bool kBoth, bool kLean, class S = NoSlack>
 __global__ void __launch_bounds__(kTile, kBlocks)
     answer_ungrouped(const __grid_constant__ ChunkView c, Group ungrouped) {
   note_begin(c);
   const std::uint32_t place = blockIdx.x * kTile + threadIdx.x, count = ungrouped.count * c.configurations;
-  answer_alone<kBoth, kLean, kWarm, S>(c, GroupItem(c, ungrouped, place < count ? place : count - 1), place < count);
+  answer_alone<kBoth, kLean, S>(c, GroupItem(c, ungrouped, place < count ? place : count - 1), place < count);
   hand_over_counts(c);
 }
 
-// Pairs with a body of several convex parts. Always a cold start.
+// Pairs with a body of several convex parts.
 // \param several their group
 template <bool kBoth>
 __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_constant__ ChunkView c, Group several) {
@@ -150,14 +148,14 @@ __global__ void __launch_bounds__(kTile, kBlocks) answer_several(const __grid_co
 
 // Answers pairs in float64 that float32 left open.
 // \param most_warps at a time
-template <bool kLean, bool kWarm>
+template <bool kLean>
 __global__ void __launch_bounds__(kTile, kBlocks)
     answer_open(const __grid_constant__ ChunkView c, std::uint32_t most_warps) {
   const SpreadList list(c.counts[kLeftOpen], most_warps);
   for (std::uint32_t first = 0; first < list.count; first += list.step) {
     const std::uint32_t i = list.at(first);
     const LeftOpen open = c.left_open[i < list.count ? i : list.count - 1];
-    answer_alone<false, kLean, kWarm>(c, GroupItem(c, open.pair, open.configuration), i < list.count);
+    answer_alone<false, kLean>(c, GroupItem(c, open.pair, open.configuration), i < list.count);
   }
   hand_over_counts(c);
 }

@@ -1,4 +1,4 @@
-// Pairs that share both hulls, for queries that need only bounds or compact rows: the blocks of group_kernel.cuh
+// Pairs that share both hulls, for queries that need only bounds or float32 columns: the blocks of group_kernel.cuh
 // reduced to iteration and certification. Overlapping and unresolved pairs are listed for later kernels.
 #pragma once
 
@@ -33,7 +33,7 @@ __device__ inline void write_lean(const ChunkView& c, const LeanItem& item, cons
     const PairRef ref = c.pairs[item.pair];
     c.reply.pair[item.row] = {body_of(c.bodies, ref.a), body_of(c.bodies, ref.b)};
   }
-  if (kPoints && c.reply.compact) write_compact(c.reply.compact + item.row, answer);
+  if (kPoints && c.reply.points32) write_points32(c.reply.points32, item.row, answer);
 }
 
 // \tparam Hull of the iteration
@@ -58,7 +58,7 @@ __device__ inline PairOutcome answer_lean_item(const ChunkView& c, const LeanIte
                   R_wb = BodyPoseRef(c.bodies, c.configurations, ref.b, item.k).frame().R_wb;
       converged_points(hulls.a, R_wa, hulls.b, R_wb, witness_of(g, bounds, R_wa), answer.point_a, answer.point_b);
     };
-    outcome = run_to_end<false>(q, a, b, at, enclosed, nullptr, take);
+    outcome = run_to_end(q, a, b, at, enclosed, take);
   }
   if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) write_lean<kPoints>(c, item, answer);
   return outcome;

@@ -188,7 +188,7 @@ template <class Kind>
 __global__ void __launch_bounds__(kItemThreads) seed_elements(const __grid_constant__ ReducedView r) {
   cut_off_by_seed(
       r, [&](const Item& item) { return kind_of(r, item) == Kind::kKind; },
-      [&](const Item& item, std::uint32_t) { return element_cutoff_of<Kind>(r, item); });
+      [&](const Item& item) { return element_cutoff_of<Kind>(r, item); });
 }
 
 // Box of a placed body of elements, in metres, as the placing kernels compute it for hulls.

@@ -53,11 +53,6 @@ __device__ inline PairKind kind_of(const ReducedView& r, const Item& item) {
   return !one.is_there() ? PairKind::kLeft : one.is_mesh() ? PairKind::kMeshAndHull : PairKind::kPointsAndHull;
 }
 
-// The final simplex of the row's previous run; null for a cold start.
-__device__ inline WarmRow* warm_row(const ReducedView& r, std::uint32_t row) {
-  return r.chunk.warm ? r.chunk.warm + row : nullptr;
-}
-
 template <class Visit>
 __device__ inline void for_groups(const ReducedView& r, const Item& item, Visit visit) {
   if (r.reduce != Reduce::kNearest) return visit(std::size_t{item.k});
@@ -113,7 +108,7 @@ __device__ inline double upper_so_far(const GjkRun<Hull>& run) {
 }
 
 // Computes the cutoffs of the seeds, one thread per group. `handles(item)` returns whether this kernel has the seed;
-// `cutoff(item, row)` returns its cutoff.
+// `cutoff(item)` returns its cutoff.
 template <class Handles, class Cutoff>
 __device__ inline void cut_off_by_seed(const ReducedView& r, const Handles& handles, const Cutoff& cutoff) {
   const std::uint64_t at = std::uint64_t{blockIdx.x} * kItemThreads + threadIdx.x;
@@ -121,13 +116,12 @@ __device__ inline void cut_off_by_seed(const ReducedView& r, const Handles& hand
   const std::uint64_t seed = r.seed[at];
   if (!has_usable_pair(seed)) return;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const std::uint32_t row = k * r.chunk.pair_count + static_cast<std::uint32_t>(seed);
-  const Item item(r, row);
+  const Item item(r, k * r.chunk.pair_count + static_cast<std::uint32_t>(seed));
   if (!handles(item)) return;
   bool taken = false;  // by the thread of the pair's other group
   for_groups(r, item, [&](std::size_t g) { taken |= g < at && r.seed[g] == seed; });
   if (taken) return;
-  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff(item, row)));
+  const auto key = static_cast<std::uint64_t>(__double_as_longlong(cutoff(item)));
   for_groups(r, item, [&](std::size_t g) { take_least(r.cutoff + g, key); });
 }
 __device__ inline std::uint32_t item_count(const ReducedView& r) {

@@ -27,7 +27,7 @@ __device__ inline PairOutcome narrow_to_margin(const ChunkView& c, const PairLim
     near_enough = slack.near_enough(margin);
   }
   Enclosed enclosed;
-  const PairOutcome outcome = run_to_end<false>(of_parts, a, b, at, enclosed, nullptr, take, near_enough);
+  const PairOutcome outcome = run_to_end(of_parts, a, b, at, enclosed, take, near_enough);
   if (outcome != PairOutcome::kEnclosed) return outcome;
   return proved(c, enclosed, at_a, at_b, slack_of_pair(c, ref, k).outer, answer);
 }

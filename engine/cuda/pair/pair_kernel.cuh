@@ -40,10 +40,10 @@ __device__ __noinline__ void add_points(const Hull& a, const BodyPoseRef& at_a, 
     answer.flags |= kFlagNonsmooth;
 }
 
-// Columns of queries that need only a pair's bounds, and of compact ones. Kernels for these alone use fewer registers
+// Columns of queries that need only a pair's bounds, and points in float32. Kernels for these alone use fewer registers
 // and instructions.
 inline constexpr std::uint32_t kLeanFields =
-    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldCompact | kFieldBounds;
+    kDefaultFields | kFieldPair | kFieldConfiguration | kFieldPoints32 | kFieldBounds;
 
 enum class PairOutcome { kNone, kWithoutParts, kConverged, kUnresolved, kEnclosed };
 
@@ -66,30 +66,6 @@ struct GjkRun {
       g.v = first_direction(Vec3<T>{0, 0, 0} - D);
     else
       g.v = first_direction(at.cso_vertex(a.head->centre, b.head->centre));
-  }
-  // Starts at the final simplex of an earlier run.
-  __device__ void begin_at(const WarmRow& warm) {
-    const int size = warm.size < 3 ? warm.size : 3;
-    if (size == 0) return;
-    Simplex<T> simplex;
-    CLEARANCE_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      const std::uint32_t ia = i < size ? warm.a[i] : warm.a[0], ib = i < size ? warm.b[i] : warm.b[0];
-      if (ia >= a_.count() || ib >= b_.count()) return;
-      simplex.vertex[i] = cso_vertex(ia, ib);
-    }
-    simplex.size = size;
-    g.begin(simplex, true);
-  }
-  __device__ WarmRow end() const {
-    WarmRow row{};
-    row.size = static_cast<std::uint16_t>(g.simplex.size < 3 ? g.simplex.size : 3);
-    CLEARANCE_UNROLL
-    for (int i = 0; i < 3; ++i) {
-      row.a[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].a : 0);
-      row.b[i] = static_cast<std::uint16_t>(i < g.simplex.size ? g.simplex.vertex[i].b : 0);
-    }
-    return row;
   }
   __device__ __forceinline__ void step() {
     Nearest<T> next;
@@ -177,7 +153,7 @@ struct PairHulls {
 
 // Writes the answer of a run with converged bounds.
 // \param slack of the pair: a Slack, or NoSlack
-// \tparam kLean only kLeanFields are requested: no flags, no normal, and points for compact rows alone
+// \tparam kLean only kLeanFields are requested: no flags, no normal, and points for points32 alone
 template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
                                       const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
@@ -185,7 +161,9 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
   bool decided = false;
   if constexpr (kHasSlack<S>) {
     decided = slack.any();
-    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
+    if (decided)
+      decide(
+          limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
   }
   if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;
@@ -200,19 +178,16 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
 
 // Runs GJK on a placed pair to its end.
 // \param enclosed receives the simplex if it encloses the origin
-// \param warm with kWarm: the first simplex of the run; receives the last one
 // \param take called with the converged run and its bounds
 // \param stop_below of GjkRun::bounds()
-template <bool kWarm, class Hull, class Take, class... StopBelow>
+template <class Hull, class Take, class... StopBelow>
 __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, const Hull& b,
-                                         const PairFrame<typename Hull::T>& at, Enclosed& enclosed, WarmRow* warm,
-                                         const Take& take, const StopBelow&... stop_below) {
+                                         const PairFrame<typename Hull::T>& at, Enclosed& enclosed, const Take& take,
+                                         const StopBelow&... stop_below) {
   using T = typename Hull::T;
   if (kIsF32<T> && !at.fits) return PairOutcome::kUnresolved;
   GjkRun<Hull> run(q, a, b, at);
-  if (kWarm) run.begin_at(*warm);
   run.run();
-  if (kWarm) *warm = run.end();
   if (run.g.end == Gjk<T>::code(GjkEnd::kEncloses)) {  // bounds never converge then
     if constexpr (!kIsF32<T>)
       if ((q.prove_overlaps || q.prove_depths) && take_enclosed(run.g, enclosed)) return PairOutcome::kEnclosed;
@@ -225,11 +200,11 @@ __device__ inline PairOutcome run_to_end(const PairLimits& q, const Hull& a, con
 }
 
 // Answers one placed pair, if it converges.
-template <bool kLean, bool kWarm, class Hull, class PointHull, class S>
+template <bool kLean, class Hull, class PointHull, class S>
 __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const Hull& b,
                                      const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
                                      const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at, PairAnswer& answer,
-                                     Enclosed& enclosed, WarmRow* warm, const S& slack) {
+                                     Enclosed& enclosed, const S& slack) {
   using T = typename Hull::T;
   const auto take = [&](const Gjk<T>& g, const RunBounds<T>& bounds) {
     take_converged<kLean>(q, hulls, at_a, at_b, g, bounds, answer, slack);
@@ -237,9 +212,9 @@ __device__ inline PairOutcome narrow(const PairLimits& q, const Hull& a, const H
   if constexpr (kHasSlack<S>) {
     PairLimits of_parts = q;
     of_parts.max_distance = slack.cut_off(q.max_distance);
-    return run_to_end<kWarm>(of_parts, a, b, at, enclosed, warm, take);
+    return run_to_end(of_parts, a, b, at, enclosed, take);
   } else {
-    return run_to_end<kWarm>(q, a, b, at, enclosed, warm, take);
+    return run_to_end(q, a, b, at, enclosed, take);
   }
 }
 
@@ -263,12 +238,13 @@ __device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef
   const std::uint8_t states = a.state | b.state;
   return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
 }
-// As two stores of 16 bytes.
-__device__ inline void write_compact(CompactAnswer* row, const PairAnswer& answer) {
-  const CompactAnswer r = detail::compact(answer);
-  auto* halves = reinterpret_cast<float4*>(row);
-  halves[0] = {r.lower, r.upper, r.point_a[0], r.point_a[1]};
-  halves[1] = {r.point_a[2], r.point_b[0], r.point_b[1], r.point_b[2]};
+// As three stores of 8 bytes.
+__device__ inline void write_points32(float* points32, std::uint64_t row, const PairAnswer& answer) {
+  const auto a = cast<float>(answer.point_a), b = cast<float>(answer.point_b);
+  auto* pairs = reinterpret_cast<float2*>(points32 + 6 * row);
+  pairs[0] = {a.x, a.y};
+  pairs[1] = {a.z, b.x};
+  pairs[2] = {b.y, b.z};
 }
 // Writes a row of the column gradient_joints. Not inlined, so that it takes no registers from other columns.
 __device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
@@ -296,7 +272,7 @@ __device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::
     write_interval(c.reply, row, answer);
     if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
     if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
-    if (c.reply.compact) write_compact(c.reply.compact + row, answer);
+    if (c.reply.points32) write_points32(c.reply.points32, row, answer);
     return;
   }
   write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
@@ -332,14 +308,13 @@ __device__ inline bool answer_without_parts(const PairLimits& q, const BodyPoseR
 }
 
 // Answers one item of a chunk, if it converges.
-template <bool kLean, bool kWarm, class Hull, class PointHull, class S = NoSlack>
+template <bool kLean, class Hull, class PointHull, class S = NoSlack>
 __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, const Hull& b,
                                          const PairHulls<PointHull>& hulls, const BodyPoseRef& at_a,
                                          const BodyPoseRef& at_b, const PairFrame<typename Hull::T>& at,
-                                         PairAnswer& answer, Enclosed& enclosed, WarmRow* warm = nullptr,
-                                         const S& slack = S()) {
+                                         PairAnswer& answer, Enclosed& enclosed, const S& slack = S()) {
   if (answer_without_parts(c.pair_limits, at_a, at_b, answer)) return PairOutcome::kWithoutParts;
-  return narrow<kLean, kWarm>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+  return narrow<kLean>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
 }
 
 // Reserves list positions, and counts, with one atomic operation per warp. All threads of the warp call these.

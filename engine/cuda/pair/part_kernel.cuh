@@ -77,13 +77,13 @@ __device__ inline PairOutcome solve_parts(const ChunkView& c, const PairLimits& 
     };
     if (kBoth && pair_limits.f32 && fit_f32(*of_a, *of_b)) {
       const PairFrame<float> at = place_pair<float>(at_a, *of_a, at_b, *of_b);
-      if (run_to_end<false>(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, nullptr,
-                            take, slack_of_pair(c, ref, k).near_enough(margin)...) == PairOutcome::kConverged)
+      if (run_to_end(q, scene_hull_f32(c.hulls, of_a), scene_hull_f32(c.hulls, of_b), at, enclosed, take,
+                     slack_of_pair(c, ref, k).near_enough(margin)...) == PairOutcome::kConverged)
         return PartEnd::kApart;
     }
     const PairFrame<double> at = place_pair<double>(at_a, *of_a, at_b, *of_b);
-    const PairOutcome outcome = run_to_end<false>(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed,
-                                                  nullptr, take, slack_of_pair(c, ref, k).near_enough(margin)...);
+    const PairOutcome outcome = run_to_end(q, scene_hull(c.hulls, of_a), scene_hull(c.hulls, of_b), at, enclosed, take,
+                                           slack_of_pair(c, ref, k).near_enough(margin)...);
     if (outcome == PairOutcome::kConverged) return PartEnd::kApart;
     if (outcome != PairOutcome::kEnclosed) return PartEnd::kOpen;
     const double outer = slack_of_pair(c, ref, k).outer;

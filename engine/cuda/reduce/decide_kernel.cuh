@@ -104,7 +104,7 @@ __device__ inline BoxScan scan_boxes(const ConfigurationPairs& members, const Te
 }
 
 // Search of a configuration for its winner; each thread of its team has a copy of the state.
-template <std::uint32_t kLanes, bool kWarm>
+template <std::uint32_t kLanes>
 class Decision {
  public:
   __device__ Decision(const ReducedView& r, std::uint32_t k, bool exists, std::uint32_t* queue)
@@ -202,9 +202,7 @@ class Decision {
     QueuedPair pair(c_, there, member, {__shfl_sync(~0u, ref.a, source), __shfl_sync(~0u, ref.b, source)},
                     __shfl_sync(~0u, members_.k, source));
     GjkRun<Scene> run(c_.pair_limits, pair.a, pair.b, pair.place);
-    if (kWarm && pair.runs) run.begin_at(*warm_row(r_, members_.row(member)));
     const std::uint32_t enclosing = race(pair, run);
-    if (kWarm && pair.runs) *warm_row(r_, members_.row(member)) = run.end();
     add_count(c_.counts + kConvergedRows, pair.runs);
 
     const bool overlaps = proves_overlap(pair, run, enclosing);
@@ -362,12 +360,12 @@ class Decision {
 };
 
 // One team per configuration.
-template <std::uint32_t kLanes, bool kWarm>
+template <std::uint32_t kLanes>
 __global__ void __launch_bounds__(kDecideThreads, kDecideBlocks)
     decide_configurations(const __grid_constant__ ReducedView r) {
   __shared__ std::uint32_t queues[kDecideThreads / kLanes][2 * kLanes];
   const std::uint32_t k = (blockIdx.x * kDecideThreads + threadIdx.x) / kLanes;
-  Decision<kLanes, kWarm>(r, k, k < r.chunk.configurations, queues[threadIdx.x / kLanes]).run();
+  Decision<kLanes>(r, k, k < r.chunk.configurations, queues[threadIdx.x / kLanes]).run();
   hand_over_counts(r.chunk);
 }
 

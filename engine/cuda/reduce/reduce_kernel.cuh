@@ -51,8 +51,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
 
 // Distance beyond which no pair of the item's groups needs to be evaluated: the item's upper bound or, if its boxes
 // alone are beyond max_distance, their gap. At least 0, since touching boxes give no bound on depths.
-// \param warm final simplex of its last run, or null
-__device__ inline double cutoff_of(const ChunkView& c, const Item& item, const WarmRow* warm) {
+__device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
   const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
       at_b(c.bodies, c.configurations, item.ref.b, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
@@ -65,7 +64,6 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item, const W
   const Hull<SceneVertices> a = scene_hull(c.hulls, heads.a), b = scene_hull(c.hulls, heads.b);
   const auto at = place_pair<double>(at_a, *a.head, at_b, *b.head);
   GjkRun<Hull<SceneVertices>> run(c.pair_limits, a, b, at);
-  if (warm) run.begin_at(*warm);
   for (int steps = 0; run.g.end == 0 && steps < kSeedSteps; ++steps) run.step();
   return slack_of_pair(c, item.ref, item.k).true_upper(upper_so_far(run));
 }
@@ -95,9 +93,8 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
         const PairKind kind = kind_of(r, item);
         return kind == PairKind::kHulls || kind == PairKind::kLeft;
       },
-      [&](const Item& item, std::uint32_t row) {
-        return kind_of(r, item) == PairKind::kLeft ? cutoff_of_left(r, item)
-                                                   : cutoff_of(r.chunk, item, warm_row(r, row));
+      [&](const Item& item) {
+        return kind_of(r, item) == PairKind::kLeft ? cutoff_of_left(r, item) : cutoff_of(r.chunk, item);
       });
 }
 
@@ -147,19 +144,19 @@ __host__ __device__ inline std::uint32_t hit_word_count(const ReducedView& r) {
   return ((r.keys ? r.capacity : r.rows) + 31) / 32;
 }
 
-template <bool kWarm, class S>
+template <class S>
 __device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& item, const BodyPoseRef& at_a,
                                               const BodyPoseRef& at_b, PairAnswer& answer, Enclosed& enclosed,
-                                              WarmRow* warm, const S& slack) {
+                                              const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
   const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
   const PairHulls<Hull<SceneVertices>> hulls{a, b};
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
-  return solve_item<false, kWarm>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, warm, slack);
+  return solve_item<false>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
 }
 
 // \tparam S Slack for uncertain pairs, else NoSlack
-template <bool kWarm, class S>
+template <class S>
 __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
   const std::uint32_t count = item_count(r);
@@ -178,9 +175,8 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       const bool hulls = kind == PairKind::kHulls;
       several = hulls && has_several(c.hulls, at_a.body, at_b.body);
       PairAnswer answer;
-      WarmRow* const warm = kWarm ? warm_row(r, listed_row(r, i)) : nullptr;
       const S slack = known_slack<S>(c, item.ref, item.k);
-      if (!several && hulls) outcome = solve_candidate<kWarm>(c, item, at_a, at_b, answer, enclosed, warm, slack);
+      if (!several && hulls) outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed, slack);
       if (kind == PairKind::kLeft) outcome = PairOutcome::kUnresolved;
       if (outcome == PairOutcome::kEnclosed)
         outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);

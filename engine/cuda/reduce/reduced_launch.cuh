@@ -113,10 +113,7 @@ inline void start_candidates(const ReducedView& r, cudaStream_t stream) {
 }
 /// Evaluates the listed pairs.
 inline void start_items(const ReducedView& r, bool several, cudaStream_t stream) {
-  const bool warm = r.chunk.warm != nullptr;
-  const auto known = warm ? solve_candidates<true, NoSlack> : solve_candidates<false, NoSlack>,
-             uncertain = warm ? solve_candidates<true, Slack> : solve_candidates<false, Slack>;
-  const auto kernel = r.chunk.bodies.uncertainties.fixed ? uncertain : known;
+  const auto kernel = r.chunk.bodies.uncertainties.fixed ? solve_candidates<Slack> : solve_candidates<NoSlack>;
   kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (several) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
@@ -134,8 +131,7 @@ inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
 /// Runs one team of threads per configuration.
 inline void start_teams(ReducedView& r, cudaStream_t stream) {
   r.chunk.blocks = blocks_of(std::uint64_t{r.chunk.configurations} * kTeam, kDecideThreads);
-  const auto kernel = r.chunk.warm ? decide_configurations<kTeam, true> : decide_configurations<kTeam, false>;
-  kernel<<<r.chunk.blocks, kDecideThreads, 0, stream>>>(r);
+  decide_configurations<kTeam><<<r.chunk.blocks, kDecideThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }
 /// Writes a row per group.

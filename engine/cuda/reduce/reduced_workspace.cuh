@@ -64,7 +64,6 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     QuerySide::begin(s);
     begin_elements(s);
     settings_ = ReducedSettings(s, hulls_);
-    warm_ = s.warm ? static_cast<CudaWarm*>(s.warm)->rows() : nullptr;
     most_rows_ = s.most_rows;
     clock_.restart();
   }
@@ -82,7 +81,6 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.chunk.host_counts = reinterpret_cast<std::uint32_t*>(slot.host_counts.reserve(kCounts * sizeof(std::uint32_t)));
     slot.direct = direct;
     slot.most_rows = within() ? std::min<std::uint64_t>(r.rows, most_rows_) : groups_of(r);
-    r.chunk.warm = warm_ ? warm_ + chunk.first_row : nullptr;
     if (settings_.by_teams) return launch_teams(slot);
     slot.counts_are_clear = false;
     if (!table_) slot.listed = std::max(slot.listed, std::min(r.rows, kFirstCapacity));
@@ -198,7 +196,6 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
                           slot.stream),
           "copying counts");
     clear_candidates(r, slot.stream);
-    r.chunk.warm = nullptr;
     start_items(r, hulls_.has_several(), slot.stream);
     write(slot);
     check(cudaStreamSynchronize(slot.stream), "answering a query");
@@ -318,7 +315,6 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   std::uint64_t most_rows_ = 0;
   const CudaTable* table_ = nullptr;  // null if the query's pairs are listed
   QueryElements elements_{counters_.memory};
-  WarmRow* warm_ = nullptr;  // of the query's rows; null for a cold start
   ChunkClock clock_;
 };
 

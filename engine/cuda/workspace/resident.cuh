@@ -113,17 +113,4 @@ class CudaTable final : public ResidentTable {
   Upload memory_;
 };
 
-class CudaWarm final : public ResidentWarm {
- public:
-  CudaWarm(MemoryCounters& counters, std::uint64_t rows) : memory_(counters) {
-    const std::size_t bytes = rows * sizeof(WarmRow);
-    check(cudaMemset(memory_.reserve(bytes), 0, bytes), "clearing warm state");
-    check(cudaDeviceSynchronize(), "clearing warm state");  // queries run in streams that do not wait for others
-  }
-  WarmRow* rows() { return reinterpret_cast<WarmRow*>(memory_.data()); }
-
- private:
-  DeviceBuffer memory_;
-};
-
 }  // namespace clearance::cuda

@@ -24,8 +24,6 @@ class DenseDeviceQuery final : public DeviceQuery {
     QuerySetup s = setup(*workspace_);
     s.pairs = chunk_plan_->resident.get();
     s.chunks = chunks_;
-    s.all_pairs = plan_.size.pairs;
-    s.warm = take_warm(plan_.size.configurations * plan_.size.pairs);
     begin_chunks(*workspace_, s);
   }
 

@@ -128,7 +128,7 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
       reject("rows: gradient_joints of " + std::to_string(rows.joints) + " joints, and the plan has " +
              std::to_string(plan_.size.joints));
   }
-  static std::size_t alignof_rows(const CompactAnswer&) { return 16; }  // written in units of 16 bytes
+  static std::size_t alignof_rows(float) { return 8; }  // written in pairs
   template <class T>
   static std::size_t alignof_rows(const T&) {
     return alignof(T);

@@ -39,7 +39,7 @@ class DevicePlan {
   ///
   /// Throws QueryError for a column that the query was not made for or that is misaligned, and if the device fails.
   /// \param rows columns of QuerySize::rows in device memory, null if not wanted; `joints` with gradient_joints;
-  /// `compact` aligned to 16 bytes
+  /// float32 columns aligned to 8 bytes
   /// \param stream cudaStream_t; null for the default stream
   virtual void run(const GivenOnDevice& given, const ReplyView& rows, void* stream) = 0;
   /// Enqueues some configurations only, starting at `first`, which limits the work in the stream. Returns the next

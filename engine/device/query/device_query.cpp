@@ -26,15 +26,6 @@ DeviceQuery::DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView
   find_direct_columns();
 }
 
-DeviceQuery::~DeviceQuery() {
-  if (warm_) backend_.put_back(std::move(warm_));
-}
-
-ResidentWarm* DeviceQuery::take_warm(std::uint64_t rows) {
-  if (plan_.query.warm_slot != 0) warm_ = backend_.take_warm(plan_, rows);
-  return warm_ ? warm_->memory.get() : nullptr;
-}
-
 Plan DeviceQuery::give_up() {
   plan_.keep_configurations();  // they may lie in the workspace
   return std::move(plan_);

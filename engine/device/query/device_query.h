@@ -32,7 +32,6 @@ inline ChunkSetup chunk_of(const ChunkPlan::Part& part, const ChunkPlan::Part::G
 class DeviceQuery : public ParallelJob {
  public:
   DeviceQuery(const JobContext& context, Plan&& plan, const ReplyView& reply);
-  ~DeviceQuery() override;
 
   /// Uploads the query to the device. Throws DeviceError, as advance() does.
   virtual void begin() = 0;
@@ -48,8 +47,6 @@ class DeviceQuery : public ParallelJob {
 
   /// Copies the poses of bodies, and returns the settings of the query, which point to data owned by this object.
   QuerySetup setup(QueryWorkspace& workspace);
-  /// The client's warm-start state for this many rows, if it keeps one. Release the workspace before this object.
-  ResidentWarm* take_warm(std::uint64_t rows);
   /// Starts chunks_ chunks: the first ones at once, while other threads copy the poses of configurations. The caller
   /// may reuse its memory once the query has begun.
   void begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup);
@@ -110,7 +107,7 @@ class DeviceQuery : public ParallelJob {
   PlacedBodies placed_bodies(std::uint64_t pair, const BodyPoses& placement) const {
     if (plan_.query.reduce != Reduce::kAny) return {plan_.pairs.at(pair), &placement, plan_.query.max_distance};
     const double margin = plan_.margins.of(pair);
-    return {plan_.pairs.at(pair), &placement, margin, nullptr, margin};
+    return {plan_.pairs.at(pair), &placement, margin, margin};
   }
   void launch_ahead();
   void find_direct_columns();
@@ -127,7 +124,6 @@ class DeviceQuery : public ParallelJob {
   const T* give(QueryWorkspace& workspace, int slot, Given given, std::span<const T> all, std::uint64_t first,
                 std::uint64_t count);
 
-  std::unique_ptr<DeviceWarmTable> warm_;
   Incoming incoming_[2];                            // by kind of input
   std::optional<MovedChains> moved_;                // empty if the query moves nothing
   std::optional<DeviceUncertainty> uncertainties_;  // empty if no body of the query is uncertain

@@ -47,8 +47,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     s.pair_limits.abs_tol = motion_options_.limits.abs_tol;
     s.pair_limits.rel_tol = motion_options_.limits.rel_tol;
     s.pair_limits.max_distance = motion_options_.limits.max_distance;
-    s.pair_limits.want_points = true;                                        // also the separating directions
-    s.pair_limits.want_nonsmooth |= plan_.query.format == Format::kCompact;  // compact rows have all flags of ends
+    s.pair_limits.want_points = true;  // also the separating directions
     s.pairs = list_->resident.get();
     s.chunks = chunks_;
     s.reduce = plan_.query.reduce;

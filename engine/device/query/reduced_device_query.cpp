@@ -60,12 +60,10 @@ class ReducedDeviceQuery final : public DeviceQuery {
       s.elements = elements_->bodies;
       s.element_kinds = list_->kinds;
     }
-    if (plan_.query.reduce == Reduce::kAny) {  // which always starts cold
+    if (plan_.query.reduce == Reduce::kAny) {
       s.margins = plan_.margins.each();
       s.margin = plan_.margins.most();
       s.beyond = beyond_all_margins(plan_);
-    } else {
-      s.warm = take_warm(K * P);
     }
     begin_chunks(*workspace_, s);
   }
@@ -120,7 +118,9 @@ class ReducedDeviceQuery final : public DeviceQuery {
     const std::uint64_t P = plan_.size.pairs;
     answer_on_cpu(
         order_.size(),
-        [&](std::size_t i) { return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P}; },
+        [&](std::size_t i) {
+          return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P};
+        },
         [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
   }
 

@@ -272,8 +272,6 @@ struct Lanes {
   Columns3<T> offset = {};
   Column<T> extra = {}, cut_off = {}, stop_below = {}, steps = {};
   Column<T> fresh = {};  // 1 if the pair has come since the last step
-  Column<T> seeds = {};  // number of vertices of an earlier run to begin from
-  std::uint32_t seed_a[3][kCount] = {}, seed_b[3][kCount] = {};
   std::size_t pair_of[kCount] = {};
   bool busy_at[kCount] = {};
   int busy = 0;
@@ -311,7 +309,6 @@ struct Lanes {
       offset.set(lane, frame.D);
       fresh.at[lane] = 1;
       steps.at[lane] = 0;
-      take_seeds(pair, lane);
       pair_of[lane] = next++;
       busy_at[lane] = true;
       ++busy;
@@ -320,19 +317,6 @@ struct Lanes {
     busy_at[lane] = false;
     return false;
   }
-  HWY_INLINE void take_seeds(const LanePair& pair, int lane) {
-    if (!pair.warm && !(seeds.at[lane] > 0)) return;
-    seeds.at[lane] = 0;
-    for (int i = 0; i < 3; ++i) seed_a[i][lane] = seed_b[i][lane] = 0;
-    if (!pair.warm) return;
-    const WarmSimplex& warm = *pair.warm;
-    for (int i = 0; i < warm.size && i < 3 && warm.a[i] < pair.a->vertex_count && warm.b[i] < pair.b->vertex_count;
-         ++i) {
-      seed_a[i][lane] = warm.a[i];
-      seed_b[i][lane] = warm.b[i];
-      seeds.at[lane] = static_cast<T>(i + 1);
-    }
-  }
 };
 
 template <class T>
@@ -340,26 +324,7 @@ HWY_INLINE PairFrame<Pack<T>> frames_of(const Lanes<T>& lanes) {
   return {lanes.rotation.pack(), lanes.offset.pack(), lanes.extra.pack()};
 }
 
-// The simplices to begin from, of the lanes that have one.
-template <class T>
-HWY_INLINE Simplex<Pack<T>> seeds_of(const Lanes<T>& lanes, const PairFrame<Pack<T>>& at) {
-  Simplex<Pack<T>> simplex;
-  simplex.size = lanes.seeds.pack();
-  for (int i = 0; i < 3; ++i) {
-    Columns3<T> p, q;
-    Column<T> index_a, index_b;
-    for (int lane = 0; lane < Lanes<T>::kCount; ++lane) {
-      p.set(lane, Source<T>::vertex(*lanes.a[lane], lanes.seed_a[i][lane]));
-      q.set(lane, Source<T>::vertex(*lanes.b[lane], lanes.seed_b[i][lane]));
-      index_a.at[lane] = static_cast<T>(lanes.seed_a[i][lane]);
-      index_b.at[lane] = static_cast<T>(lanes.seed_b[i][lane]);
-    }
-    simplex.vertex[i] = {at.cso_vertex(p.pack(), q.pack()), index_a.pack(), index_b.pack()};
-  }
-  return simplex;
-}
-
-// First directions and seeds of new pairs, and the limits of all lanes from now on.
+// First directions of new pairs, and the limits of all lanes from now on.
 template <class T>
 HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLimits<Pack<T>>& limits, Pack<T>& scale,
                             Gjk<Pack<T>>& g) {
@@ -367,7 +332,6 @@ HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLi
   const P zero(0.0);
   const auto is_fresh = lanes.fresh.pack() > zero;
   g.v = select(is_fresh, first_direction(at.cso_vertex(lanes.centre_a.pack(), lanes.centre_b.pack())), g.v);
-  if (const auto seeded = is_fresh & (lanes.seeds.pack() > zero); any(seeded)) g.begin(seeds_of(lanes, at), seeded);
   lanes.fresh.set(zero);
   limits.radius = lanes.radius.pack();
   scale = pair_scale(at.D, lanes.rho_a.pack(), lanes.rho_b.pack(), limits.radius);
@@ -390,17 +354,6 @@ HWY_INLINE void find_farthest(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_
   }
 }
 
-// Stores the end of a lane's run for the pair's next one.
-template <class T>
-HWY_INLINE void copy_warm(const Simplex<Pack<T>>& from, int lane, WarmSimplex& to) {
-  const int size = static_cast<int>(lane_of(from.size, lane));
-  to.size = static_cast<std::uint8_t>(size < 3 ? size : 3);
-  for (int i = 0; i < to.size; ++i) {
-    to.a[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.vertex[i].a, lane)));
-    to.b[i] = static_cast<std::uint32_t>(static_cast<std::int64_t>(lane_of(from.vertex[i].b, lane)));
-  }
-}
-
 // Writes the results of the lanes that ended: their bounds, and the witness if they suffice, or else the state of GJK.
 template <class T>
 HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gjk<Pack<T>>& g,
@@ -414,7 +367,6 @@ HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gj
     const std::size_t pair = lanes.pair_of[lane];
     const bool done = converged >> lane & 1;
     batch.answers[pair] = {lower.at[lane], upper.at[lane], done};
-    if (batch.pairs[pair].warm) copy_warm<T>(g.simplex, lane, *batch.pairs[pair].warm);
     if constexpr (std::is_same_v<T, double>)
       if (!done) copy_lane(g, lane, batch.unresolved[pair]);
     if (done && batch.witnesses) copy_witness(g, bounds, lane, *batch.pairs[pair].R_wa, batch.witnesses[pair]);

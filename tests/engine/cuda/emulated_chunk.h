@@ -60,7 +60,7 @@ struct HostChunk {
     }
     view.hulls = hulls.view();
     view.bodies = bodies.view;
-    const bool flags = (q.fields & kFieldFlags) != 0, points = flags || (q.fields & kFieldCompact) != 0;
+    const bool flags = (q.fields & kFieldFlags) != 0, points = flags || (q.fields & kFieldPoints32) != 0;
     view.pair_limits = {q.max_distance,     q.abs_tol,         default_rel_tol(q.precision),  256, false, points, flags,
                         !q.signed_distance, q.signed_distance, q.precision == Precision::kF32};
     view.group_of_tile = group_of_tile.data();
@@ -88,7 +88,8 @@ struct HostChunk {
     view.begun = &begun;
     view.finished = &finished;
     view.number = 7;
-    launch(blocks, [&] { kernel(view); }, threads);
+    launch(
+        blocks, [&] { kernel(view); }, threads);
     EXPECT_EQ(finished.number, 7u) << "the last block says so";
     EXPECT_EQ(begun, 0u) << "left for the next chunk";
     EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))

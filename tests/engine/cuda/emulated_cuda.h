@@ -38,6 +38,9 @@ struct EmulatedDim {
 };
 inline EmulatedDim threadIdx, blockIdx, blockDim, gridDim;
 
+struct alignas(8) float2 {
+  float x, y;
+};
 struct alignas(16) float4 {
   float x, y, z, w;
 };
@@ -126,7 +129,8 @@ class EmulatedGrid {
     getcontext(&f.context);
     f.context.uc_stack.ss_sp = f.stack.data();
     f.context.uc_stack.ss_size = f.stack.size();
-    makecontext(&f.context, [] { one().run(); }, 0);
+    makecontext(
+        &f.context, [] { one().run(); }, 0);
     setcontext(&f.context);
   }
   /// Main function of a fiber: runs one kernel after another.

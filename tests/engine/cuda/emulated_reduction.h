@@ -265,7 +265,7 @@ class HostReduction {
   }
   template <class S>
   void solve() {
-    launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<false, S>(r_); });
+    launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<S>(r_); });
     launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
     evaluate_elements_of<false>();
   }

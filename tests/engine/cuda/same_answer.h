@@ -18,12 +18,6 @@ bool same_bits(const T& a, const T& b) {
     if (std::isnan(a) && std::isnan(b)) return true;  // the payload of a NaN is irrelevant
   return std::memcmp(&a, &b, sizeof a) == 0;
 }
-inline bool same_bits(const CompactAnswer& a, const CompactAnswer& b) {
-  bool same = same_bits(a.lower, b.lower) && same_bits(a.upper, b.upper);
-  for (int k = 0; k < 3; ++k)
-    same = same && same_bits(a.point_a[k], b.point_a[k]) && same_bits(a.point_b[k], b.point_b[k]);
-  return same;
-}
 
 /// Expects the same bits in every column; shows the first few differences.
 /// \param reduced the number of evaluated pairs may differ

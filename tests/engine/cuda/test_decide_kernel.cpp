@@ -20,7 +20,7 @@ struct Decided {
   std::uint32_t looks = 0;
 };
 
-Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* warm = nullptr) {
+Decided decide(const Engine& engine, const QueryView& q) {
   const std::uint32_t K = q.configuration_count, P = static_cast<std::uint32_t>(q.pairs.size());
   const HullArrays hulls(engine.scene(), kMostShared);
   const HostBodies bodies(engine.scene(), hulls.view(), q);
@@ -46,7 +46,6 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   r.chunk.reply = d.rows.view;
   r.chunk.counts = counts;
   r.chunk.host_counts = host_counts;
-  r.chunk.warm = warm ? warm->data() : nullptr;
   r.chunk.blocks = (K * kThreads + kDecideThreads - 1) / kDecideThreads;
   r.reduce = Reduce::kMin;
   r.groups = 1;
@@ -57,9 +56,7 @@ Decided decide(const Engine& engine, const QueryView& q, std::vector<WarmRow>* w
   r.items = items.data();
   r.answers = answers.data();
   r.capacity = K * P;
-  EmulatedGrid::one().launch(r.chunk.blocks, kDecideThreads, [&] {
-    warm ? decide_configurations<kThreads, true>(r) : decide_configurations<kThreads, false>(r);
-  });
+  EmulatedGrid::one().launch(r.chunk.blocks, kDecideThreads, [&] { decide_configurations<kThreads>(r); });
   EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))
       << "left for the next chunk";
   d.looks = host_counts[kConvergedRows];
@@ -147,38 +144,6 @@ TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
   touching.reduce = Reduce::kNone;
   touching.max_distance = 0;
   EXPECT_GT(evaluate(cpu, touching).info.pairs_evaluated, 41 * 4 * kThreads) << "boxes leave more";
-}
-
-TEST(DecideKernel, BeginsWhereItWasOrAnywhere) {
-  for (const double room : {1.0, 2.5, 8.0}) {
-    Case c(room, 41);
-    const Engine cpu(std::move(c.scene), {"cpu"});
-    std::vector<WarmRow> warm(c.pairs.size() * 41);
-    std::uint64_t different = 0;
-    Random random(7);
-    for (int step = 0; step < 5; ++step) {
-      if (step == 4)  // includes invalid vertices
-        for (WarmRow& row : warm) {
-          for (auto* indices : {row.a, row.b})
-            for (int i = 0; i < 3; ++i) indices[i] = static_cast<std::uint16_t>(random.below(70));
-          row.size = static_cast<std::uint16_t>(random.below(9));
-        }
-      const Decided d = decide(cpu, c.q, &warm);
-      if (step == 0) {
-        expect_the_cpus_rows(cpu, c.q, d, "nothing to begin from");
-      } else {
-        const Answer cold = evaluate(cpu, c.q);
-        for (std::uint32_t k = 0; k < 41; ++k) {
-          if (!d.answered[k]) continue;
-          const auto &a = d.rows.view, &b = cold.view;
-          EXPECT_TRUE(a.lower[k] <= b.upper[k] && b.lower[k] <= a.upper[k]) << "room " << room << ", step " << step;
-          different += !same_bits(a.point_a[3 * k], b.point_a[3 * k]);
-        }
-      }
-      c.step();
-    }
-    EXPECT_GT(different, 10u) << "it did begin elsewhere";
-  }
 }
 
 // Configurations it cannot resolve stay open, with all pairs listed that may be the nearest.

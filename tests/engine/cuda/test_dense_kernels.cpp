@@ -25,8 +25,7 @@ TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
-  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-               [&] { answer_groups<double, false, false>(chunk.view); });
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "groups");
@@ -40,7 +39,7 @@ TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
   chunk.view.enclosed = nullptr;
   const Group ungrouped{kNone, kNone, 0, static_cast<std::uint32_t>(chunk.pairs.size()), 0};
   const auto tiles = static_cast<std::uint32_t>((chunk.rest.size() + kTile - 1) / kTile);
-  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_ungrouped<false, false, false>(view, ungrouped); });
+  chunk.launch_last(tiles, [&](const ChunkView& view) { answer_ungrouped<false, false>(view, ungrouped); });
   chunk.expect_the_cpus(cpu, c.q, "strays");
 }
 
@@ -49,12 +48,12 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
-  chunk.launch(tiles, [&] { answer_groups<float, false, false>(chunk.view); });
+  chunk.launch(tiles, [&] { answer_groups<float>(chunk.view); });
   ASSERT_GT(chunk.counts[kLeftOpen], kFewBlocks * kTile) << "more than there are threads";
   ASSERT_GT(chunk.counts[kConvergedRows], 100u);
-  chunk.launch(tiles, [&] { answer_groups<double, false, false>(chunk.view); });  // for the other hulls
+  chunk.launch(tiles, [&] { answer_groups<double>(chunk.view); });  // for the other hulls
   chunk.view.prove_at_once = true;
-  chunk.launch(kFewBlocks, [&] { answer_open<false, false>(chunk.view, 5); });
+  chunk.launch(kFewBlocks, [&] { answer_open<false>(chunk.view, 5); });
   chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_overlaps(view, 5); });
   chunk.expect_the_cpus(cpu, c.q, "float32");
 }
@@ -62,31 +61,29 @@ TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
 // A warp per overlapping pair; few pairs are left to the CPU.
 TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
   for (const double rel_tol : {1e-6, 0.05})
-    for (const std::uint32_t fields : {kAllFields | 0u, kFieldCompact | kFieldStatus}) {
+    for (const std::uint32_t fields : {kAllFields | 0u, kFloat32 | kFieldStatus}) {
       Case c(Precision::kF64, 8);
       c.q.signed_distance = true;
       c.q.fields = fields;
       c.q.rel_tol = rel_tol;
-      if (fields & kFieldCompact) c.q.format = Format::kCompact;
       const Engine cpu(std::move(c.scene), {"cpu"});
       HostChunk chunk(cpu, c.q);
       chunk.view.pair_limits.rel_tol = rel_tol;
-      chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-                   [&] { answer_groups<double, false, false>(chunk.view); });
+      chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
       const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
       ASSERT_GT(enclosed, 4 * kFewBlocks * kDepthWarps) << "more than there are warps";
-      chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
+      chunk.launch_last(
+          kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
       EXPECT_LT((chunk.host_counts[kRest] - left_before) * 20, enclosed) << "left to the CPU";
       chunk.expect_the_cpus(cpu, c.q, "depths");
     }
 }
 
-// Kernels that answer_chunk() launches for columns that need only bounds or compact rows.
+// Kernels that answer_chunk() launches for columns that need only bounds or float32 columns.
 void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);
-  const bool points = (fields & kFieldCompact) != 0, f32 = c.q.precision == Precision::kF32;
+  const bool points = (fields & kFieldPoints32) != 0, f32 = c.q.precision == Precision::kF32;
   c.q.fields = fields;
-  c.q.format = points ? Format::kCompact : Format::kFull;
   const Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.view.pair_limits.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
@@ -99,7 +96,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_GT(chunk.counts[kConvergedRows], 30u) << what;
   if (f32) {
     chunk.view.prove_at_once = true;
-    chunk.launch(kFewBlocks, [&] { answer_open<true, false>(chunk.view, 5); });
+    chunk.launch(kFewBlocks, [&] { answer_open<true>(chunk.view, 5); });
   } else {
     ASSERT_GT(chunk.counts[kEnclosedPairs], 0u) << what;
   }
@@ -111,7 +108,7 @@ constexpr std::uint32_t kBounds = kDefaultFields | kFieldPair | kFieldConfigurat
 
 TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
   for (const Precision precision : {Precision::kF64, Precision::kF32})
-    for (const std::uint32_t fields : {kBounds, kFieldBounds | 0u, kFieldCompact | kFieldStatus, kFieldCompact | 0u}) {
+    for (const std::uint32_t fields : {kBounds, kFieldBounds | 0u, kFloat32 | kFieldStatus, kFieldPoints32 | 0u}) {
       Case c(precision);
       expect_lean_rows(c, fields,
                        (precision == Precision::kF32 ? "float32, fields " : "fields ") + std::to_string(fields));
@@ -119,7 +116,7 @@ TEST(DenseKernels, LeanOnesGiveTheBitsOfTheCpu) {
 }
 
 TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
-  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
+  for (const std::uint32_t fields : {kBounds, kFloat32}) {
     Case c(Precision::kF64);
     c.q.max_distance = 0.2;
     expect_lean_rows(c, fields, "near, fields " + std::to_string(fields));
@@ -128,7 +125,7 @@ TEST(DenseKernels, LeanOnesLeaveOutPairsWhoseBoxesAreFar) {
 
 // Contiguous poses are read 16 bytes at a time.
 TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
-  for (const std::uint32_t fields : {kBounds, kFieldCompact | 0u}) {
+  for (const std::uint32_t fields : {kBounds, kFloat32}) {
     Case c(Precision::kF64, 1);
     expect_lean_rows(c, fields, "one configuration, fields " + std::to_string(fields));
   }
@@ -172,8 +169,7 @@ TEST(DenseKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   TouchingCase c;
   const Engine reference(std::move(c.scene), {"reference"});
   HostChunk chunk(reference, c.q);
-  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()),
-               [&] { answer_groups<double, false, false>(chunk.view); });
+  chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   chunk.launch(kFewBlocks, [&] { prove_overlaps(chunk.view, 5); });
   const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
   ASSERT_GT(left.size(), kFewBlocks * kTile / 4u) << "more than these threads have warps";

@@ -132,7 +132,7 @@ Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::st
   EXPECT_GT(split.several.count, 10u);
   chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<kF32>(chunk.view, split.several); });
   chunk.launch_last(tiles_of(split.singles, chunk),
-                    [&](const ChunkView& view) { answer_ungrouped<kF32, false, false, Slack>(view, split.singles); });
+                    [&](const ChunkView& view) { answer_ungrouped<kF32, false, Slack>(view, split.singles); });
   chunk.expect_the_cpus(cpu, q, what, 0.2);
   Seen seen;
   seen.left = chunk.host_counts[kRest];
@@ -187,9 +187,8 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     chunk.view.prove_at_once = true;
     const Split split(chunk);
     chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });
-    chunk.launch_last(tiles_of(split.singles, chunk), [&](const ChunkView& view) {
-      answer_ungrouped<false, false, false, Slack>(view, split.singles);
-    });
+    chunk.launch_last(tiles_of(split.singles, chunk),
+                      [&](const ChunkView& view) { answer_ungrouped<false, false, Slack>(view, split.singles); });
     chunk.expect_the_cpus(cpu, c.q, "within " + std::to_string(distance), 0.2);
     std::uint64_t slopes = 0, none = 0;
     for (std::size_t i = 0; i < chunk.rest.size() * c.joints.size(); ++i) {
@@ -243,7 +242,7 @@ TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};
   chunk.launch_last(tiles_of(all, chunk),
-                    [&](const ChunkView& view) { answer_ungrouped<false, false, false, Slack>(view, all); });
+                    [&](const ChunkView& view) { answer_ungrouped<false, false, Slack>(view, all); });
   std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.host_counts[kRest]);
   std::uint64_t proved = 0, shallow = 0;
   const Answer expected = evaluate(cpu, c.q);
@@ -268,7 +267,7 @@ TEST(SlackKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};
-  chunk.launch(tiles_of(all, chunk), [&] { answer_ungrouped<false, false, false, Slack>(chunk.view, all); });
+  chunk.launch(tiles_of(all, chunk), [&] { answer_ungrouped<false, false, Slack>(chunk.view, all); });
   const std::set<std::uint32_t> left(chunk.rest.begin(), chunk.rest.begin() + chunk.counts[kRest]);
   chunk.launch(3, [&] { answer_open_rows(chunk.view, chunk.pairs.data(), 5); });
   const Answer expected = evaluate(cpu, c.q);

@@ -71,9 +71,6 @@ struct IdlePairs : cuda::ResidentPairs {
 struct IdleTable : cuda::ResidentTable {
   const Fault* of = nullptr;
 };
-struct IdleWarm : cuda::ResidentWarm {
-  const Fault* of = nullptr;
-};
 
 // Common part of all kinds of workspaces.
 template <class Interface>
@@ -93,9 +90,6 @@ class IdleSide : public Interface {
     EXPECT_EQ(
         setup.pairs ? static_cast<const IdlePairs*>(setup.pairs)->of : static_cast<const IdleTable*>(setup.table)->of,
         &fault_);
-    if (setup.warm) {
-      EXPECT_EQ(static_cast<const IdleWarm*>(setup.warm)->of, &fault_);
-    }
   }
   std::byte* chunk_input_buffer(cuda::Given given, int slot, std::size_t bytes) override {
     return buffer_of(given_[static_cast<int>(given)][slot], bytes);
@@ -180,12 +174,6 @@ class IdleDevice : public cuda::Device {
     auto table = std::make_shared<IdleTable>();
     table->of = &fault_;
     return table;
-  }
-  std::unique_ptr<cuda::ResidentWarm> make_warm(std::uint64_t) override {
-    fault_.call("making warm state");
-    auto warm = std::make_unique<IdleWarm>();
-    warm->of = &fault_;
-    return warm;
   }
   std::shared_ptr<cuda::Workspace> borrow() override {
     fault_.call("making a workspace");

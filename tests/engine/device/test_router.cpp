@@ -105,8 +105,6 @@ TEST(Router, FollowsAMachineThatChanges) {
 TEST(Router, DistinguishesKindsByTheirOptions) {
   QueryView q;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kDense);
-  q.warm_slot = 1;
-  EXPECT_EQ(cuda::kind_of(q), QueryKind::kWarm);
   q.max_distance = 1;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kNear);
   q.signed_distance = true;

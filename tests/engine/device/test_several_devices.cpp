@@ -37,36 +37,26 @@ TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
   device_query.q.fields = kDefaultFields;
   const Answer expected = evaluate(cpu, device_query.q);
   int most = 0;
-  for (const std::uint64_t warm : {0u, 1u}) {
-    device_query.q.warm_slot = warm;
-    for (Fault& fault : faults_) fault.launches = 0;
-    const Answer a = evaluate(device, device_query.q);
-    EXPECT_EQ(a.info.backend, "cuda");
-    if (warm == 0) expect_same(a, expected, "on two devices");
-    for (const Fault& fault : {faults_[0], faults_[2]}) {
-      EXPECT_NEAR(fault.launches, 5, 1) << "shared out evenly";
-      most = std::max(most, fault.launches);
-      EXPECT_EQ(fault.bodies, faults_[0].bodies);
-    }
+  for (Fault& fault : faults_) fault.launches = 0;
+  const Answer a = evaluate(device, device_query.q);
+  EXPECT_EQ(a.info.backend, "cuda");
+  expect_same(a, expected, "on two devices");
+  for (const Fault& fault : {faults_[0], faults_[2]}) {
+    EXPECT_NEAR(fault.launches, 5, 1) << "shared out evenly";
+    most = std::max(most, fault.launches);
+    EXPECT_EQ(fault.bodies, faults_[0].bodies);
   }
   EXPECT_GT(most, cuda::kChunksUnderWay) << "slots are used again";
   EXPECT_NE(faults_[0].bodies[9 * 80], 0) << "a body's place";
-  EXPECT_EQ(counter(device, "cuda.queries"), 2u);
+  EXPECT_EQ(counter(device, "cuda.queries"), 1u);
   EXPECT_EQ(counter(device, "cuda.2.usable"), 1u);
 }
 
 TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
   const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1, 2}));
-  for (const std::uint64_t warm : {0u, 1u}) {
-    for (Fault& fault : faults_) fault.launches = 0;
-    for (std::uint64_t i = 0; i < 6; ++i) {
-      QueryView q;
-      q.warm_slot = warm ? 1 + i % 3 : 0;
-      const Answer a = evaluate(device, q);
-      if (!warm) expect_same(a, evaluate(cpu, q), "one chunk");
-    }
-    for (const Fault& fault : faults_) EXPECT_EQ(fault.launches, 2) << "warm " << warm;
-  }
+  for (Fault& fault : faults_) fault.launches = 0;
+  for (int i = 0; i < 6; ++i) expect_same(evaluate(device, {}), evaluate(cpu, {}), "one chunk");
+  for (const Fault& fault : faults_) EXPECT_EQ(fault.launches, 2);
 }
 
 TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {

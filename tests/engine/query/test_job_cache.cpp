@@ -50,7 +50,7 @@ const std::vector<MarginEntry> kMargins{{kEveryBody, kEveryBody, 0.1}, {0, kEver
 std::vector<Named> reductions() {
   return {{"none", [](QueryView&) {}},
           {"none, near", [](QueryView& q) { q.max_distance = 0.3; }},
-          {"none, compact", [](QueryView& q) { q.format = Format::kCompact; }},
+          {"none, float32 columns", [](QueryView& q) { q.fields = kFloat32 | kFieldStatus; }},
           {"within",
            [](QueryView& q) {
              q.reduce = Reduce::kWithin;
@@ -234,7 +234,6 @@ TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
                                   {"precision", [](QueryView& q) { q.precision = Precision::kF32; }},
                                   {"signed", [](QueryView& q) { q.signed_distance = true; }},
                                   {"fields", [](QueryView& q) { q.fields = kDefaultFields; }},
-                                  {"format", [](QueryView& q) { q.format = Format::kCompact; }},
                                   {"any", [](QueryView& q) { q.reduce = Reduce::kAny; }},
                                   {"joints", [&](QueryView& q) { q.joints = turned; }},
                                   {"scene", [&](QueryView& q) { q.scene_revision = arm.scene.revision(); }},
@@ -273,10 +272,9 @@ TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
   }
 }
 
-TEST(JobCache, WhatDependsOnTheClockOrOnWarmStateIsNotKept) {
+TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
   const Arm arm(1);
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }},
-                                     {"warm", [](QueryView& q) { q.warm_slot = 1; }},
                                      {"motions", [](QueryView& q) {
                                         q.max_evaluations = 8;
                                         q.configuration_count = 2;

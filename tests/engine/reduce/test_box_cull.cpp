@@ -68,7 +68,7 @@ void expect_rows_of_few(const Engine& engine, const QueryView& query, const std:
       ReplyView& v = row_k.view;
       ahead(v.distance, 1), ahead(v.lower, 1), ahead(v.upper, 1), ahead(v.status, 1), ahead(v.flags, 1);
       ahead(v.point_a, 3), ahead(v.point_b, 3), ahead(v.normal, 3), ahead(v.parts, 2), ahead(v.gradient, 12);
-      ahead(v.pair, 1), ahead(v.configuration, 1), ahead(v.compact, 1);
+      ahead(v.pair, 1), ahead(v.configuration, 1), ahead(v.points32, 6), ahead(v.bounds, 2);
       const auto part_seen = expect_same_rows(all, k * pairs.size() + begin, row_k, count);
       for (std::size_t s = 0; s < seen.size(); ++s) seen[s] += part_seen[s];
       if (::testing::Test::HasFatalFailure()) return;
@@ -92,14 +92,13 @@ TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
   for (const std::uint32_t configurations : {0u, 1u, 5u, 70u})
     for (const bool listed : {false, true})
       for (const double max_distance : {0.0, 0.7, 3.0})
-        for (const Format format : {Format::kFull, Format::kCompact}) {
+        for (const std::uint32_t fields : {kAllFields, kFloat32 | kFieldStatus | kFieldFlags | kFieldPieces}) {
           std::vector<Pose> poses;
           for (std::size_t i = 0; i < configurations * moved.size(); ++i) poses.push_back(random.pose(6));
           if (configurations > 1) poses[5].qx = nan;
           QueryView query;
           query.max_distance = max_distance;
-          query.format = format;
-          query.fields = format == Format::kFull ? kAllFields : kFieldStatus | kFieldFlags | kFieldPieces;
+          query.fields = fields;
           query.configuration_count = configurations;
           if (configurations > 0) query.bodies = moved;
           query.configurations = poses;

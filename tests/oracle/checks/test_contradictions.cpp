@@ -141,7 +141,9 @@ struct Batch {
     std::vector<Interval> found(tasks.size());
     PartBatch(options).run(
         tasks,
-        [&](const PartTask& t, const LaneAnswer& lane, const LaneWitness&) { found[t.id] = {lane.lower, lane.upper}; },
+        [&](const PartTask& t, const LaneAnswer& lane, const LaneWitness&) {
+          found[t.id] = {lane.lower, lane.upper};
+        },
         [&](const PartTask& t, const NarrowAnswer& answer) { found[t.id] = answer.bounds; });
     return found;
   }
@@ -208,8 +210,8 @@ TEST(Contradictions, DoNotConvergeInARun) {
   EXPECT_FALSE(static_cast<bool>(beyond.converged));
 }
 
-// Compact rows are rounded outward for any conversion to float32.
-TEST(Contradictions, OfCompactRowsGoOutAsNothingProved) {
+// Bounds are rounded outward for any conversion to float32.
+TEST(Contradictions, OfFloat32BoundsGoOutAsNothingProved) {
   PairAnswer answer = beyond_answer(0);
   volatile double lower = 0.5e-40, upper = 1.5e-40;
 #if defined(__x86_64__)
@@ -218,15 +220,15 @@ TEST(Contradictions, OfCompactRowsGoOutAsNothingProved) {
 #endif
   answer.lower = lower;
   answer.upper = upper;
-  CompactAnswer row;
+  float bounds[2];
   ReplyView reply;
-  reply.compact = &row;
+  reply.bounds = bounds;
   write_row(reply, 0, {0, 1}, 0, answer, {0, 0, 0}, {0, 0, 0});
 #if defined(__x86_64__)
   __builtin_ia32_ldmxcsr(before);
 #endif
-  EXPECT_LE(static_cast<double>(row.lower), answer.lower);
-  EXPECT_GE(static_cast<double>(row.upper), answer.upper);
+  EXPECT_LE(static_cast<double>(bounds[0]), answer.lower);
+  EXPECT_GE(static_cast<double>(bounds[1]), answer.upper);
 }
 
 }  // namespace

@@ -259,10 +259,6 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
       q.bodies = crowd.moved;
       q.configurations = crowd.configurations;
       requested.dense(crowd, evaluate(engine, q));
-      q.warm_slot = 1;
-      requested.dense(crowd, evaluate(engine, q));
-      requested.dense(crowd, evaluate(engine, q));
-      q.warm_slot = 0;
       q.reduce = Reduce::kMin;
       requested.least(crowd, evaluate(engine, q));
       q.reduce = Reduce::kNearest;

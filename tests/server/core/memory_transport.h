@@ -105,7 +105,8 @@ class MemoryTransport final : public Transport {
       if (size > kLargePayload) {
         const auto own = std::make_shared<std::vector<std::byte>>(std::move(frame));
         const OwnPayload payload{{own, own->data() + sizeof header}, size};
-        handler.on_large_frame(header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
+        handler.on_large_frame(
+            header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
         continue;
       }
       const AlignedBytes copy = aligned_bytes(size + 1);
@@ -161,7 +162,7 @@ struct TestQuery {
   std::vector<std::uint32_t> joints;
   std::vector<double> positions, weights;
   std::vector<std::byte> records;
-  std::uint64_t scene_revision = 0;
+  std::uint64_t scene_revision = 0, flags = 0;
   std::uint32_t plan_configurations = 0;  ///< for kOpenPlan, which has no configurations itself
 
   TestQuery() { header.max_distance = std::numeric_limits<double>::infinity(); }
@@ -185,8 +186,9 @@ struct TestQuery {
       wire::insert_record(all_records, static_cast<std::uint16_t>(wire::QueryRecord::kWeights), wire::kRecordRequired,
                           std::as_bytes(std::span(weights)));
     std::vector<std::byte> bytes(sizeof(wire::FrameHeader) + payload + all_records.size());
-    const auto frame_header =
+    auto frame_header =
         wire::with_records(wire::make_header(type, request_id, payload, scene_revision), all_records.size());
+    frame_header.flags = flags;
     wire::write_query(bytes.data(), frame_header, q, pairs.data(), bodies.data(), configurations.data(), all_records);
     return bytes;
   }

@@ -11,8 +11,6 @@ namespace {
 using wire::ErrorCode;
 using wire::FrameType;
 
-constexpr std::uint16_t kAsPlanning = 3;  // tag of its record
-
 class Classes : public LoopTest {
  protected:
   Classes() { a_.rights = kAllRights | kControl; }
@@ -23,8 +21,7 @@ class Classes : public LoopTest {
     while (client.replies.size() < replies) ASSERT_TRUE(loop_->turn());
   }
   static TestQuery lowered(TestQuery query) {
-    const std::byte yes{1};
-    wire::append_record(query.records, kAsPlanning, wire::kRecordRequired, std::span(&yes, 1));
+    query.flags = wire::kFramePlanning;
     return query;
   }
 };
@@ -51,7 +48,7 @@ TEST_F(Classes, ASmallControlQueryIsAnsweredBeforeSmallOnesThatCameEarlier) {
   serve(b_, 20);
 }
 
-TEST_F(Classes, AQueryMayRequestLessThanItsClientHas) {
+TEST_F(Classes, ARequestMayHaveALowerClassThanItsClient) {
   start(scattered_scene(20), short_slices());
   send(b_, large_query(20));
   loop_->turn();
@@ -59,12 +56,12 @@ TEST_F(Classes, AQueryMayRequestLessThanItsClientHas) {
   loop_->turn();
   send(a_, large_query(20), 2);
   serve(a_);
-  EXPECT_EQ(take(a_)->header().request_id, 2u) << "the later one, which did not ask for less";
+  EXPECT_EQ(take(a_)->header().request_id, 2u) << "the later one, which has the client's class";
   serve(b_);
   serve(a_);
 }
 
-TEST_F(Classes, ALargeRequestIsReadBeforeItsClassIsKnown) {
+TEST_F(Classes, ALargeRequestMayHaveALowerClass) {
   start(scattered_scene(20), short_slices());
   TestQuery query = large_query(20);
   for (int i = 0; i < 3; ++i)

@@ -183,7 +183,7 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsReported) {
   query.header.fields = kFieldStatus;
   EXPECT_EQ(rejection(query), "weights: only for the column free_scale");
   query.header.fields = kFieldFreeScale | kFieldStatus;
-  EXPECT_EQ(rejection(query), "fields: free_scale can be combined only with pair, in the format full");
+  EXPECT_EQ(rejection(query), "fields: free_scale can be combined only with pair");
   query = scale_query();
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   EXPECT_EQ(rejection(query), "fields: free_scale needs reduce any");
@@ -230,9 +230,6 @@ TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   ASSERT_EQ(reply.gradient_joints().size(), 2 * reply.rows());
   EXPECT_EQ(std::memcmp(reply.gradient_joints().data(), slopes.data(), 16 * reply.rows()), 0);
   EXPECT_EQ(std::memcmp(reply.pair_lower().data(), pairs.data(), 8 * reply.rows()), 0);
-  query.header.format = static_cast<std::uint8_t>(Format::kCompact);
-  const Reply compact = evaluate(a_, query);
-  EXPECT_EQ(compact.fields() & kFieldGradientJoints, 0u) << "one of the float64 columns that compact rows replace";
   TestQuery without;
   without.header.fields = query.header.fields;
   EXPECT_EQ(error_of(evaluate(a_, without.frame(4))).text, "fields: gradient_joints is for a query with joints");

@@ -91,51 +91,6 @@ TEST_F(Quotas, BytesOfOneClientsRequests) {
   EXPECT_EQ(a_.replies.size(), 2u);
 }
 
-TEST_F(Quotas, WarmStateHasWhatIsLeft) {
-  TestQuery warm = large_query(20);
-  warm.header.warm = 1;
-  warm.header.fields = kFieldUpper;
-  constexpr std::uint64_t kRows = 40 * 190, kWarm = kRows * 28;
-  const auto warm_bytes = [&] {
-    for (const auto& [name, value] : engine_->stats())
-      if (name == "engine.warm_bytes") return value;
-    return ~std::uint64_t{0};
-  };
-  Loop::Options options = short_slices();
-  options.max_client_bytes = 250'000;
-  start(scattered_scene(20), options);
-  const Reply cold = evaluate(a_, warm);
-  EXPECT_EQ(warm_bytes(), 0u);
-  EXPECT_EQ(loop_->counter("queries.cold"), 1u);
-
-  options.max_client_bytes = 400'000;
-  start(scattered_scene(20), options);
-  for (int i = 0; i < 2; ++i) {
-    const Reply answer = evaluate(a_, warm);
-    EXPECT_EQ(warm_bytes(), kWarm);
-    ASSERT_EQ(answer.rows(), cold.rows());
-    for (std::size_t row = 0; i == 0 && row < cold.rows(); ++row)
-      ASSERT_EQ(answer.upper()[row], cold.upper()[row]) << "the first is cold, too";
-  }
-  EXPECT_EQ(loop_->counter("queries.cold"), 0u);
-  // During the work, warm state counts like the rest: another request does not fit in addition.
-  TestQuery wide = large_query(20);
-  wide.configurations.insert(wide.configurations.end(), wide.configurations.begin(), wide.configurations.end());
-  send(a_, warm, 1);
-  turn_until_it_runs();
-  ASSERT_EQ(loop_->waiting(), 1u);
-  send(a_, wide, 2);
-  loop_->turn();
-  EXPECT_EQ(static_cast<ErrorCode>(error_of(take(a_)).header.code), ErrorCode::kBusy);
-  turn_until_idle();
-  EXPECT_EQ(take(a_)->type(), wire::FrameType::kReply);
-  // Kept warm state is evicted for a reply, but not for another client's.
-  evaluate(b_, large_query(20));
-  EXPECT_EQ(warm_bytes(), kWarm);
-  evaluate(a_, large_query(20));
-  EXPECT_EQ(warm_bytes(), 0u);
-}
-
 TEST_F(Quotas, OfAClientThatGoesAreGivenBack) {
   Loop::Options options = short_slices();
   options.max_client_bytes = 100'000;

@@ -146,12 +146,12 @@ std::uint64_t counter(Client& client, const std::string& name) {
   return 0;
 }
 
-std::vector<CompactAnswer> rows_of(const Reply& reply) {
-  const auto compact = reply.compact();
-  return {compact.begin(), compact.end()};
+std::vector<float> points_of(const Reply& reply) {
+  const auto points = reply.points32();
+  return {points.begin(), points.end()};
 }
 
-bool same_bits(const std::vector<CompactAnswer>& a, const std::vector<CompactAnswer>& b) {
+bool same_bits(const std::vector<float>& a, const std::vector<float>& b) {
   return a.size() == b.size() && std::memcmp(a.data(), b.data(), a.size() * sizeof a[0]) == 0;
 }
 
@@ -164,17 +164,17 @@ TEST(PinnedService, HasTheDeviceWriteIntoTheClientsMemory) {
   {
     Client client = connect("shm://" + path, 30s);
     Query query;
-    query.format = Format::kCompact;
-    const std::vector<CompactAnswer> copied = rows_of(client.distances(query));
-    ASSERT_EQ(copied.size(), 600u * 599 / 2);
+    query.fields = kFieldPoints32;
+    const std::vector<float> copied = points_of(client.distances(query));
+    ASSERT_EQ(copied.size(), 6 * 600u * 599 / 2);
     const std::uint64_t before = counter(watcher, "cuda.reply_bytes_copied");
-    EXPECT_GE(before, copied.size() * sizeof(CompactAnswer));
+    EXPECT_GE(before, copied.size() * sizeof(float));
     // The counter follows at the next tick.
     ASSERT_TRUE(comes([&] { return counter(watcher, "shm.pinned_bytes") > 0; }));
-    const std::vector<CompactAnswer> written = rows_of(client.distances(query));
+    const std::vector<float> written = points_of(client.distances(query));
     EXPECT_TRUE(same_bits(copied, written));
     const std::uint64_t after = counter(watcher, "cuda.reply_bytes_copied");
-    EXPECT_LT(after - before, copied.size() * sizeof(CompactAnswer) / 10) << "columns were still copied";
+    EXPECT_LT(after - before, copied.size() * sizeof(float) / 10) << "columns were still copied";
   }
   EXPECT_TRUE(comes([&] { return counter(watcher, "shm.pinned_bytes") == 0; })) << "the client is gone";
   EXPECT_EQ(counter(watcher, "shm.pin_failures"), 0u);
@@ -187,10 +187,10 @@ TEST(PinnedService, CopiesWhereNothingMayBePinned) {
   const Service service(path, spheres(200), "cuda", 1 << 20);  // less than the smallest segment
   Client client = connect("shm://" + path, 30s);
   Query query;
-  query.format = Format::kCompact;
-  const std::vector<CompactAnswer> first = rows_of(client.distances(query));
+  query.fields = kFieldPoints32;
+  const std::vector<float> first = points_of(client.distances(query));
   ASSERT_TRUE(comes([&] { return counter(client, "shm.pin_failures") == 1; }));
-  EXPECT_TRUE(same_bits(first, rows_of(client.distances(query))));
+  EXPECT_TRUE(same_bits(first, points_of(client.distances(query))));
   EXPECT_EQ(counter(client, "shm.pinned_bytes"), 0u);
 }
 

@@ -81,7 +81,7 @@ def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) ->
     """
     states: Sequence[BodyState] = front.body_states()  # type: ignore[attr-defined]  # both have it, of their own
     names = tuple(body.name for body in front.bodies)
-    requested = as_planner(front)
+    requested: dict[str, Any] = {}
     if question.kind == "within":
         requested |= {"reduce": "within", "max_distance": question.max_distance, "max_results": _MOST_RESULTS}
     else:
@@ -114,11 +114,6 @@ def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) ->
         scene_revision=r.scene_revision,
         pose_revision=r.snapshot_revision,
     )
-
-
-def as_planner(front: Front) -> dict[str, Any]:
-    """Returns the option that gives a daemon's controllers priority over this client, whatever its class."""
-    return {"as_planning": True} if front._waits else {}
 
 
 def _rows(pairs: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
