@@ -66,7 +66,7 @@ CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
 }
 
 /// Lower bound on the distance of two placed parts other than half-spaces: from their balls, and from both boxes in the
-/// axes of each body. Much cheaper than a search; may be negative. docs/bounds.md, boxes.
+/// axes of each body. Much cheaper than a search; proves nothing unless positive. docs/bounds.md, boxes.
 /// \param R,D of their PairFrame<double>
 /// \param enough a bound above this is not raised further, in metres
 CLEARANCE_HD inline double certify_parts_gap(const HullExtents& a, const HullExtents& b, const Mat3d& R, const Vec3d& D,

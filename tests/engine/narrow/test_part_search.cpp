@@ -145,7 +145,7 @@ TEST(PartSearch, BoundOfPartsIsBelowTheirDistance) {
     X_b.translation += far;
     const PoseMatrix at_a = place(&X_a, nullptr).pose, at_b = place(&X_b, nullptr).pose;
     const double gap = gap_of(a, at_a, b, at_b, kInf);
-    ASSERT_LE(gap, narrow_phase_reference(a, at_a, b, at_b, {}).bounds.upper) << i;
+    ASSERT_LE(gap, std::max(narrow_phase_reference(a, at_a, b, at_b, {}).bounds.upper, 0.0)) << i;
     apart += gap > 0;
     above_world_boxes +=
         gap > certify_box_gap(certify_box(a, at_a.R_wb, at_a.t_w), certify_box(b, at_b.R_wb, at_b.t_w));
