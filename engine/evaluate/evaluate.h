@@ -98,8 +98,9 @@ class Evaluator {
   // evaluate_search.cpp
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
   bool drops(double gap, const PlacedBodies& bodies) const;
-  void sort_ahead(PairSearch& search);
+  void sort_ahead(PairSearch& search, double cut_off);
   bool add_tasks(PairSearch& search);
+  void drop_losers(PairSearch& search, std::size_t end, double cut_off);
   void add_task(PairSearch& search, double cut_off, double stop_below, const ConvexPart& a, const ConvexPart& b);
   double cut_off_of(const PairSearch& search) const;
   void take_round(PairSearch& search, double stop_below, std::span<const NarrowAnswer> answers);

@@ -4,6 +4,8 @@
 #include <cmath>
 
 #include "engine/evaluate/evaluate.h"
+#include "engine/hull/primitive.h"
+#include "engine/narrow/certify.h"
 #include "engine/narrow/group.h"
 
 namespace clearance {
@@ -25,10 +27,14 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   const double cut_off = options_.reference ? kInf : slack.cut_off(bodies.max_distance);
   PartPair far{kInf, kNone, kNone};  // the nearest beyond the cut-off
   double left = kInf;                // the gap of the next one
+  double least = kInf;               // gap of the nearest within the cut-off
+  std::size_t nearest = begin;
   for (std::uint32_t i = 0; i < boxes_a.size(); ++i)
     for (std::uint32_t j = 0; j < boxes_b.size(); ++j) {
       const PartPair p{certify_box_gap(boxes_a[i], boxes_b[j]), i, j};
       if (!(p.gap > cut_off)) {
+        nearest = p.gap < least ? part_pairs_.size() : nearest;
+        least = std::min(least, p.gap);
         part_pairs_.push_back(p);
       } else if (goes_before(p, far)) {
         left = far.gap;
@@ -40,13 +46,14 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   meter.count(boxes_a.size() * boxes_b.size() / kBoxesPerUnit);
   if (part_pairs_.size() > begin) {
     left = far.gap;
+    std::swap(part_pairs_[begin], part_pairs_[nearest]);
   } else if (drops(far.gap, bodies) &&
              !(is_by_parts(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
     return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
     part_pairs_.push_back(far);
   }
-  searches_.push_back({index, begin, part_pairs_.size(), begin, 0, slack, 0, {}, {}});
+  searches_.push_back({index, begin, part_pairs_.size(), begin + 1, 0, slack, 0, {}, {}});
   PartSearch& state = searches_.back().state;
   state.lower = left;
   if (options_.reference) state.round = part_pairs_.size() - begin;  // all at once
@@ -83,15 +90,23 @@ bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
          gap > loser_beyond(pair_slack(*bodies.placement, bodies.pair).cut_off(bodies.max_distance), limits);
 }
 
-// Sorts the part pairs of the next round. The rest need only come later, because most searches end after a few.
-void Evaluator::sort_ahead(PairSearch& search) {
+// Sorts the part pairs of the next round, since most searches end after a few. The nearest beyond the cut-off comes
+// after those within; the others beyond are never requested, because cut-offs only fall.
+void Evaluator::sort_ahead(PairSearch& search, double cut_off) {
   const std::size_t wanted = std::min(search.next + search.state.round, search.end);
   if (wanted <= search.sorted) return;
   const auto at = [&](std::size_t i) { return part_pairs_.begin() + static_cast<std::ptrdiff_t>(i); };
-  const std::size_t to = std::min(search.end, std::max(wanted, search.sorted + kSortedAtOnce));
-  if (to < search.end) std::nth_element(at(search.sorted), at(to), at(search.end), goes_before);
-  std::sort(at(search.sorted), at(to), goes_before);
+  const auto before = [](const PartPair& p, const PartPair& q) { return goes_before(p, q); };  // inlined
+  const auto is_within = [&](const PartPair& p) { return search.state.asks(p.gap, cut_off); };
+  const auto beyond = std::partition(at(search.sorted), at(search.end), is_within);
+  const auto within = static_cast<std::size_t>(beyond - part_pairs_.begin());
+  const std::size_t to = std::min(within, std::max(wanted, search.sorted + kSortedAtOnce));
+  if (to < within) std::nth_element(at(search.sorted), at(to), beyond, before);
+  std::sort(at(search.sorted), at(to), before);
   search.sorted = to;
+  if (to < within || within == search.end) return;
+  std::iter_swap(beyond, std::min_element(beyond, at(search.end), before));
+  ++search.sorted;
 }
 
 // Adds the next round to tasks_, after those of single parts. Returns false if no part pair is left.
@@ -103,14 +118,44 @@ bool Evaluator::add_tasks(PairSearch& search) {
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PartSearch& state = search.state;
   const double cut_off = cut_off_of(search), near_enough = stop_below(bodies, search.slack);
-  sort_ahead(search);
-  for (std::size_t i = search.next; i < search.end && search.task_count < state.round; ++i) {
-    const PartPair& p = part_pairs_[i];
-    if (!options_.reference && !state.belongs_to_round(p.gap, cut_off)) break;
-    add_task(search, cut_off, near_enough, *a.parts[p.a], *b.parts[p.b]);
+  while (search.task_count == 0 && search.next < search.end) {
+    sort_ahead(search, options_.reference ? kInf : cut_off);
+    const std::size_t most = std::min(search.next + state.round, search.end);
+    std::size_t end = search.next;
+    while (end < most && (options_.reference || state.belongs_to_round(part_pairs_[end].gap, cut_off))) ++end;
+    if (end == search.next) {
+      state.leave_out(part_pairs_[end].gap);
+      return false;
+    }
+    // Every pair counts if the search may stop early, or if all bounds that it finds are beyond max_distance.
+    const bool may_drop = state.round > 1 && state.upper <= cut_off && near_enough == -kInf;
+    if (may_drop && !options_.reference) drop_losers(search, end, cut_off);
+    for (std::size_t i = search.next; i < end; ++i)
+      add_task(search, cut_off, near_enough, *a.parts[part_pairs_[i].a], *b.parts[part_pairs_[i].b]);
+    if (search.task_count == 0) state.round *= 2;
   }
-  if (search.task_count == 0 && search.next < search.end) state.leave_out(part_pairs_[search.next].gap);
   return search.task_count > 0;
+}
+
+// Takes part pairs of a round that end at `end` out of it, and moves the others back, if their boxes in the bodies' own
+// axes prove that they change neither end of the interval.
+void Evaluator::drop_losers(PairSearch& search, std::size_t end, double cut_off) {
+  const double far = loser_beyond(cut_off, options_.limits);
+  if (!(far < kInf)) return;
+  const BodyPair pair = pairs_[search.index].pair;
+  const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
+  const BodyPoses& placement = *pairs_[search.index].placement;
+  const PoseMatrix &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
+  const Mat3d R = pose_a.R_wb.transpose_times(pose_b.R_wb);
+  const Vec3d D = pose_a.R_wb.transpose_times(pose_b.t_w - pose_a.t_w);
+  std::size_t kept = end;
+  for (std::size_t i = end; i-- > search.next;) {
+    const PartPair p = part_pairs_[i];
+    const ConvexPart &part_a = *a.parts[p.a], &part_b = *b.parts[p.b];
+    if (is_half_space(part_a) || is_half_space(part_b) || !(certify_parts_gap(part_a, part_b, R, D, far) > far))
+      part_pairs_[--kept] = p;
+  }
+  search.next = kept;
 }
 
 double Evaluator::cut_off_of(const PairSearch& search) const {

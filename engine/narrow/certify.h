@@ -65,6 +65,35 @@ CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
          T(Arithmetic<T>::kUnderflowLength);
 }
 
+/// Lower bound on the distance of two placed parts other than half-spaces: from their balls, and from both boxes in the
+/// axes of each body. Much cheaper than a search; proves nothing unless positive. docs/bounds.md, boxes.
+/// \param R,D of their PairFrame<double>
+/// \param enough a bound above this is not raised further, in metres
+CLEARANCE_HD inline double certify_parts_gap(const HullExtents& a, const HullExtents& b, const Mat3d& R, const Vec3d& D,
+                                             double enough) {
+  using std::abs;
+  using std::sqrt;
+  const double radius = a.radius + b.radius, less = radius + rounding_error(160.0, pair_scale(D, a.rho, b.rho, radius));
+  const Vec3d in_a = (D + R * b.centre) - a.centre;
+  double gap = norm(in_a) - (a.spread + b.spread) - less;
+  const auto raise = [&](const Vec3d& centre, const Vec3d& half, const Vec3d& turned, double spread) {
+    double squared = 0;
+    for (int k = 0; k < 3; ++k) {
+      const double beyond = abs(centre[k]) - (half[k] + (turned[k] < spread ? turned[k] : spread));
+      squared += beyond > 0 ? beyond * beyond : 0;
+    }
+    const double boxes = sqrt(squared) - less;
+    gap = gap < boxes ? boxes : gap;
+  };
+  if (gap > enough) return gap;
+  const auto length = [](const Vec3d& v) { return Vec3d{abs(v.x), abs(v.y), abs(v.z)}; };
+  const Mat3d turn{{length(R.row[0]), length(R.row[1]), length(R.row[2])}};
+  raise(in_a, a.half, turn * b.half, b.spread);
+  if (gap > enough) return gap;
+  raise(R.transpose_times(in_a), b.half, turn.transpose_times(a.half), a.spread);
+  return gap;
+}
+
 /// Width that rounding alone gives the float64 bounds of two placed parts, in metres.
 /// \param scale their pair_scale()
 CLEARANCE_HD inline double rounding_width(double scale) {

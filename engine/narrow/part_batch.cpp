@@ -1,6 +1,7 @@
 #include "engine/narrow/part_batch.h"
 
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cassert>
 
@@ -41,30 +42,46 @@ void PartBatch::begin(std::span<const PartTask> tasks) {
   group_tasks();
 }
 
+void PartBatch::add_group_alone(std::size_t begin, std::size_t end) {
+  if (begin < end) groups_.push_back({begin, end, false, false, false});
+}
+
+// Few pairs use float32, too: an answer's bits must not depend on the number of pairs.
+void PartBatch::add_group(std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
+  for (std::size_t next; begin < end; begin = next) {
+    next = std::min(end, begin + kMostInLanes);
+    groups_.push_back({begin, next, f32 || next - begin > lanes() / 4, same_hulls, f32});
+  }
+}
+
 // Groups pairs of the same two parts if they fill the lanes. The other lanes take any pairs.
 void PartBatch::group_tasks() {
   const std::span<const PartTask> tasks = tasks_;
   order_.clear();
   groups_.clear();
-  const auto add_group_alone = [&](std::size_t begin, std::size_t end) {
-    if (begin < end) groups_.push_back({begin, end, false, false, false});
-  };
   if (!options_.lanes || options_.reference) return add_group_alone(0, tasks.size());
-  const auto lanes = static_cast<std::size_t>(options_.lanes->lanes);
-  // Few pairs use float32, too: an answer's bits must not depend on the number of pairs.
-  const auto add_group = [&](std::size_t begin, std::size_t end, bool same_hulls, bool f32) {
-    for (std::size_t next; begin < end; begin = next) {
-      next = std::min(end, begin + kMostInLanes);
-      groups_.push_back({begin, next, f32 || next - begin > lanes / 4, same_hulls, f32});
-    }
-  };
   const PartTask& first = tasks[0];
   if (std::all_of(tasks.begin(), tasks.end(), [&](const PartTask& t) { return t.a == first.a && t.b == first.b; })) {
     if (!fit_lanes(first)) return add_group_alone(0, tasks.size());
     add_group(0, tasks.size(), true, options_.f32 && fits_f32(*first.a, *first.b));
-    return;
+  } else if (options_.f32 || may_fill_lanes()) {
+    group_by_kind();
+  } else {
+    group_mixed();
   }
+}
 
+// Whether the tasks of one kind may fill the lanes: much cheaper than counting them, and false for most queries of one
+// configuration.
+bool PartBatch::may_fill_lanes() const {
+  std::array<std::uint8_t, 1024> counts{};
+  for (const PartTask& task : tasks_)
+    if (++counts[hash_of(task.a, task.b) % counts.size()] >= lanes()) return true;
+  return false;
+}
+
+void PartBatch::group_by_kind() {
+  const std::span<const PartTask> tasks = tasks_;
   kinds_.clear();
   kind_slots_.assign(std::bit_ceil(2 * tasks.size()), kFree);
   kind_of_task_.clear();
@@ -77,7 +94,7 @@ void PartBatch::group_tasks() {
   for (const int part : {0, 1, 2, 3}) {
     const std::uint32_t begin = next;
     for (Kind& kind : kinds_) {
-      if ((!kind.in_lanes ? 3 : kind.count >= lanes ? 0 : kind.f32 ? 1 : 2) != part) continue;
+      if ((!kind.in_lanes ? 3 : kind.count >= lanes() ? 0 : kind.f32 ? 1 : 2) != part) continue;
       kind.begin = next;
       next += kind.count;
       if (part == 0) add_group(kind.begin, next, true, kind.f32);
@@ -92,6 +109,19 @@ void PartBatch::group_tasks() {
   for (std::uint32_t i = 0; i < tasks.size(); ++i) order_[kinds_[kind_of_task_[i]].begin++] = i;
 }
 
+// Float64 pairs of any parts, then those unsuited to lanes.
+void PartBatch::group_mixed() {
+  order_.resize(tasks_.size());
+  std::uint32_t in_lanes = 0, end = 0;
+  for (const bool fit : {true, false}) {
+    in_lanes = end;
+    for (std::uint32_t i = 0; i < tasks_.size(); ++i)
+      if (fit_lanes(tasks_[i]) == fit) order_[end++] = i;
+  }
+  add_group(0, in_lanes, false, false);
+  add_group_alone(in_lanes, end);
+}
+
 void PartBatch::run_group(const Group& group, WorkMeter& meter) {
   if (!group.in_lanes) return;
   const std::size_t count = group.end - group.begin;
@@ -99,15 +129,21 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
   hulls_.reserve(group.same_hulls ? 2 : 2 * count);  // lanes keep pointers to them
   pairs_.clear();
   std::uint64_t units = 0;
-  const ConvexPart *a = nullptr, *b = nullptr;
-  const LaneHull *hull_a = nullptr, *hull_b = nullptr;
+  struct LatestHull {
+    const ConvexPart* part;
+    const LaneHull* hull;
+  };
+  std::array<LatestHull, 64> latest_a{}, latest_b{};  // a part takes part in many pairs
+  const auto hull_of = [&](const ConvexPart* part, std::array<LatestHull, 64>& latest) {
+    LatestHull& last = latest[reinterpret_cast<std::uintptr_t>(part) / 64 % latest.size()];
+    if (last.part != part) last = {part, &hulls_.emplace_back(*part)};
+    return last.hull;
+  };
   for (std::size_t i = group.begin; i < group.end; ++i) {
     const PartTask& task = tasks_[at(i)];
     units += WorkMeter::units_of(*task.a, *task.b);
-    if (task.a != a) hull_a = &hulls_.emplace_back(*(a = task.a));
-    if (task.b != b) hull_b = &hulls_.emplace_back(*(b = task.b));
-    pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
-                      task.max_distance, task.stop_below});
+    pairs_.push_back({hull_of(task.a, latest_a), hull_of(task.b, latest_b), &task.pose_a->R_wb, &task.pose_b->R_wb,
+                      &task.pose_a->t_w, &task.pose_b->t_w, task.max_distance, task.stop_below});
   }
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // otherwise they have moved
   if (answers_.size() < count) {                                // resized last, since memory may run out before

@@ -100,7 +100,13 @@ class PartBatch {
   };
   std::size_t at(std::size_t i) const { return order_.empty() ? i : order_[i]; }
   std::uint32_t kind_of(const PartTask& task);
+  std::size_t lanes() const { return static_cast<std::size_t>(options_.lanes->lanes); }
+  void add_group_alone(std::size_t begin, std::size_t end);
+  void add_group(std::size_t begin, std::size_t end, bool same_hulls, bool f32);
   void group_tasks();
+  bool may_fill_lanes() const;
+  void group_by_kind();
+  void group_mixed();
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
   static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }

@@ -7,6 +7,7 @@ with a parent, in its parent (X_pb).
 from __future__ import annotations
 
 from collections.abc import Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -19,6 +20,9 @@ from ._errors import PoseWarning, warn
 RIGID_TOLERANCE = 1e-5
 
 _LAST_ROW = np.array([0.0, 0.0, 0.0, 1.0])
+
+#: Types of entries that are numbers for certain, neither masked nor arrays.
+_NUMBERS = {float, int, np.float64}
 
 
 def pose7_from_matrix(matrix: Any, what: str = "matrix") -> np.ndarray:
@@ -99,6 +103,13 @@ def stack_poses(poses: Mapping[Any, Any]) -> np.ndarray:
     values = list(poses.values())
     if not values:
         return np.empty((0, 7))
+    if set(map(type, values)) <= {list, tuple} and set(map(len, values)) == {7}:
+        entries = list(chain.from_iterable(values))
+        if set(map(type, entries)) <= _NUMBERS:
+            try:
+                return np.fromiter(entries, np.float64, len(entries)).reshape(-1, 7)
+            except OverflowError:  # an error below names the body
+                pass
     if not is_masked(values):
         try:
             array = np.array(values)

@@ -89,7 +89,9 @@ class Updates:
         if isinstance(poses, Mapping):
             if bodies is not None:
                 raise TypeError("bodies: only with an array of poses, not with a dict")
-            ids = np.array([names.body(key, "poses") for key in poses], dtype=np.uint32)
+            known = names.ids
+            listed = [known[key] if key in known else names.body(key, "poses") for key in poses]
+            ids = np.array(listed, dtype=np.uint32)
             array = stack_poses(poses)
         else:
             array = as_pose7(poses, "poses")

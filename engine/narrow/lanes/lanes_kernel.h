@@ -230,35 +230,40 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>&
   take_run<T>(to, R_wa, v, lane_of(bounds.v_length, lane), w, lane_of(bounds.length, lane));
 }
 
-// The farthest vertices of each lane's own hull.
-// \param busy lanes that need one; the others get their first vertex
+// Searches of each lane's own hull along its own direction.
 template <class T>
-HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* busy, const Vec3<Pack<T>>& n) {
-  const MapPoint<Pack<T>> point = map_point(n);
+struct EachSearch {
   Columns3<T> direction, p;
   Column<T> u, v, index, value;
-  u.set(point.u);
-  v.set(point.v);
-  direction.x.set(n.x);
-  direction.y.set(n.y);
-  direction.z.set(n.z);
-  for (int l = 0; l < Pack<T>::kLanes; ++l) {
-    const LaneHull& hull = *hulls[l];
+
+  HWY_INLINE explicit EachSearch(const Vec3<Pack<T>>& n) {
+    const MapPoint<Pack<T>> point = map_point(n);
+    u.set(point.u);
+    v.set(point.v);
+    direction.set(n);
+  }
+  // \param busy whether it needs the farthest vertex; otherwise it gets the first
+  HWY_INLINE void find(int lane, const LaneHull& hull, bool busy) {
     OneFound<T> found{0, 0};
-    if (busy[l]) {
-      const Vec3<T> along{direction.x.at[l], direction.y.at[l], direction.z.at[l]};
+    if (busy) {
+      const Vec3<T> along{direction.x.at[lane], direction.y.at[lane], direction.z.at[lane]};
       const Source<T> from(hull);
-      found = hull.has_table ? look_up<T>(hull, u.at[l], v.at[l], along)
+      found = hull.has_table ? look_up<T>(hull, u.at[lane], v.at[lane], along)
                              : scan_across<T>(from.x, from.y, from.z, hull.count, along);
     }
-    const Vec3<T> w = Source<T>::vertex(hull, found.index);
-    index.at[l] = static_cast<T>(found.index);
-    value.at[l] = found.value;
-    p.x.at[l] = w.x;
-    p.y.at[l] = w.y;
-    p.z.at[l] = w.z;
+    p.set(lane, Source<T>::vertex(hull, found.index));
+    index.at[lane] = static_cast<T>(found.index);
+    value.at[lane] = found.value;
   }
-  return {p.pack(), index.pack(), value.pack()};
+  HWY_INLINE FoundVertex<T> found() const { return {p.pack(), index.pack(), value.pack()}; }
+};
+
+// The farthest vertices of each lane's own hull.
+template <class T>
+HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* busy, const Vec3<Pack<T>>& n) {
+  EachSearch<T> search(n);
+  for (int lane = 0; lane < Pack<T>::kLanes; ++lane) search.find(lane, *hulls[lane], busy[lane]);
+  return search.found();
 }
 
 // The state of each lane, in memory: single lanes are written, and all are read as packs.
@@ -338,14 +343,29 @@ HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLi
   if (limits.bounded) limits.max_distance = core_cut_off_at(lanes.cut_off.pack(), limits.radius, scale);
 }
 
+// The farthest vertices of each lane's two hulls, both together, so that the work of one fills the latency of the other.
+template <class T>
+HWY_INLINE void find_each_of_both(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
+                                  FoundVertex<T>& in_a, FoundVertex<T>& in_b) {
+  EachSearch<T> of_a(along_a), of_b(along_b);
+  for (int lane = 0; lane < Pack<T>::kLanes; ++lane) {
+    of_a.find(lane, *lanes.a[lane], lanes.busy_at[lane]);
+    of_b.find(lane, *lanes.b[lane], lanes.busy_at[lane]);
+  }
+  in_a = of_a.found();
+  in_b = of_b.found();
+}
+
 // Both hulls' farthest vertices along the directions of all lanes.
 template <class T, bool kSameHulls>
 HWY_INLINE void find_farthest(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
                               FoundVertex<T>& in_a, FoundVertex<T>& in_b) {
   const LaneHull &a = *lanes.a[0], &b = *lanes.b[0];
-  if (!kSameHulls || a.has_table || b.has_table) {
-    in_a = kSameHulls && !a.has_table ? scan_one<T>(a, along_a) : find_each<T>(lanes.a, lanes.busy_at, along_a);
-    in_b = kSameHulls && !b.has_table ? scan_one<T>(b, along_b) : find_each<T>(lanes.b, lanes.busy_at, along_b);
+  if (!kSameHulls || (a.has_table && b.has_table)) {
+    find_each_of_both(lanes, along_a, along_b, in_a, in_b);
+  } else if (a.has_table || b.has_table) {
+    in_a = a.has_table ? find_each<T>(lanes.a, lanes.busy_at, along_a) : scan_one<T>(a, along_a);
+    in_b = b.has_table ? find_each<T>(lanes.b, lanes.busy_at, along_b) : scan_one<T>(b, along_b);
   } else {
     Scan<T> scan_a(a, along_a), scan_b(b, along_b);
     scan_both(scan_a, scan_b);

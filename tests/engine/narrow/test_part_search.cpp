@@ -117,5 +117,65 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
     EXPECT_TRUE(statuses.contains(static_cast<std::uint8_t>(s)));
 }
 
+ConvexPartPtr box_of(const Vec3d& size) {
+  Scene scene;
+  scene.add_box("box", size, {});
+  return scene.bodies()[0].parts[0];
+}
+double gap_of(const ConvexPart& a, const PoseMatrix& at_a, const ConvexPart& b, const PoseMatrix& at_b, double enough) {
+  return certify_parts_gap(a, b, at_a.R_wb.transpose_times(at_b.R_wb), at_a.R_wb.transpose_times(at_b.t_w - at_a.t_w),
+                           enough);
+}
+
+// The bound by which rounds drop part pairs, near the origin and far from it.
+TEST(PartSearch, BoundOfPartsIsBelowTheirDistance) {
+  const Scene scene = test::decomposed_scene(60, 1.2, 2);
+  std::vector<ConvexPartPtr> parts{make_primitive_part({Primitive::Kind::kCylinder, {0.2, 0.2, 0.5}}, 0.1),
+                                   make_primitive_part({Primitive::Kind::kEllipsoid, {0.1, 0.3, 0.6}}),
+                                   make_primitive_part({Primitive::Kind::kCone, {0.3, 0.3, 0.2}}),
+                                   box_of({0.8, 0.4, 0.6})};
+  for (const Body& body : scene.bodies()) parts.insert(parts.end(), body.parts.begin(), body.parts.end());
+  Random random(3);
+  int apart = 0, above_world_boxes = 0, from_balls_alone = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const ConvexPart &a = *parts[random.below(parts.size())], &b = *parts[random.below(parts.size())];
+    const Vec3d far = i % 2 ? Vec3d{1e7, -3e6, 2e5} : Vec3d{0, 0, 0};
+    Pose X_a = random.pose(1.5), X_b = random.pose(1.5);
+    X_a.translation += far;
+    X_b.translation += far;
+    const PoseMatrix at_a = place(&X_a, nullptr).pose, at_b = place(&X_b, nullptr).pose;
+    const double gap = gap_of(a, at_a, b, at_b, kInf);
+    ASSERT_LE(gap, std::max(narrow_phase_reference(a, at_a, b, at_b, {}).bounds.upper, 0.0)) << i;
+    apart += gap > 0;
+    above_world_boxes +=
+        gap > certify_box_gap(certify_box(a, at_a.R_wb, at_a.t_w), certify_box(b, at_b.R_wb, at_b.t_w));
+    from_balls_alone += gap_of(a, at_a, b, at_b, 0) < gap;
+  }
+  EXPECT_GT(apart, 500);
+  EXPECT_GT(above_world_boxes, 500);
+  EXPECT_GT(from_balls_alone, 100);
+}
+
+// Faces 2^-20 m apart, a kilometre from their bodies' origins: turning the centres there is what errs most.
+TEST(PartSearch, BoundOfPartsAllowsForRounding) {
+  std::vector<Vec3d> corners = box_of({1.4, 0.6, 0.2})->vertices;
+  for (Vec3d& v : corners) v += Vec3d{1000, -300, 200};
+  const ConvexPartPtr box = make_convex_part(corners);
+  NarrowLimits limits;
+  limits.rel_tol = 1e-20;
+  Random random(4);
+  for (int i = 0; i < 1000; ++i) {
+    const Pose X_a = random.pose(2);
+    const PoseMatrix at_a = place(&X_a, nullptr).pose;
+    Pose X_b = X_a;
+    X_b.translation += at_a.R_wb * Vec3d{1.4 + 0x1p-20, 0, 0};
+    const PoseMatrix at_b = place(&X_b, nullptr).pose;
+    const NarrowAnswer exact = narrow_phase_reference(*box, at_a, *box, at_b, limits);
+    const double gap = gap_of(*box, at_a, *box, at_b, kInf);
+    ASSERT_LE(gap, exact.bounds.lower) << i;
+    ASSERT_GT(gap, exact.bounds.upper - 1e-10) << i;
+  }
+}
+
 }  // namespace
 }  // namespace clearance
