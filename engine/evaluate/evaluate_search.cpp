@@ -97,7 +97,7 @@ void Evaluator::sort_ahead(PairSearch& search, double cut_off) {
   if (wanted <= search.sorted) return;
   const auto at = [&](std::size_t i) { return part_pairs_.begin() + static_cast<std::ptrdiff_t>(i); };
   const auto before = [](const PartPair& p, const PartPair& q) { return goes_before(p, q); };  // inlined
-  const auto is_within = [&](const PartPair& p) { return search.state.asks(p.gap, cut_off); };
+  const auto is_within = [&](const PartPair& p) { return search.state.belongs_to_round(p.gap, cut_off); };
   const auto beyond = std::partition(at(search.sorted), at(search.end), is_within);
   const auto within = static_cast<std::size_t>(beyond - part_pairs_.begin());
   const std::size_t to = std::min(within, std::max(wanted, search.sorted + kSortedAtOnce));
