@@ -19,7 +19,7 @@ struct InspectCommand {
   bool no_times = false, allow_outside = false;
 };
 
-Table bodies_of(const Scene& scene, const SceneReport& report, Output output) {
+Table bodies_of(const engine::Scene& scene, const SceneReport& report, Output output) {
   std::vector<std::string> columns{"body",          "form",        "kind",     "parent",   "pieces",     "loaded",
                                    "inside",        "vertices",    "faces",    "radius_m", "extent_m",   "error_m",
                                    "hull_excess_m", "empty_share", "partners", "ignored",  "ns_per_pair"};
@@ -62,7 +62,7 @@ Table bodies_of(const Scene& scene, const SceneReport& report, Output output) {
   return table;
 }
 
-Table findings_of(const Scene& scene, const SceneReport& report) {
+Table findings_of(const engine::Scene& scene, const SceneReport& report) {
   Table table({"what", "body", "other", "error_m", "text"});
   for (const Finding& f : report.findings)
     table.add({name_of(f.kind), scene.bodies()[f.body].name,
@@ -71,14 +71,14 @@ Table findings_of(const Scene& scene, const SceneReport& report) {
   return table;
 }
 
-Table warnings_of(const Scene& scene, const SceneReport& report) {
+Table warnings_of(const engine::Scene& scene, const SceneReport& report) {
   Table table({"body", "text"});
   for (std::size_t i = 0; i < report.bodies.size(); ++i)
     if (!report.bodies[i].warning.empty()) table.add({scene.bodies()[i].name, report.bodies[i].warning});
   return table;
 }
 
-Table choices_of(const Scene& scene, const SceneReport& report) {
+Table choices_of(const engine::Scene& scene, const SceneReport& report) {
   Table table(
       {"body", "mesh_as", "now", "vertices", "triangles", "KiB", "hull_excess_m", "pieces", "inner_m", "ns_per_pair"});
   for (const Choice& c : report.choices)
@@ -105,7 +105,7 @@ void print_uncertainty(const Body& body) {
   std::printf("the bounds include all of this\n");
 }
 
-void print_report(const Scene& scene, const SceneReport& report) {
+void print_report(const engine::Scene& scene, const SceneReport& report) {
   bodies_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
   std::cout << "\n";
   for (std::size_t i = 0; i < report.bodies.size(); ++i)
@@ -129,7 +129,7 @@ void print_report(const Scene& scene, const SceneReport& report) {
                 1e-3 * *report.ns_all_pairs);
 }
 
-void print_report_json(const InspectCommand& o, const Scene& scene, const SceneReport& report) {
+void print_report_json(const InspectCommand& o, const engine::Scene& scene, const SceneReport& report) {
   std::cout << "{\"scene\": " << json_string(o.scene) << ",\n\"bodies\": ";
   bodies_of(scene, report, Output::kJson).print(std::cout, Output::kJson);
   std::cout << ",\n\"could_be_left_out\": ";
@@ -148,7 +148,7 @@ void print_report_json(const InspectCommand& o, const Scene& scene, const SceneR
 }
 
 void run_inspect(const InspectCommand& o) {
-  const Scene scene = Scene::load(o.scene, o.allow_outside);
+  const engine::Scene scene = engine::Scene::load(o.scene, o.allow_outside);
   const auto warn = [](const std::string& text) { std::cerr << "clearance: warning: " << text << "\n"; };
   for (const std::string& text : scene.warnings()) warn(text);
   for (const auto& robot : scene.robots())

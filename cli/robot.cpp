@@ -194,7 +194,7 @@ const char* word_of(PairFinding finding) {
 
 void print_robot_pairs(const RobotCommand& o) {
   const RobotModel model = load_robot(o);
-  RobotOptions robot;
+  engine::RobotOptions robot;
   robot.urdf = o.urdf;
   robot.packages = packages_of(o);
   robot.visual = o.visual;

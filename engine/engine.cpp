@@ -17,7 +17,7 @@
 #include "engine/narrow/self_test.h"
 #include "engine/selection/plan.h"
 
-namespace clearance {
+namespace clearance::engine {
 
 Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const {
   Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
@@ -268,4 +268,4 @@ bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;
 }
 
-}  // namespace clearance
+}  // namespace clearance::engine

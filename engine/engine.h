@@ -19,8 +19,10 @@
 #include "engine/selection/query.h"
 
 namespace clearance {
-
 class DevicePlan;  // engine/device/query/device_plan.h
+}
+
+namespace clearance::engine {
 
 /// Thread-safe. Poses may be set while jobs run, and each job uses one snapshot.
 class Engine {
@@ -167,4 +169,4 @@ class Engine {
   std::unique_ptr<Impl> impl_;
 };
 
-}  // namespace clearance
+}  // namespace clearance::engine

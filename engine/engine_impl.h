@@ -18,7 +18,7 @@
 #include "engine/query/query_cost.h"
 #include "engine/state/pose_store.h"
 
-namespace clearance {
+namespace clearance::engine {
 
 struct Engine::Impl {
   Impl(Scene&& s, const Options& o) : scene(with_proxies(std::move(s))), options(o), poses(scene, o.max_stamp_lead) {}
@@ -54,7 +54,7 @@ struct Engine::Impl {
 
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
-    return {&of,    options.threads, reference,    lanes, is_light, &pairs_evaluated, &contradictions,
+    return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions,
             &trees, near_by,         device.get(), &job_cache, &teams};
   }
 
@@ -80,4 +80,4 @@ struct Engine::Impl {
   }
 };
 
-}  // namespace clearance
+}  // namespace clearance::engine

@@ -6,7 +6,7 @@
 #include "engine/base/fp_environment.h"
 #include "engine/engine_impl.h"
 
-namespace clearance {
+namespace clearance::engine {
 
 PoseUpdateResult Engine::set_poses(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                    std::uint64_t publisher) {
@@ -119,4 +119,4 @@ std::int64_t Engine::oldest_stamp(std::uint32_t bodies) const {
   return oldest;
 }
 
-}  // namespace clearance
+}  // namespace clearance::engine

@@ -3,7 +3,7 @@
 
 #include "engine/engine_impl.h"
 
-namespace clearance {
+namespace clearance::engine {
 
 namespace {
 
@@ -71,4 +71,4 @@ Counters Engine::stats() const {
   return counters;
 }
 
-}  // namespace clearance
+}  // namespace clearance::engine

@@ -63,11 +63,11 @@ Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geo
 }
 
 // Measures each alternative in a separate scene with the body's partners in place.
-void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::span<const Geometry> geometries,
+void measure(const engine::Scene& scene, std::uint32_t id, const PairTimes& times, std::span<const Geometry> geometries,
              std::span<Choice> choices) {
   const std::vector<BodyPair> pairs = times.sampled(id);
   if (pairs.empty()) return;
-  Scene among;
+  engine::Scene among;
   for (const BodyPair& pair : pairs) {
     Geometry as_it_is;
     as_it_is.parts = scene.bodies()[pair.b].parts;
@@ -90,7 +90,7 @@ void measure(const Scene& scene, std::uint32_t id, const PairTimes& times, std::
 
 }  // namespace
 
-std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times) {
+std::vector<Choice> choices_of(const engine::Scene& scene, const PairTimes* times) {
   std::vector<Choice> all;
   std::set<std::pair<const DisplayMesh*, double>> seen;
   for (std::uint32_t id = 0; id < scene.bodies().size(); ++id) {

@@ -27,6 +27,6 @@ struct Choice {
 /// Returns hull, surface, parts and, for a closed mesh, solid of each body of one mesh that is not proved convex.
 /// Bodies of the same mesh are listed once.
 /// \param times measures; null for no measurements
-std::vector<Choice> choices_of(const Scene& scene, const PairTimes* times);
+std::vector<Choice> choices_of(const engine::Scene& scene, const PairTimes* times);
 
 }  // namespace clearance

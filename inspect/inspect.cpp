@@ -72,7 +72,7 @@ BodyReport describe(const Body& body) {
 }
 
 /// Counts partners and ignored bodies of each body without listing all pairs.
-void count_partners(const Scene& scene, SceneReport& report) {
+void count_partners(const engine::Scene& scene, SceneReport& report) {
   const auto& bodies = scene.bodies();
   std::uint64_t solid = 0, movable = 0;
   for (const Body& body : bodies) {
@@ -97,7 +97,7 @@ void count_partners(const Scene& scene, SceneReport& report) {
   for (const auto& [a, b] : followers) leave_out(a, b);
 }
 
-void count_sharing(const Scene& scene, SceneReport& report) {
+void count_sharing(const engine::Scene& scene, SceneReport& report) {
   std::map<const ConvexPart*, std::uint32_t> holders;
   std::set<const DisplayMesh*> displays;
   for (const Body& body : scene.bodies()) {
@@ -130,7 +130,7 @@ void measure(const PairTimes& times, SceneReport& report) {
 
 }  // namespace
 
-SceneReport inspect(const Scene& scene, const InspectOptions& options) {
+SceneReport inspect(const engine::Scene& scene, const InspectOptions& options) {
   const FpEnvironment environment;
   SceneReport report;
   for (const Body& body : scene.bodies()) report.bodies.push_back(describe(body));

@@ -71,10 +71,11 @@ struct SceneReport {
 };
 
 /// Inspects every body, a few hundred microseconds for each one that is measured. Throws as Engine.
-SceneReport inspect(const Scene& scene, const InspectOptions& options);
+SceneReport inspect(const engine::Scene& scene, const InspectOptions& options);
 
 /// Returns the findings alone.
 /// \param partners BodyReport::partners of each body
-std::vector<Finding> find_redundancy(const Scene& scene, const std::vector<std::uint64_t>& partners, double within);
+std::vector<Finding> find_redundancy(const engine::Scene& scene, const std::vector<std::uint64_t>& partners,
+                                     double within);
 
 }  // namespace clearance

@@ -46,7 +46,7 @@ std::string text(const char* format, auto... values) {
 
 class Search {
  public:
-  Search(const Scene& scene, double within) : scene_(scene), within_(within) {}
+  Search(const engine::Scene& scene, double within) : scene_(scene), within_(within) {}
 
   std::vector<Finding> run(const std::vector<std::uint64_t>& partners) {
     for (const Body& body : scene_.bodies())
@@ -110,8 +110,9 @@ class Search {
     std::set<std::tuple<double, double, double>> outer;
     for (const Vec3d& v : q.vertices) outer.insert({v.x, v.y, v.z});
     const Hull hull = reduce_to_hull(both);
-    return std::all_of(hull.vertices.begin(), hull.vertices.end(),
-                       [&](const Vec3d& v) { return outer.contains({v.x, v.y, v.z}); });
+    return std::all_of(hull.vertices.begin(), hull.vertices.end(), [&](const Vec3d& v) {
+      return outer.contains({v.x, v.y, v.z});
+    });
   }
 
   void look_inside(std::uint32_t b) {
@@ -146,7 +147,7 @@ class Search {
   static std::vector<double> upper_distances(const ConvexPartPtr& part, const std::vector<Vec3d>& points, bool depth,
                                              double abs_tol) {
     const ConvexPartPtr core = part->radius > 0 ? make_convex_part(part->vertices) : part;
-    Scene scene;
+    engine::Scene scene;
     std::vector<BodyPair> pairs;
     for (std::size_t i = 0; i <= points.size(); ++i) {
       Body body;
@@ -156,9 +157,9 @@ class Search {
       scene.add_body(std::move(body));
       if (i > 0) pairs.push_back({0, static_cast<std::uint32_t>(i)});
     }
-    Engine::Options options;
+    engine::Engine::Options options;
     options.threads = 1;
-    const Engine engine(std::move(scene), options);
+    const engine::Engine engine(std::move(scene), options);
     QueryView query;
     query.all_pairs = false;
     query.pairs = pairs;
@@ -287,7 +288,7 @@ class Search {
     return true;
   }
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   double within_;
   std::map<std::pair<Piecewise, Place>, std::uint32_t> placed_;
   std::map<Piecewise, Copies> copies_;
@@ -318,7 +319,8 @@ const char* name_of(Finding::Kind kind) {
   return "";
 }
 
-std::vector<Finding> find_redundancy(const Scene& scene, const std::vector<std::uint64_t>& partners, double within) {
+std::vector<Finding> find_redundancy(const engine::Scene& scene, const std::vector<std::uint64_t>& partners,
+                                     double within) {
   const FpEnvironment environment;
   return Search(scene, within).run(partners);
 }

@@ -15,11 +15,11 @@ namespace {
 // Queries one pair of bodies.
 class Asker {
  public:
-  explicit Asker(Scene scene) : engine_(std::move(scene), one_thread()) {
+  explicit Asker(engine::Scene scene) : engine_(std::move(scene), one_thread()) {
     for (std::uint32_t j = 0; j < engine_.scene().joints().size(); ++j) joints_.push_back(j);
   }
 
-  const Scene& scene() const { return engine_.scene(); }
+  const engine::Scene& scene() const { return engine_.scene(); }
 
   void evaluate(BodyPair pair, std::span<const double> positions, std::span<SignedBounds> bounds) {
     QueryView query;
@@ -47,14 +47,14 @@ class Asker {
   }
 
  private:
-  static Engine::Options one_thread() {
-    Engine::Options options;
+  static engine::Engine::Options one_thread() {
+    engine::Engine::Options options;
     options.backend = "cpu";
     options.threads = 1;
     return options;
   }
 
-  Engine engine_;
+  engine::Engine engine_;
   std::vector<std::uint32_t> joints_;
   std::vector<double> lower_, upper_;
   std::vector<std::uint8_t> status_;
@@ -80,13 +80,13 @@ std::string words_of(PairFinding finding) {
 
 }  // namespace
 
-std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const FindingOptions& options) {
-  RobotOptions alone = robot;
+std::vector<RobotPair> find_robot_pairs(const engine::RobotOptions& robot, const FindingOptions& options) {
+  engine::RobotOptions alone = robot;
   alone.srdf.clear();
   alone.home.emplace();  // any position will do, within the limits
   for (const RobotColumn& column : read_urdf(robot.urdf).columns)
     (*alone.home)[column.name] = std::clamp(0.0, column.lower, column.upper);
-  Scene scene;
+  engine::Scene scene;
   scene.add_robot("robot", alone);
   Asker asker(std::move(scene));
   const SceneRobot& placed = *asker.scene().robots()[0];

@@ -15,7 +15,7 @@ struct RobotPair {
 };
 
 /// Classifies every pair of links with geometry, regardless of an SRDF. Throws SceneError and RobotError.
-std::vector<RobotPair> find_robot_pairs(const RobotOptions& robot, const FindingOptions& options);
+std::vector<RobotPair> find_robot_pairs(const engine::RobotOptions& robot, const FindingOptions& options);
 
 /// Returns an SRDF that disables adjacent pairs and those that were proved never or always to touch; with `seen` also
 /// pairs that were only sampled. Its reasons distinguish them.

@@ -20,13 +20,13 @@ double thread_ns() {
   return 1e9 * static_cast<double>(t.tv_sec) + static_cast<double>(t.tv_nsec);
 }
 
-Engine::Options one_thread() {
-  Engine::Options options;
+engine::Engine::Options one_thread() {
+  engine::Engine::Options options;
   options.threads = 1;
   return options;
 }
 
-std::vector<std::uint32_t> parents_of(const Scene& scene) {
+std::vector<std::uint32_t> parents_of(const engine::Scene& scene) {
   std::vector<std::uint32_t> parents;
   for (const Body& body : scene.bodies()) parents.push_back(body.parent);
   return parents;
@@ -34,7 +34,7 @@ std::vector<std::uint32_t> parents_of(const Scene& scene) {
 
 }  // namespace
 
-PairTimes::PairTimes(const Scene& scene)
+PairTimes::PairTimes(const engine::Scene& scene)
     : scene_(scene), engine_(scene, one_thread()), table_(scene, parents_of(scene), IgnoredPairs(scene).all()) {
   for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
     const BodyState state = engine_.body_state(b);

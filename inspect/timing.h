@@ -13,7 +13,7 @@ namespace clearance {
 class PairTimes {
  public:
   /// The scene must outlive it.
-  explicit PairTimes(const Scene& scene);
+  explicit PairTimes(const engine::Scene& scene);
 
   /// Returns some enabled pairs of a body with poses.
   std::vector<BodyPair> sampled(std::uint32_t body) const;
@@ -24,8 +24,8 @@ class PairTimes {
   const Pose& pose(std::uint32_t body) const { return poses_[body]; }
 
  private:
-  const Scene& scene_;
-  Engine engine_;
+  const engine::Scene& scene_;
+  engine::Engine engine_;
   std::vector<char> placed_;
   std::vector<Pose> poses_;
   PairTable table_;

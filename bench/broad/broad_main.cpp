@@ -65,7 +65,7 @@ class Motion {
     return all;
   }
 
-  Scene scene;
+  engine::Scene scene;
   std::vector<BodyPose> poses;
 
  private:
@@ -157,17 +157,17 @@ std::vector<Timing> time_queries(Motion& motion, int rounds) {
   const int all = omp_get_num_procs();
   struct Requested {
     Timing timing;
-    Engine* engine;
+    engine::Engine* engine;
     Reduce reduce;
   };
-  std::vector<std::unique_ptr<Engine>> engines;
+  std::vector<std::unique_ptr<engine::Engine>> engines;
   std::vector<Requested> requested;
   for (const int threads : {1, all})
     for (const char* by : {"brute", "tree"}) {
-      Engine::Options options;
+      engine::Engine::Options options;
       options.threads = threads;
       options.broad_phase = by;
-      engines.push_back(std::make_unique<Engine>(motion.scene, options));
+      engines.push_back(std::make_unique<engine::Engine>(motion.scene, options));
       for (const auto& [name, reduce] :
            {std::pair("within", Reduce::kWithin), {"nearest", Reduce::kNearest}, {"min", Reduce::kMin}}) {
         if (reduce != Reduce::kWithin && by == std::string("brute") && motion.poses.size() > kMostForBruteNearest)

@@ -71,15 +71,16 @@ std::string thing_name(std::uint32_t i) {
 namespace {
 
 // Adds the bodies on a link's frame.
-using AddLink = std::function<void(Scene&, const std::string& name, std::uint32_t link, const Scene::BodyOptions&)>;
+using AddLink =
+    std::function<void(engine::Scene&, const std::string& name, std::uint32_t link, const engine::Scene::BodyOptions&)>;
 
 // The arm.
-Scene arm_alone(const AddLink& add_link) {
-  Scene scene;
+engine::Scene arm_alone(const AddLink& add_link) {
+  engine::Scene scene;
   const std::filesystem::path file =
       std::filesystem::temp_directory_path() / ("clearance_arm_" + std::to_string(getpid()) + ".urdf");
   std::ofstream(file) << urdf();
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = file;
   options.home = {{"j4", -1.5}};
   options.is_static = true;
@@ -90,15 +91,17 @@ Scene arm_alone(const AddLink& add_link) {
   return scene;
 }
 // With random hulls as links.
-Scene arm_alone(Random& random) {
-  return arm_alone([&](Scene& scene, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
-    scene.add_hull(name, ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),
-                   options);
-  });
+engine::Scene arm_alone(Random& random) {
+  return arm_alone(
+      [&](engine::Scene& scene, const std::string& name, std::uint32_t i, const engine::Scene::BodyOptions& options) {
+        scene.add_hull(name, ellipsoid(random, 48 + 6 * static_cast<int>(i), kArmShapes[i].size, kArmShapes[i].centre),
+                       options);
+      });
 }
 
 // An ellipsoid with grooves from pole to pole: a solid of 2 * kAround * (kRows - 1) triangles.
-void add_grooved(Scene& scene, const std::string& name, const LinkShape& shape, const Scene::BodyOptions& options) {
+void add_grooved(engine::Scene& scene, const std::string& name, const LinkShape& shape,
+                 const engine::Scene::BodyOptions& options) {
   constexpr std::uint32_t kAround = 24, kRows = 13;
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
@@ -126,7 +129,7 @@ void add_grooved(Scene& scene, const std::string& name, const LinkShape& shape, 
   scene.add_mesh(name, vertices, triangles, MeshAs::kSolid, options);
 }
 
-void add_things(Scene& scene, Random& random) {
+void add_things(engine::Scene& scene, Random& random) {
   scene.add_box(thing_name(0), {2, 2, 0.1}, {.is_static = true, .pose = Pose{{0, 0, -0.06}}});
   for (std::uint32_t i = 1; i < kThings; ++i) {
     const double turn = random.uniform(-M_PI, M_PI), far = random.uniform(0.45, 0.95), high = random.uniform(0, 1.1);
@@ -140,25 +143,24 @@ void add_things(Scene& scene, Random& random) {
 
 }  // namespace
 
-Scene arm_scene_of_hulls() {
+engine::Scene arm_scene_of_hulls() {
   Random random(19);
-  Scene scene = arm_alone(random);
+  engine::Scene scene = arm_alone(random);
   add_things(scene, random);
   return scene;
 }
 
 namespace {
 
-Scene arm_of_meshes() {
-  return arm_alone([](Scene& to, const std::string& name, std::uint32_t i, const Scene::BodyOptions& options) {
-    add_grooved(to, name, kArmShapes[i], options);
-  });
+engine::Scene arm_of_meshes() {
+  return arm_alone([](engine::Scene& to, const std::string& name, std::uint32_t i,
+                      const engine::Scene::BodyOptions& options) { add_grooved(to, name, kArmShapes[i], options); });
 }
 
 }  // namespace
 
-Scene arm_scene_of_meshes() {
-  Scene scene = arm_of_meshes();
+engine::Scene arm_scene_of_meshes() {
+  engine::Scene scene = arm_of_meshes();
   Random random(19);
   add_things(scene, random);
   return scene;
@@ -195,16 +197,16 @@ std::vector<CloudPoint> room_points(std::size_t count, std::uint64_t seed) {
   return points;
 }
 
-Scene arm_scene_in_room() {
+engine::Scene arm_scene_in_room() {
   Random random(19);
-  Scene scene = arm_alone(random);
+  engine::Scene scene = arm_alone(random);
   scene.add_points("room", room_points(kRoomPoints, 23), 0, {.is_static = true, .pose = Pose()});
   return scene;
 }
 
 namespace {
 
-void add_cell(Scene& scene) {
+void add_cell(engine::Scene& scene) {
   constexpr std::uint32_t kCells = 5;
   BoxMesh cell;
   const auto board = [&](const Vec3d& low, const Vec3d& high) {
@@ -221,20 +223,20 @@ void add_cell(Scene& scene) {
 
 }  // namespace
 
-Scene arm_scene_in_cell() {
+engine::Scene arm_scene_in_cell() {
   Random random(19);
-  Scene scene = arm_alone(random);
+  engine::Scene scene = arm_alone(random);
   add_cell(scene);
   return scene;
 }
 
-Scene arm_scene_of_meshes_in_cell() {
-  Scene scene = arm_of_meshes();
+engine::Scene arm_scene_of_meshes_in_cell() {
+  engine::Scene scene = arm_of_meshes();
   add_cell(scene);
   return scene;
 }
 
-std::vector<BodyPair> arm_pairs(const Scene& scene) {
+std::vector<BodyPair> arm_pairs(const engine::Scene& scene) {
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 1; i < kArmLinks; ++i) {
     const std::uint32_t hull = scene.find_body(hull_name(i));
@@ -249,7 +251,7 @@ std::vector<BodyPair> arm_pairs(const Scene& scene) {
   return pairs;
 }
 
-std::vector<double> arm_positions(const Scene& scene, std::uint32_t configurations, std::uint64_t seed) {
+std::vector<double> arm_positions(const engine::Scene& scene, std::uint32_t configurations, std::uint64_t seed) {
   Random random(seed);
   std::vector<double> positions;
   for (std::uint32_t k = 0; k < configurations; ++k)

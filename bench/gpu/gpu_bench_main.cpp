@@ -24,14 +24,14 @@ struct Timing {
   double wall_us = 0, kernel_us = 0, broad_phase_us = 0;
 };
 
-std::uint64_t counter(const Engine& engine, const std::string& name) {
+std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
   return 0;  // a backend without this counter
 }
 
 // Medians over queries into the same columns.
-Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& reply, int repeats) {
+Timing time_queries(engine::Engine& engine, const QueryView& query, const ReplyView& reply, int repeats) {
   std::vector<double> walls, kernels, broad_phases;
   for (int i = -2; i < repeats; ++i) {
     const std::uint64_t before = counter(engine, "cuda.kernel_ns"),
@@ -50,8 +50,9 @@ Timing time_queries(Engine& engine, const QueryView& query, const ReplyView& rep
 }
 
 // The report's kernel for many pairs, one block per pair: distances only, for the pairs of a row above.
-void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv, std::vector<std::string>& table) {
-  const std::vector<BodyPair> pairs = Engine(scene, {"cpu"}).pairs({});
+void run_baseline(const std::string& name, const engine::Scene& scene, std::ostream& csv,
+                  std::vector<std::string>& table) {
+  const std::vector<BodyPair> pairs = engine::Engine(scene, {"cpu"}).pairs({});
   const baselines::World world(scene);
   const auto system = baselines::make_narrow("cuda_batched");
   std::vector<baselines::PairAnswer> answers(pairs.size());
@@ -75,10 +76,10 @@ void run_baseline(const std::string& name, const Scene& scene, std::ostream& csv
 // One GPU and all GPUs, with the same query into pinned memory.
 void run_several(const Workload& w, std::ostream& csv) {
   const int count = cuda::device_info().count;
-  Engine::Options one{"cuda"}, all{"cuda"};
+  engine::Engine::Options one{"cuda"}, all{"cuda"};
   one.devices = {0};
   for (int i = 0; i < count; ++i) all.devices.push_back(i);
-  Engine single(w.scene(), one), several(w.scene(), all);
+  engine::Engine single(w.scene(), one), several(w.scene(), all);
   const Requested requested(w, single);
   const QuerySize size = single.size(requested.q);
   std::uint64_t bytes = 0;
@@ -103,7 +104,7 @@ void run_several(const Workload& w, std::ostream& csv) {
 }
 
 void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) {
-  Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
+  engine::Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"}), either(w.scene(), {"auto"});
   const Requested requested(w, cpu);
   const QueryView& q = requested.q;
   const QuerySize size = device.size(q);
@@ -169,7 +170,7 @@ void run(const Workload& w, std::ostream& csv, std::vector<std::string>& table) 
 // Replacing the points of the cloud: until they are on the device, and until a query of them is answered.
 void run_swap(const std::string& name, std::ostream& csv, std::vector<std::string>& table) {
   const Workload w{"", arm_scene_in_room, 64, kFieldStatus, Reduce::kAny};
-  Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
+  engine::Engine device(w.scene(), {"cuda"}), cpu(w.scene(), {"cpu"});
   const Requested requested(w, cpu);
   const std::uint32_t room = cpu.scene().find_body("room");
   const std::vector<CloudPoint> points[2] = {room_points(kRoomPoints, 31), room_points(kRoomPoints, 37)};
@@ -178,7 +179,7 @@ void run_swap(const std::string& name, std::ostream& csv, std::vector<std::strin
   reply_view_over(nullptr, size.rows, size.fields, &bytes);
   const cuda::PinnedMemory pinned(bytes);
   const ReplyView reply = reply_view_over(pinned.data(), size.rows, size.fields);
-  const auto query = [&](Engine& engine) {
+  const auto query = [&](engine::Engine& engine) {
     Job job = engine.start(requested.q, reply);
     while (!job.advance()) {
     }

@@ -40,7 +40,7 @@ constexpr Columns kColumns[]{{"verdict", kVerdict},
                              {"least", kVerdict, Reduce::kMin},
                              {"least_python_default", kVerdict | kFieldFirstContact | kFieldFlags, Reduce::kMin}};
 
-std::uint64_t counter(const Engine& engine, const std::string& name) {
+std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
   return 0;
@@ -51,7 +51,7 @@ struct Edges {
   std::vector<std::uint32_t> joints;
   std::vector<double> positions;
 
-  Edges(const Scene& scene, const std::string& folder, std::uint32_t count) {
+  Edges(const engine::Scene& scene, const std::string& folder, std::uint32_t count) {
     std::ifstream file(folder + "/ends.txt");
     std::string line, name;
     if (!std::getline(file, line)) throw std::runtime_error(folder + "/ends.txt: cannot read it");
@@ -130,10 +130,10 @@ void write(std::ostream& csv, const std::string& name, const Columns& columns, s
       << s.on_cpu << ',' << s.undecided << ',' << s.compared << ',' << s.undecided_on_cpu << ',' << s.wrong << '\n';
 }
 
-void run(const std::string& folder, const Scene& scene, const Edges& edges, const Columns& columns, const Options& o,
-         std::ostream& csv, Sums& sums) {
-  Engine device(Scene(scene), {.backend = "cuda", .threads = o.threads}),
-      cpu(Scene(scene), {.backend = "cpu", .threads = o.threads});
+void run(const std::string& folder, const engine::Scene& scene, const Edges& edges, const Columns& columns,
+         const Options& o, std::ostream& csv, Sums& sums) {
+  engine::Engine device(engine::Scene(scene), {.backend = "cuda", .threads = o.threads}),
+      cpu(engine::Scene(scene), {.backend = "cpu", .threads = o.threads});
   const QueryView all = edges.query(o.margin, o.edges, columns);
   const QuerySize size = device.size(all);
   std::uint64_t bytes = 0;
@@ -240,7 +240,7 @@ int main_of(int argc, char** argv) {
       << "million_edges_s,million_edges_s_in_kernels,million_edges_s_cpu,free,finished_by_cpu,undecided,compared,"
       << "undecided_by_cpu,wrong\n";
   for (const std::string& folder : o.folders) {
-    const Scene scene = Scene::load(folder + "/scene.yaml", true);
+    const engine::Scene scene = engine::Scene::load(folder + "/scene.yaml", true);
     const Edges edges(scene, folder, o.edges);
     for (std::size_t c = 0; c < std::size(kColumns); ++c) run(folder, scene, edges, kColumns[c], o, csv, sums[c]);
   }

@@ -39,7 +39,7 @@ std::uint64_t bytes_of(const QuerySize& size) {
 
 // \returns whether the rows equal those of the query to the host, except for rows that the CPU finished
 void run(const Workload& w, std::ostream& csv) {
-  const Engine device(w.scene(), {"cuda"});
+  const engine::Engine device(w.scene(), {"cuda"});
   const Requested requested(w, device);
   const QuerySize size = device.size(requested.q);
   const std::uint64_t bytes = bytes_of(size);
@@ -106,7 +106,7 @@ void run(const Workload& w, std::ostream& csv) {
 void run_if_planned(const Workload& w, std::ostream& csv) {
   try {
     run(w, csv);
-  } catch (const QueryError& e) {
+  } catch (const engine::QueryError& e) {
     std::printf("%s | %s\n", w.name.c_str(), e.what());
   }
 }

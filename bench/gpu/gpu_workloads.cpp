@@ -7,9 +7,9 @@
 
 namespace clearance::test {
 
-Scene spheres(int count, double box) {
+engine::Scene spheres(int count, double box) {
   Random random(7);
-  Scene scene, one;
+  engine::Scene scene, one;
   one.add_uv_sphere("one", 2, 5, {});
   for (int i = 0; i < count; ++i) {
     Body body;
@@ -25,9 +25,9 @@ namespace {
 
 // 30 hulls of 32 to 256 vertices within reach of each other.
 constexpr int kHulls = 30, kHullPairs = 150;
-Scene hulls(int fewest, int most) {
+engine::Scene hulls(int fewest, int most) {
   Random random(11);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < kHulls; ++i) {
     const int count = fewest + i * (most - fewest) / (kHulls - 1);
     std::vector<Vec3d> v = random.cloud(count, {1, 1, 1});
@@ -42,22 +42,22 @@ Scene hulls(int fewest, int most) {
 }
 
 // Created once, since their vertices take seconds.
-Scene large_spheres() {
-  static const Scene scene = [] {
-    Scene two;
+engine::Scene large_spheres() {
+  static const engine::Scene scene = [] {
+    engine::Scene two;
     for (const double x : {0.0, 4.01}) two.add_uv_sphere(x > 0 ? "b" : "a", 2, 1000, {.pose = Pose{{x, 0, 0}}});
     return two;
   }();
   return scene;
 }
 
-Scene hulls() {
+engine::Scene hulls() {
   return hulls(32, 256);
 }
-Scene middle_hulls() {
+engine::Scene middle_hulls() {
   return hulls(32, 496);
 }
-Scene large_hulls() {
+engine::Scene large_hulls() {
   return hulls(600, 4000);
 }
 
@@ -87,7 +87,7 @@ Workload joints(const std::string& what, std::uint32_t configurations, std::uint
 // The same arm, or one whose links are meshes, in its surroundings.
 struct ArmScene {
   const char* name;
-  Scene (*scene)();
+  engine::Scene (*scene)();
 };
 constexpr ArmScene kInRoom{"an arm of 8 hulls in a cloud of 100,000 points", arm_scene_in_room},
     kInCell{"an arm of 8 hulls in a mesh of 3600 triangles", arm_scene_in_cell},
@@ -174,7 +174,7 @@ const std::vector<Workload>& workloads() {
   return all;
 }
 
-Requested::Requested(const Workload& w, const Engine& cpu) {
+Requested::Requested(const Workload& w, const engine::Engine& cpu) {
   q.fields = w.fields;
   q.reduce = w.reduce;
   q.max_distance = w.max_distance;

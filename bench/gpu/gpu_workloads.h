@@ -11,7 +11,7 @@ namespace clearance::test {
 
 struct Workload {
   std::string name;
-  Scene (*scene)();
+  engine::Scene (*scene)();
   std::uint32_t configurations;  // 0 for the current poses
   std::uint32_t fields;
   Reduce reduce = Reduce::kNone;
@@ -24,7 +24,7 @@ struct Workload {
 };
 
 const std::vector<Workload>& workloads();
-Scene spheres(int count, double box);  ///< of 42 vertices
+engine::Scene spheres(int count, double box);  ///< of 42 vertices
 
 // The query of a workload. Must not be moved: the query points into it.
 struct Requested {
@@ -34,7 +34,7 @@ struct Requested {
   std::vector<Pose> poses;
   std::vector<double> positions;
 
-  Requested(const Workload& w, const Engine& cpu);
+  Requested(const Workload& w, const engine::Engine& cpu);
   Requested(const Requested&) = delete;
 };
 

@@ -9,14 +9,14 @@ Pose pose_of(const peers::Problem& p, std::uint64_t k, std::uint32_t body) {
   return {{x[0], x[1], x[2]}, x[3], x[4], x[5], x[6]};
 }
 
-Scene scene_of(const peers::Problem& p, std::uint64_t k) {
+engine::Scene scene_of(const peers::Problem& p, std::uint64_t k) {
   std::vector<ConvexPartPtr> parts;
   for (const peers::Shape& s : p.shapes) {
     std::vector<Vec3d> vertices;
     for (const peers::Point& v : s.vertices) vertices.push_back({v[0], v[1], v[2]});
     parts.push_back(make_hull_part(vertices, s.triangles, s.radius));
   }
-  Scene scene;
+  engine::Scene scene;
   for (std::uint32_t b = 0; b < p.bodies.size(); ++b) {
     Body body;
     body.name = "body" + std::to_string(b);

@@ -7,7 +7,7 @@
 namespace clearance {
 
 /// Scene with all bodies at configuration k.
-Scene scene_of(const peers::Problem& problem, std::uint64_t k);
+engine::Scene scene_of(const peers::Problem& problem, std::uint64_t k);
 /// Bodies whose poses differ between configurations.
 std::vector<std::uint32_t> moved_bodies(const peers::Problem& problem);
 Pose pose_of(const peers::Problem& problem, std::uint64_t k, std::uint32_t body);

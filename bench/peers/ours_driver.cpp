@@ -10,7 +10,7 @@ class Ours {
  public:
   explicit Ours(const peers::Problem& p)
       : p_(p), engine_(scene_of(p, 0), with_threads(1)), pairs_(pairs_of(p)), moved_(moved_bodies(p)) {
-    if (is_large(p)) two_threads_ = std::make_unique<Engine>(scene_of(p, 0), with_threads(2));
+    if (is_large(p)) two_threads_ = std::make_unique<engine::Engine>(scene_of(p, 0), with_threads(2));
     for (std::uint64_t k = 0; k < p.configurations; ++k)
       for (const std::uint32_t b : moved_) poses_.push_back(pose_of(p, k, b));
     const bool steps = p.kind == peers::Kind::kMotion;
@@ -66,8 +66,8 @@ class Ours {
   }
 
  private:
-  static Engine::Options with_threads(int threads) {
-    Engine::Options options;
+  static engine::Engine::Options with_threads(int threads) {
+    engine::Engine::Options options;
     options.threads = threads;
     return options;
   }
@@ -76,7 +76,7 @@ class Ours {
     return p.kind == peers::Kind::kDistance && p.exact_value.size() >= 100'000;
   }
 
-  void evaluate(const Engine& engine, const QueryView& query, double* distance) {
+  void evaluate(const engine::Engine& engine, const QueryView& query, double* distance) {
     ReplyView reply;
     reply.distance = distance;
     reply.lower = lower_.data(), reply.upper = upper_.data(), reply.status = status_.data();
@@ -90,8 +90,8 @@ class Ours {
   }
 
   const peers::Problem& p_;
-  Engine engine_;
-  std::unique_ptr<Engine> two_threads_;
+  engine::Engine engine_;
+  std::unique_ptr<engine::Engine> two_threads_;
   std::vector<BodyPair> pairs_;
   std::vector<std::uint32_t> moved_;
   std::vector<Pose> poses_;  // (K, moved)

@@ -81,7 +81,7 @@ void move(Problem& p, Random& random, std::uint64_t steps) {
 
 /// Moves each pair to a distance of `gap`, according to the engine's own answers.
 void set_gaps(Problem& p, double gap) {
-  Engine engine(scene_of(p, 0));
+  engine::Engine engine(scene_of(p, 0));
   const std::vector<BodyPair> pairs = pairs_of(p);
   std::vector<double> distance(pairs.size()), normal(3 * pairs.size());
   for (int round = 0; round < 4; ++round) {
@@ -123,9 +123,9 @@ void add_scales(Problem& p) {
 
 /// Computes the reference backend's distances of every n-th pair, or of every pair in every n-th configuration.
 void add_exact_distances(Problem& p) {
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = "reference";
-  Engine engine(scene_of(p, 0), options);
+  engine::Engine engine(scene_of(p, 0), options);
   const std::vector<BodyPair> all = pairs_of(p);
   p.exact_value.assign(p.configurations * all.size(), kNan);
   const std::uint64_t stride = 1 + p.exact_value.size() / kExactValues;
@@ -180,7 +180,7 @@ double near_share(const Problem& p) {
 }
 
 Problem make_cell(const std::string& scenes, const LinkPoses& links) {
-  const Scene scene = Scene::load(scenes + "/cell/scene.yaml");
+  const engine::Scene scene = engine::Scene::load(scenes + "/cell/scene.yaml");
   Problem p;
   std::map<const ConvexPart*, std::uint32_t> shapes;
   for (const Body& body : scene.bodies()) {
@@ -216,7 +216,7 @@ Problem make_cell(const std::string& scenes, const LinkPoses& links) {
       p.poses.push_back(row(world.back()));
     }
   }
-  for (const BodyPair& pair : Engine(scene).pairs({}))
+  for (const BodyPair& pair : engine::Engine(scene).pairs({}))
     if (moved[pair.a] || moved[pair.b]) p.pairs.push_back({pair.a, pair.b});
   return p;
 }

@@ -23,7 +23,7 @@ struct Interval {
 };
 
 /// The reference backend's interval over all these pairs.
-Interval exact_value_of(const Engine& engine, const std::vector<BodyPair>& pairs) {
+Interval exact_value_of(const engine::Engine& engine, const std::vector<BodyPair>& pairs) {
   Interval exact_value{std::vector<double>(pairs.size()), std::vector<double>(pairs.size())};
   QueryView query;
   query.all_pairs = false;
@@ -53,7 +53,8 @@ std::vector<std::string> talk(const std::string& program, const std::string& pro
   return out;
 }
 
-peers::Problem problem_of(const Scene& scene, const baselines::World& world, const std::vector<BodyPair>& pairs) {
+peers::Problem problem_of(const engine::Scene& scene, const baselines::World& world,
+                          const std::vector<BodyPair>& pairs) {
   peers::Problem p;
   std::map<const DisplayMesh*, std::uint32_t> shapes;
   for (std::uint32_t b = 0; b < world.size(); ++b) {
@@ -78,7 +79,7 @@ peers::Problem problem_of(const Scene& scene, const baselines::World& world, con
 }  // namespace
 
 Contest::Contest(Sheet& sheet, const ContestOptions& options, std::string experiment, std::string name,
-                 const Scene& scene)
+                 const engine::Scene& scene)
     : sheet_(sheet),
       options_(options),
       experiment_(std::move(experiment)),
@@ -104,7 +105,7 @@ double Contest::worst_error(const std::vector<BodyPair>& pairs, const std::vecto
     checked.push_back(pairs[i]);
     answers.push_back(distances[i]);
   }
-  const Interval exact_value = exact_value_of(Engine(scene_), checked);
+  const Interval exact_value = exact_value_of(engine::Engine(scene_), checked);
   double worst = 0;
   for (std::size_t i = 0; i < checked.size(); ++i) {
     if (std::isnan(answers[i])) return answers[i];
@@ -154,10 +155,10 @@ void Contest::baseline(const std::string& method, std::uint64_t most, int block_
 
 void Contest::engine(const std::string& method, const std::string& backend, int threads) {
   if (backend == "cuda" && !options_.gpu) return;
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = backend;
   options.threads = threads;
-  const Engine engine(scene_, options);
+  const engine::Engine engine(scene_, options);
   QueryView query;
   query.fields = all_ <= kWithPoints ? kDefaultFields | kFieldPoints : kDefaultFields;
   std::uint64_t bytes = 0;
@@ -199,9 +200,9 @@ void Contest::engine(const std::string& method, const std::string& backend, int 
 }
 
 void Contest::nearest(const std::string& method) {
-  Engine::Options options;
+  engine::Engine::Options options;
   options.threads = options_.threads;
-  const Engine engine(scene_, options);
+  const engine::Engine engine(scene_, options);
   QueryView query;
   query.reduce = Reduce::kNearest;
   query.fields = kDefaultFields | kFieldPoints | kFieldPair;

@@ -22,7 +22,8 @@ struct ContestOptions {
 class Contest {
  public:
   /// Covers all pairs of the scene's bodies.
-  Contest(Sheet& sheet, const ContestOptions& options, std::string experiment, std::string name, const Scene& scene);
+  Contest(Sheet& sheet, const ContestOptions& options, std::string experiment, std::string name,
+          const engine::Scene& scene);
 
   /// Runs a baseline by name.
   /// \param most maximum number of pairs to time; of more, evenly spaced ones are chosen
@@ -47,7 +48,7 @@ class Contest {
   Sheet& sheet_;
   const ContestOptions& options_;
   std::string experiment_, name_;
-  Scene scene_;
+  engine::Scene scene_;
   baselines::World world_;
   std::uint64_t all_;
 };

@@ -118,7 +118,7 @@ class Experiments {
   void spheres() {
     for (const std::uint32_t count : {10u, 100u, 200u, 1000u, 5000u, 20'000u}) {
       if (o_.brief && count > 200) break;
-      const Scene scene = count <= 5000 ? load("random_" + std::to_string(count)) : random_spheres(count);
+      const engine::Scene scene = count <= 5000 ? load("random_" + std::to_string(count)) : random_spheres(count);
       Contest c(sheet_, o_.contest, "spheres", std::to_string(count), scene);
       if (count <= 1000) c.baseline("naive", most(400));
       c.baseline("gjk", most(500'000));
@@ -133,7 +133,7 @@ class Experiments {
 
   /// Section 4.4.3.
   void transfers() {
-    Scene scene = load("random_1000");
+    engine::Scene scene = load("random_1000");
     baselines::World world(scene);
     std::vector<Pose> poses;
     for (const Body& body : scene.bodies()) poses.push_back(*body.pose);
@@ -167,22 +167,24 @@ class Experiments {
   }
 
  private:
-  Scene load(const std::string& name) const { return Scene::load(o_.scenes + "/" + name + "/scene.yaml"); }
+  engine::Scene load(const std::string& name) const {
+    return engine::Scene::load(o_.scenes + "/" + name + "/scene.yaml");
+  }
 
   // scenes/two_spheres, or the same with fewer vertices for quick runs.
-  Scene two_large() const {
+  engine::Scene two_large() const {
     if (!o_.brief) return load("two_spheres");
-    Scene scene;
+    engine::Scene scene;
     scene.add_uv_sphere("left", 2, 20, {.pose = Pose{{-2.5, 0, 0}, 1, 0, 0, 0}});
     scene.add_uv_sphere("right", 2, 20, {.pose = Pose{{2.5, 0.7, 0.3}, 0.8, 0.2, 0.4, 0.4}});
     return scene;
   }
 
   // Like scenes/random_*, with the same density.
-  static Scene random_spheres(std::uint32_t count) {
+  static engine::Scene random_spheres(std::uint32_t count) {
     const double box = 60 * std::cbrt(count / 1000.0);
     PortableRandom random(1);
-    Scene scene;
+    engine::Scene scene;
     for (std::uint32_t i = 0; i < count; ++i)
       scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose({box, box, box})});
     return scene;

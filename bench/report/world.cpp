@@ -40,7 +40,7 @@ std::shared_ptr<const DisplayMesh> hull_of(const ConvexPart& part) {
 
 }  // namespace
 
-World::World(const Scene& scene) {
+World::World(const engine::Scene& scene) {
   struct Shared {
     std::shared_ptr<const DisplayMesh> mesh;
     std::shared_ptr<const Connections> connections;

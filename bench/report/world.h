@@ -43,7 +43,7 @@ class World {
   /// Uses each body's triangles, or those of its hull if its mesh has interior vertices, and places it at its initial
   /// pose, or at the origin without one. Throws std::invalid_argument for a body of several convex parts, with a
   /// radius, or without triangles (a flat one), which the report does not support.
-  explicit World(const Scene& scene);
+  explicit World(const engine::Scene& scene);
 
   /// Moves every body.
   /// \param X_wb (bodies,)

@@ -57,7 +57,7 @@ void sway(MovingScene& s, Random& random, int steps) {
 }
 
 void request_all(MovingScene& s) {
-  s.pairs = Engine(s.scene).pairs({});
+  s.pairs = engine::Engine(s.scene).pairs({});
 }
 
 /// Hulls of 20 to 60 vertices in pairs, at least `gap` sizes apart along some direction. They rotate about that
@@ -77,7 +77,7 @@ MovingScene couples(Random& random, int steps, double least_gap, double most_gap
     for (const Vec3d& v : a) reach = std::max(reach, dot(n, R_wa * v));
     for (const Vec3d& v : b) least = std::min(least, dot(n, R_wb * v));
     X_wb.translation = X_wa.translation + n * (reach - least + random.uniform(least_gap, most_gap) * (size_a + size_b));
-    Scene::BodyOptions at_a, at_b;
+    engine::Scene::BodyOptions at_a, at_b;
     at_a.pose = X_wa;
     at_b.pose = X_wb;
     s.scene.add_hull("a" + std::to_string(i / 2), a, at_a);
@@ -137,7 +137,7 @@ template <class Add>
 MovingScene crowd(Random& random, int steps, int count, double box, Add add) {
   MovingScene s;
   for (int i = 0; i < count; ++i) {
-    Scene::BodyOptions at;
+    engine::Scene::BodyOptions at;
     at.pose = random.pose({box, box, box});
     add(s.scene, "body" + std::to_string(i), i, at);
   }
@@ -149,7 +149,7 @@ MovingScene crowd(Random& random, int steps, int count, double box, Add add) {
 /// The arm of scenes/cell rotates about its base; everything else is fixed.
 MovingScene cell(const std::string& folder, int steps) {
   MovingScene s;
-  s.scene = Scene::load(folder + "/cell/scene.yaml");
+  s.scene = engine::Scene::load(folder + "/cell/scene.yaml");
   const Group& arm = s.scene.groups().at(s.scene.find_group("arm"));
   s.steps.resize(static_cast<std::size_t>(steps));
   for (int i = 0; i < steps; ++i)
@@ -165,8 +165,8 @@ MovingScene cell(const std::string& folder, int steps) {
 
 // The same bodies as exactly represented hulls, which the oracle supports: a cylinder becomes its prism. Only the
 // effect of refinement is measured; slack is the same for all settings.
-Scene as_parts(const Scene& scene) {
-  Scene exact;
+engine::Scene as_parts(const engine::Scene& scene) {
+  engine::Scene exact;
   for (Body body : scene.bodies()) {
     body.model_error = body.model_inner = 0;
     for (ConvexPartPtr& part : body.parts) part = with_prism(part);
@@ -189,7 +189,7 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
   digest.add(seed);
   Random random(digest.value());
   const auto in = [&](double low, double high) { return random.uniform(low, high); };
-  using Options = Scene::BodyOptions;
+  using Options = engine::Scene::BodyOptions;
   MovingScene s;
   if (name == "near") {
     s = couples(random, steps, 0.01, 0.1);
@@ -201,7 +201,7 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
     s = touching(random, steps);
     s.what = "64 bodies sliding on boxes on a face, an edge or a vertex, gaps from -1e-9 to 1e-4 m";
   } else if (name == "dense") {
-    s = crowd(random, steps, 20, 0.9, [&](Scene& scene, const std::string& body, int i, const Options& at) {
+    s = crowd(random, steps, 20, 0.9, [&](engine::Scene& scene, const std::string& body, int i, const Options& at) {
       switch (i % 5) {
         case 0:
           scene.add_box(body, {in(0.1, 0.4), in(0.1, 0.4), in(0.1, 0.4)}, at);
@@ -222,7 +222,7 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
     });
     s.what = "20 bodies of every kind packed into 0.9 m, all pairs; some overlap";
   } else if (name == "fine") {
-    s = crowd(random, steps, 12, 4, [&](Scene& scene, const std::string& body, int, const Options& at) {
+    s = crowd(random, steps, 12, 4, [&](engine::Scene& scene, const std::string& body, int, const Options& at) {
       scene.add_hull(body, egg(random, 3000, in(0.3, 0.6)), at);
     });
     s.what = "12 hulls of 3000 vertices, all pairs";
@@ -230,22 +230,22 @@ MovingScene make_moving_scene(const std::string& name, const std::string& folder
     s = cell(folder, steps);
     s.what = "scenes/cell: the arm turns about its base, all enabled pairs";
   } else if (name == "extremes") {
-    s.scene = Scene::load(folder + "/extremes/scene.yaml");
+    s.scene = engine::Scene::load(folder + "/extremes/scene.yaml");
     sway(s, random, steps);
     request_all(s);
     s.what = "scenes/extremes: tiny, huge, flat, thin and far bodies, all pairs";
   } else if (name == "spheres") {
-    s = crowd(random, steps, 16, 2, [&](Scene& scene, const std::string& body, int, const Options& at) {
+    s = crowd(random, steps, 16, 2, [&](engine::Scene& scene, const std::string& body, int, const Options& at) {
       scene.add_sphere(body, in(0.05, 0.3), at);
     });
     s.what = "16 spheres, all pairs";
   } else if (name == "capsules") {
-    s = crowd(random, steps, 16, 2, [&](Scene& scene, const std::string& body, int, const Options& at) {
+    s = crowd(random, steps, 16, 2, [&](engine::Scene& scene, const std::string& body, int, const Options& at) {
       scene.add_capsule(body, in(0.05, 0.1), in(0.1, 0.6), at);
     });
     s.what = "16 capsules, all pairs";
   } else if (name == "boxes") {
-    s = crowd(random, steps, 16, 2, [&](Scene& scene, const std::string& body, int, const Options& at) {
+    s = crowd(random, steps, 16, 2, [&](engine::Scene& scene, const std::string& body, int, const Options& at) {
       scene.add_box(body, {in(0.1, 0.5), in(0.1, 0.5), in(0.1, 0.5)}, at);
     });
     s.what = "16 boxes, all pairs";

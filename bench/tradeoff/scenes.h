@@ -11,7 +11,7 @@ namespace clearance::tradeoff {
 
 struct MovingScene {
   std::string name, what;  ///< what: a one-line description
-  Scene scene;
+  engine::Scene scene;
   std::vector<BodyPair> pairs;               ///< pairs of the queries
   std::vector<std::vector<BodyPose>> steps;  ///< poses of the moving bodies, step by step
 };

@@ -133,7 +133,7 @@ class Bench {
  private:
   const MovingScene& scene_;
   const ExactDistances& exact_value_;
-  Engine engine_;
+  engine::Engine engine_;
   Answers answers_;
   std::vector<std::uint32_t> bodies_;  // that move
   std::vector<Pose> configurations_;   // of each step, of each moving body

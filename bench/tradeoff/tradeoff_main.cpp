@@ -25,7 +25,7 @@ struct Options {
 int run(Options o) {
   if (o.only.empty()) o.only = scene_names();
   if (o.backends.empty()) {
-    o.backends = Engine::backends();
+    o.backends = engine::Engine::backends();
     std::erase(o.backends, "reference");  // it is the reference
   }
   std::ofstream out(o.csv);

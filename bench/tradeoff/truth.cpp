@@ -17,7 +17,7 @@ constexpr std::size_t kOracleVertices = 4000;  // of a body; more take the oracl
 constexpr std::size_t kOraclePartPairs = 50;
 
 /// The least exact distance over the pairs of parts; unset if the bodies are too large for the oracle.
-std::optional<exact::Value> exact_answer(const MovingScene& scene, const Engine& engine, BodyPair pair) {
+std::optional<exact::Value> exact_answer(const MovingScene& scene, const engine::Engine& engine, BodyPair pair) {
   const Body &a = scene.scene.bodies()[pair.a], &b = scene.scene.bodies()[pair.b];
   for (const Body* body : {&a, &b}) {
     std::size_t vertices = 0;
@@ -51,9 +51,9 @@ ReplyView Answers::view() {
 }
 
 ExactDistances find_exact_distances(const MovingScene& scene, std::size_t checked) {
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = "reference";
-  Engine engine(scene.scene, options);
+  engine::Engine engine(scene.scene, options);
   QueryView query;
   query.all_pairs = false;
   query.pairs = scene.pairs;

@@ -15,9 +15,13 @@ enum class QueryErrorCode : std::uint16_t {
   kNotSupported = 4,  ///< valid, but unsupported by this build or backend
 };
 
+namespace engine {
+
 struct QueryError : std::runtime_error {
   QueryError(QueryErrorCode c, const std::string& what) : std::runtime_error(what), code(c) {}
   QueryErrorCode code;
 };
+
+}  // namespace engine
 
 }  // namespace clearance

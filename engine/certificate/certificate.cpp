@@ -14,7 +14,7 @@ namespace {
 constexpr std::uint64_t kMostRows = 100'000;  // about 100 MB of document
 
 [[noreturn]] void reject(QueryErrorCode code, const std::string& what) {
-  throw QueryError(code, "certificate: " + what);
+  throw engine::QueryError(code, "certificate: " + what);
 }
 
 // Rows of `reduce` none without motions.

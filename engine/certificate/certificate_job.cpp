@@ -7,7 +7,7 @@ namespace {
 constexpr std::uint64_t kUnitsPerRow = 64;
 
 [[noreturn]] void reject_kind(const std::string& what) {
-  throw QueryError(QueryErrorCode::kNotSupported, "certificate: " + what);
+  throw engine::QueryError(QueryErrorCode::kNotSupported, "certificate: " + what);
 }
 
 }  // namespace

@@ -158,8 +158,9 @@ std::uint32_t part_place(const Body& body, std::uint32_t part) {
 
 void CertificateText::add(const std::string& text) {
   if (text.size() > most_ - std::min<std::uint64_t>(most_, text_.size()))
-    throw QueryError(QueryErrorCode::kTooLarge, "certificate: the document takes more than " + std::to_string(most_) +
-                                                    " bytes: request fewer rows at a time");
+    throw engine::QueryError(
+        QueryErrorCode::kTooLarge,
+        "certificate: the document takes more than " + std::to_string(most_) + " bytes: request fewer rows at a time");
   const std::size_t at = text_.size();
   text_.resize(at + text.size());
   std::memcpy(text_.data() + at, text.data(), text.size());

@@ -60,7 +60,8 @@ class CertificateText {
  public:
   /// \param scene, plan must outlive this
   /// \param most size limit, in bytes
-  CertificateText(const Scene& scene, const Plan& plan, std::uint64_t most) : scene_(scene), plan_(plan), most_(most) {}
+  CertificateText(const engine::Scene& scene, const Plan& plan, std::uint64_t most)
+      : scene_(scene), plan_(plan), most_(most) {}
 
   /// All functions that write throw QueryError beyond the size limit.
   void begin(const ReplyInfo& info);
@@ -98,7 +99,7 @@ class CertificateText {
   const RobotJoint* joint_of(std::uint32_t id) const;
   std::uint32_t carrier_of(std::uint32_t id) const;
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   std::uint64_t most_;
   std::vector<std::byte> text_;

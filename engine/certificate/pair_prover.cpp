@@ -36,7 +36,7 @@ void MotionMoment::move_to(double time) {
   poses_.twists(0, placed_, twists_);
 }
 
-PairProver::PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
+PairProver::PairProver(const engine::Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
                        MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, double until,
                        CertificateText& text)
     : scene_(scene),

@@ -21,7 +21,7 @@ class MotionMoment {
  public:
   /// Both must outlive this.
   /// \param boxes as for BodyPoses
-  MotionMoment(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+  MotionMoment(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
       : plan_(plan), poses_(plan), placed_(scene, plan, boxes) {}
 
   /// Begins with another motion.
@@ -53,8 +53,9 @@ class PairProver {
   /// \param position of the pair in the plan
   /// \param lower bound to be proved, in metres
   /// \param until end of the time to be covered, from 0, at most 1
-  PairProver(const Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options, MotionMoment& moment,
-             std::uint64_t position, BodyPair pair, double lower, double until, CertificateText& text);
+  PairProver(const engine::Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
+             MotionMoment& moment, std::uint64_t position, BodyPair pair, double lower, double until,
+             CertificateText& text);
 
   /// Returns true once the bound is proved or the proof has failed, and false if the slice ended first.
   /// \param span_at converts the moment to the span that is written
@@ -93,7 +94,7 @@ class PairProver {
   void write(SpanPlace place);
   void end_span(const Halves& proved);
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const MotionBounds& bounds_;
   MotionMoment& moment_;
   std::uint64_t position_;

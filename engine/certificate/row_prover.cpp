@@ -15,7 +15,7 @@ constexpr double kFine = 1e-12;  // rel_tol of a second attempt, much narrower t
 // Bodies whose convex parts are exact geometry: one direction for all parts, or one for each pair.
 class PartsProver final : public RowProver {
  public:
-  PartsProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
+  PartsProver(const engine::Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
               const PairAnswer& answer, CertificateText& text)
       : RowProver(scene, options, here, pair, answer, text),
         box_a_(here.box(pair.a)),
@@ -55,7 +55,7 @@ std::array<NarrowLimits, 4> proof_attempts(const NarrowLimits& requested) {
   return limits;
 }
 
-RowProver::RowProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
+RowProver::RowProver(const engine::Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
                      const PairAnswer& answer, CertificateText& text)
     : a_(scene.bodies()[pair.a]),
       b_(scene.bodies()[pair.b]),
@@ -120,8 +120,9 @@ bool RowProver::prove(const ConvexPart& p, const ConvexPart& q, PartProof found,
   return false;
 }
 
-std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
-                                           BodyPair pair, const PairAnswer& answer, CertificateText& text) {
+std::unique_ptr<RowProver> make_row_prover(const engine::Scene& scene, const EvaluateOptions& options,
+                                           const BodyPoses& here, BodyPair pair, const PairAnswer& answer,
+                                           CertificateText& text) {
   if (surface_of(scene.bodies()[pair.a]) || surface_of(scene.bodies()[pair.b]))
     return std::make_unique<SurfaceProver>(scene, options, here, pair, answer, text);
   return std::make_unique<PartsProver>(scene, options, here, pair, answer, text);

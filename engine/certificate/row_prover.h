@@ -34,7 +34,7 @@ class RowProver {
 
   /// All references must outlive this.
   /// \param answer holds the bounds and the indices of the nearest parts
-  RowProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
+  RowProver(const engine::Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
             const PairAnswer& answer, CertificateText& text);
 
   /// Performs one unit of work; the last one calls end(). Returns false if the slice ended first.
@@ -66,7 +66,8 @@ class RowProver {
 
 /// All references must outlive the result.
 /// \param answer holds the bounds and the indices of the nearest parts
-std::unique_ptr<RowProver> make_row_prover(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
-                                           BodyPair pair, const PairAnswer& answer, CertificateText& text);
+std::unique_ptr<RowProver> make_row_prover(const engine::Scene& scene, const EvaluateOptions& options,
+                                           const BodyPoses& here, BodyPair pair, const PairAnswer& answer,
+                                           CertificateText& text);
 
 }  // namespace clearance

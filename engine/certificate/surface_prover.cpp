@@ -29,8 +29,8 @@ std::uint32_t candidates_of(const ConvexPart& part) {
 
 }  // namespace
 
-SurfaceProver::SurfaceProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
-                             const PairAnswer& answer, CertificateText& text)
+SurfaceProver::SurfaceProver(const engine::Scene& scene, const EvaluateOptions& options, const BodyPoses& here,
+                             BodyPair pair, const PairAnswer& answer, CertificateText& text)
     : RowProver(scene, options, here, pair, answer, text), cover_(a_, b_) {
   if (wants_lower_) cover_.begin();
   nearest_.begin(a_, pose_a_, b_, pose_b_);

@@ -16,7 +16,7 @@ namespace clearance {
 /// the nearest elements or by a solid that contains the other body.
 class SurfaceProver final : public RowProver {
  public:
-  SurfaceProver(const Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
+  SurfaceProver(const engine::Scene& scene, const EvaluateOptions& options, const BodyPoses& here, BodyPair pair,
                 const PairAnswer& answer, CertificateText& text);
 
  private:

@@ -99,7 +99,7 @@ std::unique_ptr<DenseWorkspace> make_dense(const ResidentHulls& hulls, WorkCount
 // On the calling thread's device.
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
-  CudaDevice(const Scene& scene, std::uint64_t memory_limit)
+  CudaDevice(const engine::Scene& scene, std::uint64_t memory_limit)
       : budget_{memory_limit},
         scene_memory_(budget_),
         work_(budget_),
@@ -184,7 +184,7 @@ std::string name_of(int number) {
   return properties.name;
 }
 
-std::shared_ptr<Device> open(const Scene& scene, int number, std::uint64_t memory_limit) {
+std::shared_ptr<Device> open(const engine::Scene& scene, int number, std::uint64_t memory_limit) {
   if (!installed().present) throw DeviceError(DeviceError::kLost, installed().reason);
   if (number == kCurrentDevice) check(cudaGetDevice(&number), "getting the device");
   const OnDevice here(number);

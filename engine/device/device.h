@@ -18,7 +18,9 @@
 
 namespace clearance {
 class PairTable;
+namespace engine {
 class Scene;
+}
 class Surface;
 struct MotionArrays;
 struct ConvexPart;
@@ -294,14 +296,14 @@ std::string installed_device_name(int number);
 /// Opens a device and copies the scene's hulls to it.
 /// \param number of the device, or kCurrentDevice
 /// \param memory_limit maximum device memory, in bytes
-std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit);
+std::shared_ptr<Device> open_device(const engine::Scene& scene, int number, std::uint64_t memory_limit);
 
 struct SharedMemoryCalls;
 
 /// Replaces the installed devices during its lifetime, so that tests of device faults need no GPU.
 class FakeDevice {
  public:
-  using Open = std::function<std::shared_ptr<Device>(const Scene&, int number, std::uint64_t memory_limit)>;
+  using Open = std::function<std::shared_ptr<Device>(const engine::Scene&, int number, std::uint64_t memory_limit)>;
   /// \param memory of SharedMemory; if null, the installed devices' calls are used
   FakeDevice(DeviceInfo info, Open open, const SharedMemoryCalls* memory = nullptr);
   ~FakeDevice();
@@ -314,7 +316,7 @@ bool has_fake_device();
 /// The devices that the backend uses: the installed ones, or the fake ones.
 const DeviceInfo& device_info();
 std::string device_name(int number);
-std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit);
+std::shared_ptr<Device> make_device(const engine::Scene& scene, int number, std::uint64_t memory_limit);
 
 /// Whether the memory is pinned and therefore writable by the device.
 bool is_pinned(const void* memory);

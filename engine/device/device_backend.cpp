@@ -40,12 +40,12 @@ const DeviceInfo& device_info() {
 std::string device_name(int number) {
   return fake_device().open ? fake_device().info.name : installed_device_name(number);
 }
-std::shared_ptr<Device> make_device(const Scene& scene, int number, std::uint64_t memory_limit) {
+std::shared_ptr<Device> make_device(const engine::Scene& scene, int number, std::uint64_t memory_limit) {
   return fake_device().open ? fake_device().open(scene, number, memory_limit)
                             : open_device(scene, number, memory_limit);
 }
 
-DeviceBackend::DeviceBackend(const Scene& scene, const Options& options) : scene_(scene), options_(options) {
+DeviceBackend::DeviceBackend(const engine::Scene& scene, const Options& options) : scene_(scene), options_(options) {
   const std::vector<int> numbers = options.devices.empty() ? std::vector<int>{kCurrentDevice} : options.devices;
   std::vector<NumberedDevice> devices;
   for (const int number : numbers) {

@@ -77,7 +77,7 @@ class DeviceBackend {
     bool fallback = true;                            ///< the CPU answers queries that the device cannot
   };
   /// Throws DeviceError if fallback is off and a device cannot hold the scene.
-  DeviceBackend(const Scene& scene, const Options& options);
+  DeviceBackend(const engine::Scene& scene, const Options& options);
 
   Device& device() const { return *device_; }
   bool usable() const { return usable_; }
@@ -94,7 +94,7 @@ class DeviceBackend {
   std::shared_ptr<const PairListOnDevice> list(const Plan& plan);
   /// The current elements of these bodies, copied to the device if not yet there. Null if the device holds no elements.
   /// \param scene of the query
-  std::shared_ptr<const ElementsOnDevice> elements(const Scene& scene, std::span<const std::uint32_t> bodies);
+  std::shared_ptr<const ElementsOnDevice> elements(const engine::Scene& scene, std::span<const std::uint32_t> bodies);
   /// The query's whole pair table: the last one if it is the same.
   std::shared_ptr<const TableOnDevice> table(const Plan& plan);
   /// Adds the counters shown by stats().
@@ -105,7 +105,7 @@ class DeviceBackend {
       queries{0}, queries_on_cpu{0}, without_room{0};
 
  private:
-  const Scene& scene_;
+  const engine::Scene& scene_;
   Options options_;
   std::atomic<bool> usable_{false};
   mutable std::mutex mutex_;  // guards the following members

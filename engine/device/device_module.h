@@ -16,7 +16,7 @@ namespace clearance::cuda {
 struct DeviceModule {
   const DeviceInfo& (*installed_device)();
   std::string (*device_name)(int number);
-  std::shared_ptr<Device> (*open)(const Scene& scene, int number, std::uint64_t memory_limit);
+  std::shared_ptr<Device> (*open)(const engine::Scene& scene, int number, std::uint64_t memory_limit);
   bool (*is_pinned)(const void* memory);
   void (*pin)(std::byte* memory, std::size_t bytes);
   void (*unpin)(std::byte* memory);

@@ -13,8 +13,8 @@ namespace clearance::cuda {
 namespace {
 
 // Two bodies for each known pair.
-Scene scene_of(const std::vector<KnownPair>& pairs) {
-  Scene scene;
+engine::Scene scene_of(const std::vector<KnownPair>& pairs) {
+  engine::Scene scene;
   for (std::size_t i = 0; i < 2 * pairs.size(); ++i) {
     Body body;
     body.name = std::to_string(i);
@@ -51,7 +51,7 @@ struct SelfTestCase {
 
 void evaluate(SelfTest& test, const std::vector<int>& devices) {
   const std::vector<KnownPair>& known = known_pairs();
-  const Scene scene = scene_of(known);
+  const engine::Scene scene = scene_of(known);
   DeviceBackend::Options options;
   options.devices = devices;
   options.fallback = false;
@@ -95,7 +95,7 @@ SelfTest self_test_devices(const std::vector<int>& devices) {
   try {
     evaluate(test, devices);
   } catch (const DeviceError&) {
-  } catch (const QueryError&) {
+  } catch (const engine::QueryError&) {
   }
   test.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   return test;

@@ -31,7 +31,7 @@ class HullArrays {
   std::vector<std::uint32_t> of_body, part_begin{0}, part_hull;
 
   /// \param most_shared bytes of a block's shared memory that two hulls may use
-  HullArrays(const Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
+  HullArrays(const engine::Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
     std::vector<std::uint32_t> hulls;
     std::unordered_map<const ConvexPart*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {

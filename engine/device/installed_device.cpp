@@ -64,7 +64,7 @@ const DeviceInfo& installed_device() {
 std::string installed_device_name(int number) {
   return module_or_throw().device_name(number);
 }
-std::shared_ptr<Device> open_device(const Scene& scene, int number, std::uint64_t memory_limit) {
+std::shared_ptr<Device> open_device(const engine::Scene& scene, int number, std::uint64_t memory_limit) {
   return module_or_throw().open(scene, number, memory_limit);
 }
 bool is_pinned(const void* memory) {

@@ -15,7 +15,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
+bool is_unusable(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair) {
   for (const std::uint32_t body : {pair.a, pair.b})
     if (body >= scene.bodies().size() || placement[body].status != Status::kOk) return true;
   return false;
@@ -27,7 +27,7 @@ std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair) {
   return flags;
 }
 
-double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
+double box_gap(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair) {
   const std::size_t n = scene.bodies().size();
   if (pair.a >= n || pair.b >= n) return kInf;
   const Aabb *a = placement.known_box(pair.a), *b = placement.known_box(pair.b);
@@ -38,7 +38,7 @@ double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair) {
 namespace {
 
 // Writes the flags of a pair's bodies, and its answer if that does not depend on the parts.
-bool answer_without_parts(const Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
+bool answer_without_parts(const engine::Scene& scene, const PlacedBodies& bodies, const EvaluateOptions& options,
                           PairAnswer& answer) {
   const BodyPair pair = bodies.pair;
   const BodyPoses& placement = *bodies.placement;
@@ -60,7 +60,7 @@ bool answer_without_parts(const Scene& scene, const PlacedBodies& bodies, const 
 
 }  // namespace
 
-PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyPair pair,
+PairAnswer unusable_answer(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair,
                            const EvaluateOptions& options) {
   assert(is_unusable(scene, placement, pair));
   PairAnswer answer;
@@ -93,7 +93,7 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
 }
 
 // Bound on the number of bodies in pairs; a body in two configurations counts twice.
-std::size_t most_bodies(const Scene& scene, std::span<const PlacedBodies> pairs) {
+std::size_t most_bodies(const engine::Scene& scene, std::span<const PlacedBodies> pairs) {
   const bool one_placement =
       std::all_of(pairs.begin(), pairs.end(), [&](const PlacedBodies& p) { return p.placement == pairs[0].placement; });
   return one_placement ? std::min(2 * pairs.size(), scene.bodies().size()) : 2 * pairs.size();

@@ -52,7 +52,7 @@ inline void replace_answer(PairAnswer& answer, const PairAnswer& by) {
 /// Evaluates many pairs, valid or not. Each worker has its own.
 class Evaluator {
  public:
-  Evaluator(const Scene& scene, const EvaluateOptions& options)
+  Evaluator(const engine::Scene& scene, const EvaluateOptions& options)
       : scene_(scene), options_(options), batch_(narrow_options(scene, options)), boxes_(scene) {}
   void run(std::span<const PlacedBodies> pairs, std::span<PairAnswer> answers) {
     WorkMeter unlimited;
@@ -87,7 +87,7 @@ class Evaluator {
   enum class Overlap : std::uint8_t { kExact, kOfProxies, kContained };
 
   // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
-  static NarrowOptions narrow_options(const Scene& scene, NarrowOptions options) {
+  static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options) {
     options.want_points |= scene.has_surfaces();
     return options;
   }
@@ -128,7 +128,7 @@ class Evaluator {
     return near < 0 && is_by_parts(bodies.pair) ? 0 : near;
   }
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   EvaluateOptions options_;
   PartBatch batch_;
   PartBoxes boxes_;
@@ -147,13 +147,13 @@ class Evaluator {
 };
 
 /// Lower bound on a pair's distance from its boxes; +inf if a body has none.
-double box_gap(const Scene& scene, const BodyPoses& placement, BodyPair pair);
+double box_gap(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// Flags of the poses of a pair of known bodies: kFlagRenormalised, kFlagBeyondLimits.
 std::uint16_t pose_flags(const BodyPoses& placement, BodyPair pair);
 /// Whether a pair has an unknown body, or one without a usable pose.
-bool is_unusable(const Scene& scene, const BodyPoses& placement, BodyPair pair);
+bool is_unusable(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair);
 /// The answer for such a pair: its status gives the reason, and its bounds are -inf and inf.
-PairAnswer unusable_answer(const Scene& scene, const BodyPoses& placement, BodyPair pair,
+PairAnswer unusable_answer(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair,
                            const EvaluateOptions& options);
 
 }  // namespace clearance

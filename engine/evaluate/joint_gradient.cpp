@@ -13,7 +13,7 @@ constexpr std::uint32_t kUnknown = ~std::uint32_t{0};
 
 }  // namespace
 
-JointGradient::JointGradient(const Scene& scene, const Plan& plan)
+JointGradient::JointGradient(const engine::Scene& scene, const Plan& plan)
     : scene_(scene),
       snapshot_(*plan.snapshot),
       joints_(plan.joints.size()),

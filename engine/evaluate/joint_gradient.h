@@ -15,7 +15,7 @@ namespace clearance {
 class JointGradient {
  public:
   /// \param scene, plan outlive this.
-  JointGradient(const Scene& scene, const Plan& plan);
+  JointGradient(const engine::Scene& scene, const Plan& plan);
 
   /// \param out (J,) in the order of Plan::joints: write_joint_gradient()
   void write(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer, double* out) const;
@@ -29,7 +29,7 @@ class JointGradient {
   void find_mover(std::uint32_t body, std::span<const std::uint32_t> at_of_joint);
   std::uint32_t add_mover(std::uint32_t body, std::uint32_t above, std::span<const std::uint32_t> at_of_joint);
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const PoseSnapshot& snapshot_;
   std::size_t joints_;
   std::vector<JointMover> movers_;

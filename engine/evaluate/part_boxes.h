@@ -15,7 +15,7 @@ namespace clearance {
 /// Caches boxes, since a body of several parts meets many others in one configuration. Each worker has its own.
 class PartBoxes {
  public:
-  explicit PartBoxes(const Scene& scene) : scene_(scene) {}
+  explicit PartBoxes(const engine::Scene& scene) : scene_(scene) {}
 
   /// Sizes the cache for the boxes of so many bodies, up to a bound, and may clear it. A few bodies would not pay for
   /// the memory that thousands need.
@@ -65,7 +65,7 @@ class PartBoxes {
     return {.placement = &placement, .number = placement.number(), .body = body, .boxes = {}};
   }
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   std::vector<CachedBoxes> slots_;
   std::uint64_t count_ = 0;  // of calls
 };

@@ -26,12 +26,12 @@ double rounded_down(long double x) {
 }
 
 [[noreturn]] void reject(const std::string& what) {
-  throw QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
+  throw engine::QueryError(QueryErrorCode::kBadQuery, "free_scale: " + what);
 }
 
 }  // namespace
 
-FreeScale::FreeScale(const Scene& scene, const Plan& plan)
+FreeScale::FreeScale(const engine::Scene& scene, const Plan& plan)
     : scene_(scene), plan_(plan), moves_(scene.bodies().size(), 0), carried_(scene.bodies().size()) {
   for (const std::uint32_t body : plan.moved) moves_[body] = 1;
   check();
@@ -67,9 +67,9 @@ void FreeScale::check() const {
     if (!(weights[i] >= 0) || std::isinf(weights[i]))
       reject("weights[" + std::to_string(i) + "]: expected a finite number >= 0, got " + std::to_string(weights[i]));
   if (plan_.pairs.size() > kMostPairs)
-    throw QueryError(QueryErrorCode::kTooLarge, "free_scale: " + std::to_string(plan_.pairs.size()) +
-                                                    " pairs are more than the limit of " + std::to_string(kMostPairs) +
-                                                    ": list the pairs explicitly");
+    throw engine::QueryError(QueryErrorCode::kTooLarge, "free_scale: " + std::to_string(plan_.pairs.size()) +
+                                                            " pairs are more than the limit of " +
+                                                            std::to_string(kMostPairs) + ": list the pairs explicitly");
   for (const auto& robot : scene_.robots())
     for (const std::uint32_t root : robot->kinematics.roots())
       if (const std::uint32_t body = robot->bodies[root]; moves_[body])

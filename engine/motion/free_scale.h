@@ -20,7 +20,7 @@ class FreeScale {
   /// Throws QueryError for invalid weights, for a query without joints or with bodies or too many pairs, and for a
   /// robot whose root the joints move.
   /// \param scene, plan must outlive this; the plan has weights: (J,) radians and metres, >= 0
-  FreeScale(const Scene& scene, const Plan& plan);
+  FreeScale(const engine::Scene& scene, const Plan& plan);
 
   /// Processes pairs until the slice ends. Returns true once all are done, which the other functions require. Throws
   /// QueryError for a pair with an unknown body, or with one that moves by itself.
@@ -56,7 +56,7 @@ class FreeScale {
   Way way_of(std::uint32_t robot, const MotionPath& path) const;
   void add_pair(const Carried& a, const Carried& b);
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   std::vector<std::uint8_t> moves_;                       // for each body: whether the joints move it
   std::vector<std::optional<Carried>> carried_;           // for each body that a pair has named

@@ -23,7 +23,7 @@ double reach_of(const LinkBall& ball) {
 
 }  // namespace
 
-MotionBounds::MotionBounds(const Scene& scene, const Plan& plan) : scene_(scene), plan_(plan) {
+MotionBounds::MotionBounds(const engine::Scene& scene, const Plan& plan) : scene_(scene), plan_(plan) {
   chain_of_body_.assign(scene.bodies().size(), kStill);
   slot_.assign(scene.bodies().size(), kNone);
   for (std::size_t i = 0; i < plan.moved.size(); ++i) slot_[plan.moved[i]] = static_cast<std::uint32_t>(i);

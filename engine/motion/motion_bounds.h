@@ -36,7 +36,7 @@ struct MovingBodies {
 class MotionBounds {
  public:
   /// Both must outlive this.
-  MotionBounds(const Scene& scene, const Plan& plan);
+  MotionBounds(const engine::Scene& scene, const Plan& plan);
 
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// Speed bound of each of Plan::moved, in metres per unit of time. A pair's speed is at most the sum of its bodies'.
@@ -89,7 +89,7 @@ class MotionBounds {
   double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;
   double drift_of(std::uint32_t body, const MovingBodies& moving, const BodyPoses& placed) const;
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   std::vector<std::uint32_t> slot_;  // by body
   std::vector<Chain> chains_;

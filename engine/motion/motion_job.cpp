@@ -73,9 +73,10 @@ class MotionJob final : public ParallelJob {
 
 void check_motion_pairs(const Plan& plan) {
   if (plan.size.pairs > kMostPairs)
-    throw QueryError(QueryErrorCode::kTooLarge, "max_evaluations: motions of " + std::to_string(plan.size.pairs) +
-                                                    " pairs are more than the limit of " + std::to_string(kMostPairs) +
-                                                    ": list the pairs explicitly");
+    throw engine::QueryError(QueryErrorCode::kTooLarge, "max_evaluations: motions of " +
+                                                            std::to_string(plan.size.pairs) +
+                                                            " pairs are more than the limit of " +
+                                                            std::to_string(kMostPairs) + ": list the pairs explicitly");
 }
 
 std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {

@@ -40,7 +40,7 @@ void decide_least(const QueryView& query, double low, bool forced, PairAnswer& a
 
 /// Data shared by all searches of a query. All references must outlive it.
 struct MotionQuery {
-  const Scene& scene;
+  const engine::Scene& scene;
   const Plan& plan;
   const MotionBounds& bounds;
 };

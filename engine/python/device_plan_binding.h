@@ -18,7 +18,7 @@ namespace clearance::python {
 /// Addresses are plain numbers, validated by the caller.
 class PyDevicePlan {
  public:
-  PyDevicePlan(std::shared_ptr<Engine> engine, ProcessGuard guard, std::unique_ptr<DevicePlan> plan)
+  PyDevicePlan(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, std::unique_ptr<DevicePlan> plan)
       : engine_(std::move(engine)), guard_(guard), plan_(std::move(plan)) {}
 
   /// Configurations, pairs, Field bits.
@@ -55,7 +55,7 @@ class PyDevicePlan {
   }
 
  private:
-  std::shared_ptr<Engine> engine_;  // outlives the plan
+  std::shared_ptr<engine::Engine> engine_;  // outlives the plan
   ProcessGuard guard_;
   std::unique_ptr<DevicePlan> plan_;
 };

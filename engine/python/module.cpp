@@ -25,7 +25,7 @@ constexpr std::chrono::milliseconds kSignalPeriod{50};
 /// A running query with its columns.
 class PyJob {
  public:
-  PyJob(std::shared_ptr<Engine> engine, ProcessGuard guard, Job job, Answer answer, OutArrays out)
+  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer, OutArrays out)
       : engine_(std::move(engine)),
         guard_(guard),
         job_(std::move(job)),
@@ -68,7 +68,7 @@ class PyJob {
   }
 
  private:
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<engine::Engine> engine_;
   ProcessGuard guard_;
   Job job_;
   Answer answer_;
@@ -128,26 +128,26 @@ using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, n
 
 class PyEngine {
  public:
-  PyEngine(const Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
+  PyEngine(const engine::Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
            std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices) {
     const GilRelease release;
-    Engine::Options options;
+    engine::Engine::Options options;
     options.backend = backend;
     options.threads = threads;
     options.max_rows = max_rows;
     options.device_memory = device_memory;
     options.device_fallback = device_fallback;
     options.devices = devices;
-    engine_ = std::make_shared<Engine>(scene, options);
+    engine_ = std::make_shared<engine::Engine>(scene, options);
   }
 
-  Engine& use() const {
+  engine::Engine& use() const {
     guard_.check("this Engine");
     return *engine_;
   }
 
   std::unique_ptr<PyJob> start(const Query& query, nb::handle out_list) const {
-    Engine& engine = use();
+    engine::Engine& engine = use();
     OutArrays out(out_list);
     PreparedQuery prepared = prepare(query);
     const QuerySize size = prepared.size();
@@ -245,7 +245,7 @@ class PyEngine {
 
   /// See Client.joints().
   nb::tuple joints() const {
-    const Scene& scene = use().scene();
+    const engine::Scene& scene = use().scene();
     const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
     nb::list joints, groups;
     for (std::uint32_t j = 0; j < scene.joints().size(); ++j) {
@@ -315,7 +315,7 @@ class PyEngine {
   }
 
   ProcessGuard guard_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<engine::Engine> engine_;
 };
 
 }  // namespace
@@ -325,9 +325,9 @@ NB_MODULE(_engine, m) {
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {
       std::rethrow_exception(p);
-    } catch (const SceneError& e) {
+    } catch (const engine::SceneError& e) {
       raise_ours("SceneError", -1, e.what());
-    } catch (const QueryError& e) {
+    } catch (const engine::QueryError& e) {
       raise_ours("QueryError", static_cast<int>(e.code), e.what());
     }
   });
@@ -343,12 +343,12 @@ NB_MODULE(_engine, m) {
       .def("answer", &PyJob::answer);
 
   nb::class_<PyEngine>(m, "Engine")
-      .def(nb::init<const Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
+      .def(nb::init<const engine::Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
                     const std::vector<int>&>(),
            nb::arg("scene"), nb::arg("backend"), nb::arg("threads"), nb::arg("max_rows"), nb::arg("device_memory"),
            nb::arg("device_fallback"), nb::arg("devices"))
       .def_prop_ro("device_error", [](const PyEngine& e) { return e.use().device_error(); })
-      .def_static("backends", &Engine::backends)
+      .def_static("backends", &engine::Engine::backends)
       .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use().backend()); })
       .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use().scene_revision(); })
       .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use().pose_revision(); })

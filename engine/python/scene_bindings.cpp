@@ -29,9 +29,9 @@ using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device
 
 using BodyUncertainty = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
 
-Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
-                           const std::optional<PoseRow>& pose, const BodyUncertainty& uncertainties) {
-  Scene::BodyOptions o;
+engine::Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
+                                   const std::optional<PoseRow>& pose, const BodyUncertainty& uncertainties) {
+  engine::Scene::BodyOptions o;
   o.uncertainty = {uncertainties[0], uncertainties[1]};
   o.padding = uncertainties[2];
   o.max_speed = uncertainties[3];
@@ -42,7 +42,7 @@ Scene::BodyOptions options(double radius, const std::optional<std::string>& pare
   return o;
 }
 
-const Body& body_at(const Scene& scene, std::uint32_t id) {
+const Body& body_at(const engine::Scene& scene, std::uint32_t id) {
   if (id >= scene.bodies().size()) throw nb::value_error("body: no such id");
   return scene.bodies()[id];
 }
@@ -61,7 +61,7 @@ bool is_solid(const Body& body) {
   return surface && surface->is_solid();
 }
 
-nb::list bodies(const Scene& scene) {
+nb::list bodies(const engine::Scene& scene) {
   nb::list list;
   for (const Body& b : scene.bodies()) {
     std::uint64_t vertices = 0;
@@ -73,7 +73,7 @@ nb::list bodies(const Scene& scene) {
   return list;
 }
 
-nb::list parts(const Scene& scene, std::uint32_t id) {
+nb::list parts(const engine::Scene& scene, std::uint32_t id) {
   nb::list list;
   for (const ConvexPartPtr& part : body_at(scene, id).parts) {
     list.append(nb::make_tuple(array_of<double>(part->vertices), part->radius));
@@ -81,7 +81,7 @@ nb::list parts(const Scene& scene, std::uint32_t id) {
   return list;
 }
 
-nb::object display(const Scene& scene, std::uint32_t id) {
+nb::object display(const engine::Scene& scene, std::uint32_t id) {
   const auto& mesh = body_at(scene, id).display;
   if (!mesh) return nb::none();
   return nb::make_tuple(array_of<double>(mesh->vertices), array_of<std::uint32_t>(mesh->triangles));
@@ -92,14 +92,14 @@ nb::object display(const Scene& scene, std::uint32_t id) {
 namespace {
 
 // Binds the functions that add bodies.
-void bind_shapes(nb::class_<Scene>& scene) {
+void bind_shapes(nb::class_<engine::Scene>& scene) {
   using Parent = std::optional<std::string>;
   using P = std::optional<PoseRow>;
   scene
       .def(
           "add_hull",
-          [](Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent, bool fixed,
-             const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent,
+             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
             return s.add_hull(name, vertices, options(radius, parent, fixed, pose, uncertainties));
           },
@@ -107,10 +107,10 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_mesh",
-          [](Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz, int mesh_as,
-             bool y_up, double radius, const Parent& parent, bool fixed, const P& pose,
+          [](engine::Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz,
+             int mesh_as, bool y_up, double radius, const Parent& parent, bool fixed, const P& pose,
              const BodyUncertainty& uncertainties) {
-            const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
+            const engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
             return s.add_mesh(name, path, {sx, sy, sz}, static_cast<MeshAs>(mesh_as), o,
                               y_up ? UpAxis::kY : UpAxis::kZ);
@@ -120,11 +120,11 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("uncertainties"))
       .def(
           "add_mesh_of",
-          [](Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int mesh_as, double radius,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int mesh_as,
+             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
             const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
-            const Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
+            const engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             const GilRelease release;
             return s.add_mesh(name, vertices, triangles, static_cast<MeshAs>(mesh_as), o);
           },
@@ -132,10 +132,10 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_points",
-          [](Scene& s, const std::string& name, const CloudRows& v, double voxel, bool requires_pose, double radius,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, const CloudRows& v, double voxel, bool requires_pose,
+             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
-            Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
+            engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
             o.requires_pose = requires_pose;
             const GilRelease release;
             return s.add_points(name, points, voxel, o);
@@ -144,15 +144,15 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_box",
-          [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, double x, double y, double z, double radius,
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_sphere",
-          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
+          [](engine::Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
              const BodyUncertainty& uncertainties) {
             return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties));
           },
@@ -160,7 +160,7 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("uncertainties"))
       .def(
           "add_capsule",
-          [](Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
+          [](engine::Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
              const P& pose, const BodyUncertainty& uncertainties) {
             return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, uncertainties));
           },
@@ -168,23 +168,23 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_cone",
-          [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
-             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, double radius, double length, double grown,
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_ellipsoid",
-          [](Scene& s, const std::string& name, double x, double y, double z, double radius, const Parent& parent,
-             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, double x, double y, double z, double radius,
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
           nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
       .def(
           "add_half_space",
-          [](Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
+          [](engine::Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
              const BodyUncertainty& uncertainties) {
             return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties));
           },
@@ -192,8 +192,8 @@ void bind_shapes(nb::class_<Scene>& scene) {
           nb::arg("uncertainties"))
       .def(
           "add_cylinder",
-          [](Scene& s, const std::string& name, double radius, double length, double grown, const Parent& parent,
-             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
+          [](engine::Scene& s, const std::string& name, double radius, double length, double grown,
+             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
             return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
           },
           nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
@@ -203,21 +203,22 @@ void bind_shapes(nb::class_<Scene>& scene) {
 }  // namespace
 
 void bind_scene(nb::module_& m) {
-  nb::class_<Scene> scene(m, "Scene");
+  nb::class_<engine::Scene> scene(m, "Scene");
   scene.def(nb::init<>())
-      .def_static("load", &Scene::load, nb::arg("path"), nb::arg("allow_outside"), nb::call_guard<GilRelease>());
+      .def_static("load", &engine::Scene::load, nb::arg("path"), nb::arg("allow_outside"),
+                  nb::call_guard<GilRelease>());
   bind_shapes(scene);
   scene
       .def(
           "add_robot",
-          [](Scene& s, const std::string& name, const std::string& urdf, const std::string& srdf,
+          [](engine::Scene& s, const std::string& name, const std::string& urdf, const std::string& srdf,
              const std::map<std::string, std::string>& packages, const std::optional<PoseRow>& base,
              const std::string& parent, bool fixed, bool visual,
              const std::optional<std::map<std::string, double>>& home, const std::string& home_state, double padding,
              const std::map<std::string, double>& link_padding,
              const std::map<std::string, std::pair<double, double>>& link_uncertainty, int mesh_as,
              const std::map<std::string, int>& link_mesh_as) {
-            RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
+            engine::RobotOptions o{.urdf = urdf, .srdf = srdf, .packages = packages, .parent = parent};
             if (base) o.base = pose_from(base->data());
             o.is_static = fixed;
             o.visual = visual;
@@ -236,42 +237,42 @@ void bind_scene(nb::module_& m) {
           nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"), nb::arg("mesh_as"),
           nb::arg("link_mesh_as"))
       .def("robot_warnings",
-           [](const Scene& s, std::uint32_t first) {
+           [](const engine::Scene& s, std::uint32_t first) {
              std::vector<std::string> all;
              for (std::size_t i = first; i < s.robots().size(); ++i)
                all.insert(all.end(), s.robots()[i]->model.warnings.begin(), s.robots()[i]->model.warnings.end());
              return all;
            })
-      .def("warnings", [](const Scene& s) { return s.warnings(); })
-      .def("add_group", [](Scene& s, const std::string& name,
+      .def("warnings", [](const engine::Scene& s) { return s.warnings(); })
+      .def("add_group", [](engine::Scene& s, const std::string& name,
                            const std::vector<std::string>& members) { s.add_group(name, members); })
-      .def("ignore", &Scene::ignore)
+      .def("ignore", &engine::Scene::ignore)
       .def("bodies", &bodies)
       .def("groups",
-           [](const Scene& s) {
+           [](const engine::Scene& s) {
              nb::list list;
              for (const Group& g : s.groups()) list.append(nb::make_tuple(g.name, g.bodies));
              return list;
            })
-      .def("ignored", &Scene::ignored)
+      .def("ignored", &engine::Scene::ignored)
       .def("initial_pose",
-           [](const Scene& s, std::uint32_t id) -> nb::object {
+           [](const engine::Scene& s, std::uint32_t id) -> nb::object {
              const std::optional<Pose>& X = body_at(s, id).pose;
              if (!X) return nb::none();
              return tuple_of(*X);
            })
-      .def("source", [](const Scene& s, std::uint32_t id) { return body_at(s, id).source; })
+      .def("source", [](const engine::Scene& s, std::uint32_t id) { return body_at(s, id).source; })
       .def("pieces", &parts)
       .def("display", &display)
       .def("mesh_warnings",
-           [](const Scene& s, std::uint32_t first) {
+           [](const engine::Scene& s, std::uint32_t first) {
              nb::list list;
              for (const MeshWarning& warning : mesh_warnings(s, first))
                list.append(nb::make_tuple(s.bodies()[warning.body].name, warning.text));
              return list;
            })
-      .def("save", &Scene::save, nb::arg("folder"), nb::call_guard<GilRelease>())
-      .def("revision", &Scene::revision);
+      .def("save", &engine::Scene::save, nb::arg("folder"), nb::call_guard<GilRelease>())
+      .def("revision", &engine::Scene::revision);
 }
 
 }  // namespace clearance::python

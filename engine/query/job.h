@@ -9,7 +9,9 @@
 
 namespace clearance {
 
+namespace engine {
 class Engine;
+}
 class Planner;
 struct Plan;
 
@@ -36,7 +38,7 @@ class Job {
   struct State;
 
  private:
-  friend class Engine;
+  friend class engine::Engine;
   friend class JobCache;
   friend class PreparedQuery;
   // Puts a reusable state back (job_cache.h).
@@ -66,7 +68,7 @@ class PreparedQuery {
   void keep_on_cpu();
 
  private:
-  friend class Engine;
+  friend class engine::Engine;
   explicit PreparedQuery(std::unique_ptr<Planner> planner);
   explicit PreparedQuery(Job::StatePtr cached);
   const Plan& plan() const;

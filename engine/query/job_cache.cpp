@@ -18,7 +18,7 @@ void Job::LetGo::operator()(State* state) const {
   if (own->keeper && own->is_whole) own->keeper->put_back(std::move(own));
 }
 
-JobCache::JobCache(const Scene& scene)
+JobCache::JobCache(const engine::Scene& scene)
     : keeps_any_(scene.bodies().size() <= kMostBodies &&
                  std::none_of(scene.bodies().begin(), scene.bodies().end(),
                               [](const Body& body) { return body.max_speed > 0; })) {

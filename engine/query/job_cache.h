@@ -21,7 +21,7 @@ class JobCache {
   static constexpr std::size_t kJobs = 8;  ///< for as many alternating queries or threads
 
   /// \param scene must outlive this
-  explicit JobCache(const Scene& scene);
+  explicit JobCache(const engine::Scene& scene);
 
   /// Whether the job of a query may be kept: it is small, and its answer depends only on its key, its configurations
   /// and the snapshot, but not on the clock.

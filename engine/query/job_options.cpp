@@ -29,7 +29,7 @@ EvaluateOptions evaluate_options(const JobContext& context, const QueryView& que
   return options;
 }
 
-std::vector<Aabb> boxes_of_bodies(const Scene& scene, const Plan& plan) {
+std::vector<Aabb> boxes_of_bodies(const engine::Scene& scene, const Plan& plan) {
   std::vector<Aabb> boxes;
   if (!needs_boxes(plan.query) || 2 * plan.pairs.size() < scene.bodies().size()) return boxes;
   for (std::uint32_t b = 0; b < scene.bodies().size(); ++b)

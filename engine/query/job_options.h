@@ -13,7 +13,7 @@ bool needs_boxes(const QueryView& query);
 EvaluateOptions evaluate_options(const JobContext& context, const QueryView& query, const JointGradient* gradient);
 /// The boxes of all bodies in the plan's snapshot, grown by uncertainty. Empty if the query has too few pairs for this
 /// to pay.
-std::vector<Aabb> boxes_of_bodies(const Scene& scene, const Plan& plan);
+std::vector<Aabb> boxes_of_bodies(const engine::Scene& scene, const Plan& plan);
 /// The part of the reply about the snapshot.
 ReplyInfo snapshot_info(const Plan& plan, bool reference);
 

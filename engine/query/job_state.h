@@ -23,7 +23,7 @@ class JobCache;
 
 /// Resources of the engine that a job uses.
 struct JobContext {
-  const Scene* scene;
+  const engine::Scene* scene;
   int threads;
   bool reference;
   const LaneKernel* lanes;

@@ -43,7 +43,7 @@ class ParallelJob : public Job::State {
   virtual bool go_on(WorkMeter& slice) = 0;
   /// Returns to the beginning, after a complete answer.
   virtual void rewind() {}
-  const Scene& scene() const { return *context_.scene; }
+  const engine::Scene& scene() const { return *context_.scene; }
   std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot, or empty
   int workers() const { return runner_.workers(); }
 

@@ -10,8 +10,8 @@ namespace {
 
 // Finds stale links of a robot that the query moves. They depend on the query's joints, but also on the pose of the
 // robot's base and on its other joints.
-void find_stale_links(const Scene& scene, const Plan& plan, const LinkMotion& motion, std::int64_t oldest_allowed,
-                      std::vector<std::uint8_t>& stale) {
+void find_stale_links(const engine::Scene& scene, const Plan& plan, const LinkMotion& motion,
+                      std::int64_t oldest_allowed, std::vector<std::uint8_t>& stale) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   const SceneRobot& robot = motion.robot();
   std::vector<std::uint8_t> old(robot.model.columns.size());
@@ -32,7 +32,7 @@ void find_stale_links(const Scene& scene, const Plan& plan, const LinkMotion& mo
 }
 
 // By body, 1 if stale.
-std::vector<std::uint8_t> find_stale(const Scene& scene, const Plan& plan, std::int64_t oldest_allowed) {
+std::vector<std::uint8_t> find_stale(const engine::Scene& scene, const Plan& plan, std::int64_t oldest_allowed) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::uint8_t> stale(scene.bodies().size());
   for (std::uint32_t b = 0; b < stale.size(); ++b) {
@@ -50,7 +50,7 @@ std::vector<std::uint8_t> find_stale(const Scene& scene, const Plan& plan, std::
 
 }  // namespace
 
-std::shared_ptr<const PoseSnapshot> with_stale_poses(const Scene& scene, const Plan& plan) {
+std::shared_ptr<const PoseSnapshot> with_stale_poses(const engine::Scene& scene, const Plan& plan) {
   if (plan.query.max_pose_age_ns == 0) return plan.snapshot;
   const std::vector<std::uint8_t> stale = find_stale(scene, plan, plan.begun_ns - plan.query.max_pose_age_ns);
   if (std::find(stale.begin(), stale.end(), 1) == stale.end()) return plan.snapshot;

@@ -9,6 +9,6 @@ namespace clearance {
 
 /// Returns the plan's snapshot with the status kStalePose for bodies whose poses are older than the query permits at
 /// Plan::begun_ns, and for bodies that follow them. Returns the same snapshot if there are none.
-std::shared_ptr<const PoseSnapshot> with_stale_poses(const Scene& scene, const Plan& plan);
+std::shared_ptr<const PoseSnapshot> with_stale_poses(const engine::Scene& scene, const Plan& plan);
 
 }  // namespace clearance

@@ -36,7 +36,7 @@ void SceneCost::SelectorCost::add(const SelectorCost& other) {
   units += other.units;
 }
 
-SceneCost::SceneCost(const Scene& scene) : scene_(&scene) {
+SceneCost::SceneCost(const engine::Scene& scene) : scene_(&scene) {
   for (const Body& body : scene.bodies()) {
     SelectorCost& side = bodies_.emplace_back(SelectorCost{1, body.parts.size(), 0});
     for (const ConvexPartPtr& part : body.parts)

@@ -22,7 +22,7 @@ struct QueryCost {
 class SceneCost {
  public:
   /// \param scene outlives this.
-  explicit SceneCost(const Scene& scene);
+  explicit SceneCost(const engine::Scene& scene);
 
   /// Linear in the query's lists of pairs and bodies, and in the scene's bodies if some move. Errors in the query are
   /// not reported here.
@@ -36,7 +36,7 @@ class SceneCost {
   SelectorCost side(std::uint32_t selector) const;
   static void add_pairs(QueryCost& cost, const SelectorCost& a, const SelectorCost& b, bool are_same = false);
 
-  const Scene* scene_;
+  const engine::Scene* scene_;
   std::vector<SelectorCost> bodies_, groups_;
   SelectorCost all_;
 };

@@ -15,7 +15,7 @@ namespace clearance {
 class WorkerPoses {
  public:
   /// The arguments must outlive this.
-  WorkerPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+  WorkerPoses(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
       : scene_(scene), plan_(plan), boxes_(boxes), given_(plan) {}
 
   /// Poses in configurations [first, first + count), valid until the next call.
@@ -33,7 +33,7 @@ class WorkerPoses {
   }
 
  private:
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   const std::span<const Aabb> boxes_;  // of all bodies in the snapshot, or empty
   ConfigurationPoses given_;

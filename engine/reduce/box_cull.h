@@ -14,7 +14,7 @@ namespace clearance {
 class BoxCull {
  public:
   /// \param scene, boxes, columns must outlive this; both hold the boxes of all bodies in the snapshot
-  BoxCull(const Scene& scene, std::span<const Aabb> boxes, const BoxColumns& columns)
+  BoxCull(const engine::Scene& scene, std::span<const Aabb> boxes, const BoxColumns& columns)
       : scene_(scene), boxes_(boxes), columns_(columns) {}
 
   /// Returns (placed.size(), pairs.size()) gaps, valid until the next call.
@@ -30,7 +30,7 @@ class BoxCull {
   void gaps_across(std::span<const BodyPair> pairs, std::span<const BodyPoses> placed);
   BodyBoxes side(std::uint32_t body, std::span<const BodyPoses> placed);
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   std::span<const Aabb> boxes_;
   const BoxColumns& columns_;
   std::vector<double> gaps_, row_;

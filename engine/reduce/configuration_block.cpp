@@ -15,7 +15,7 @@ constexpr std::uint64_t kBoxesPerUnit = 64;        // of work, side by side
 
 }  // namespace
 
-std::uint64_t ConfigurationBlock::most(const Scene& scene, const Plan& plan, bool by_tree, bool with_boxes,
+std::uint64_t ConfigurationBlock::most(const engine::Scene& scene, const Plan& plan, bool by_tree, bool with_boxes,
                                        int workers) {
   // Each configuration would need a tree of its own, and a search in it finds near pairs soon enough.
   if (by_tree) return 1;
@@ -27,7 +27,7 @@ std::uint64_t ConfigurationBlock::most(const Scene& scene, const Plan& plan, boo
       std::max<std::uint64_t>(count, 1));
 }
 
-ConfigurationBlock::ConfigurationBlock(const Scene& scene, const Plan& plan, const EvaluateOptions& options,
+ConfigurationBlock::ConfigurationBlock(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options,
                                        const Reduction::Boxes& boxes, std::uint64_t most)
     : plan_(plan),
       compares_boxes_(!boxes.all.empty() && !boxes.near_pairs.by_tree()),

@@ -18,10 +18,10 @@ class ConfigurationBlock {
   /// Limit on the configurations of a block, which bounds its memory and the time of a slice.
   /// \param by_tree see NearPairs
   /// \param with_boxes whether boxes of all bodies exist
-  static std::uint64_t most(const Scene& scene, const Plan& plan, bool by_tree, bool with_boxes, int workers);
+  static std::uint64_t most(const engine::Scene& scene, const Plan& plan, bool by_tree, bool with_boxes, int workers);
 
   /// The arguments must outlive this.
-  ConfigurationBlock(const Scene& scene, const Plan& plan, const EvaluateOptions& options,
+  ConfigurationBlock(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options,
                      const Reduction::Boxes& boxes, std::uint64_t most);
 
   bool has_begun() const { return !placed_.empty(); }

@@ -57,7 +57,8 @@ std::uint64_t BoxTreeStore::builds() const {
   return builds_;
 }
 
-NearPairs::NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store, NearBy by)
+NearPairs::NearPairs(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store,
+                     NearBy by)
     : store_(store), bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
   const bool everything = plan.query.reduce == Reduce::kWithin && plan.query.max_distance == kInf;
   if (by == NearBy::kBrute || boxes.empty() || everything || !find_probes(plan, by == NearBy::kTree)) return;

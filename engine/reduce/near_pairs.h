@@ -52,7 +52,7 @@ class NearPairs {
   static constexpr std::uint64_t kNowhere = ~std::uint64_t{0};
 
   /// \param boxes of all bodies in the snapshot; without them there is no tree
-  NearPairs(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store, NearBy by);
+  NearPairs(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store, NearBy by);
   ~NearPairs();
   NearPairs(const NearPairs&) = delete;
   NearPairs& operator=(const NearPairs&) = delete;
@@ -85,7 +85,7 @@ class NearPairs {
 /// Search of the trees by one worker, in one configuration after another.
 class TreeSearch {
  public:
-  TreeSearch(const Scene& scene, const Plan& plan, const NearPairs& near_pairs)
+  TreeSearch(const engine::Scene& scene, const Plan& plan, const NearPairs& near_pairs)
       : scene_(scene), plan_(plan), near_pairs_(near_pairs) {}
 
   /// Sets the configuration. Call this before any search in it.
@@ -111,7 +111,7 @@ class TreeSearch {
   template <class Offer>
   void evaluate(std::uint32_t body, double bound, Offer&& offer) const;
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   const NearPairs& near_pairs_;
   const BodyPoses* placement_ = nullptr;

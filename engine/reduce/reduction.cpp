@@ -24,7 +24,7 @@ std::uint64_t blocks(std::uint64_t count, std::uint64_t size) {
 
 }  // namespace
 
-Reduction::Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes,
+Reduction::Reduction(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes,
                      int workers)
     : scene_(scene),
       plan_(plan),

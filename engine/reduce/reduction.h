@@ -35,7 +35,8 @@ class Reduction {
     const NearPairs& near_pairs;
   };
   /// \param workers that may run units of one stage at a time
-  Reduction(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes, int workers);
+  Reduction(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes,
+            int workers);
 
   /// Begins another configuration.
   void begin();
@@ -65,7 +66,7 @@ class Reduction {
  private:
   using Seed = TreeSearch::Seed;
   struct WorkerState {
-    WorkerState(const Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes)
+    WorkerState(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, const Boxes& boxes)
         : evaluator(scene, options), cull(scene, boxes.all, boxes.columns), search(scene, plan, boxes.near_pairs) {}
 
     std::vector<Seed> seed;                 // by group
@@ -142,7 +143,7 @@ class Reduction {
   static constexpr std::uint64_t kTreeBlocks = 8;               // or blocks of a tree in one unit
   static constexpr std::uint64_t kEvaluate = 256;               // pairs that one unit evaluates
   static constexpr std::uint64_t kNoPair = ~std::uint64_t{0};
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   EvaluateOptions options_;
   std::size_t groups_;

@@ -44,31 +44,31 @@ std::size_t printable_character(const std::string& text, std::size_t i) {
 
 void check_name(const std::string& name, const char* what) {
   const std::string subject = std::string(what) + " name";
-  if (name.empty()) throw SceneError(subject + " is empty");
+  if (name.empty()) throw engine::SceneError(subject + " is empty");
   if (name.size() > static_cast<std::size_t>(kMaxNameBytes))
-    throw SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
-                     std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
-  if (name == "*") throw SceneError(subject + " \"*\" is reserved: it selects every body");
+    throw engine::SceneError(subject + " has " + std::to_string(name.size()) + " bytes, expected at most " +
+                             std::to_string(kMaxNameBytes) + ": " + in_quotes(name.substr(0, 40)) + "...");
+  if (name == "*") throw engine::SceneError(subject + " \"*\" is reserved: it selects every body");
   for (std::size_t i = 0; i < name.size();) {
     const std::size_t length = printable_character(name, i);
     if (length == 0)
-      throw SceneError(subject + " holds an unprintable character or bad UTF-8 at byte " + std::to_string(i));
+      throw engine::SceneError(subject + " holds an unprintable character or bad UTF-8 at byte " + std::to_string(i));
     i += length;
   }
 }
 
 void check_positive(const std::string& name, const char* what, double x, bool zero_allowed) {
   if ((x > 0 || (zero_allowed && x == 0)) && x <= kMaxCoordinate) return;
-  throw SceneError("body " + in_quotes(name) + ": " + what + ": expected a number of metres " +
-                   (zero_allowed ? ">= 0" : "> 0") + ", got " + number_text(x));
+  throw engine::SceneError("body " + in_quotes(name) + ": " + what + ": expected a number of metres " +
+                           (zero_allowed ? ">= 0" : "> 0") + ", got " + number_text(x));
 }
 
 void check_may_require_pose(const Body& body) {
   if (body.robot != kNone)
-    throw SceneError("body " + in_quotes(body.name) + ": requires_pose: " + placed_by_joints(body));
+    throw engine::SceneError("body " + in_quotes(body.name) + ": requires_pose: " + placed_by_joints(body));
   if (body.is_static)
-    throw SceneError("body " + in_quotes(body.name) +
-                     ": requires_pose: a static body never gets another pose than its own");
+    throw engine::SceneError("body " + in_quotes(body.name) +
+                             ": requires_pose: a static body never gets another pose than its own");
 }
 
 void check_uncertainty(const Body& body) {
@@ -77,9 +77,10 @@ void check_uncertainty(const Body& body) {
   check_positive(body.name, "padding", body.padding, true);
   const std::string who = "body " + in_quotes(body.name) + ": ";
   if (!(angle >= 0 && angle <= 3.2))
-    throw SceneError(who + "uncertainty.angle: expected 0 to 3.2 radians, got " + number_text(angle));
+    throw engine::SceneError(who + "uncertainty.angle: expected 0 to 3.2 radians, got " + number_text(angle));
   if (!(body.max_speed >= 0 && body.max_speed <= kMaxCoordinate))
-    throw SceneError(who + "max_speed: expected a number of metres a second >= 0, got " + number_text(body.max_speed));
+    throw engine::SceneError(who + "max_speed: expected a number of metres a second >= 0, got " +
+                             number_text(body.max_speed));
 }
 
 bool is_plane(const Body& body) {
@@ -89,11 +90,11 @@ bool is_plane(const Body& body) {
 void fix_half_space(Body& body) {
   if (!is_plane(body)) return;
   const std::string who = "body " + in_quotes(body.name) + ": ";
-  if (body.parts.size() > 1) throw SceneError(who + "a half_space must be the only part of its body");
-  if (body.parent != kNone) throw SceneError(who + "parent: " + kPlaneStands);
+  if (body.parts.size() > 1) throw engine::SceneError(who + "a half_space must be the only part of its body");
+  if (body.parent != kNone) throw engine::SceneError(who + "parent: " + kPlaneStands);
   if (body.uncertainty.angle > 0)
-    throw SceneError(who +
-                     "uncertainty.angle: expected 0, since a turn moves a half_space by any length, far enough out");
+    throw engine::SceneError(
+        who + "uncertainty.angle: expected 0, since a turn moves a half_space by any length, far enough out");
   body.is_static = true;
 }
 

@@ -92,7 +92,7 @@ std::string mesh_warning(const Body& body) {
   return units + "; " + hull;
 }
 
-std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first) {
+std::vector<MeshWarning> mesh_warnings(const engine::Scene& scene, std::uint32_t first) {
   std::vector<MeshWarning> warnings;
   std::map<std::pair<const DisplayMesh*, const ConvexPart*>, std::string> known;
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {

@@ -21,7 +21,7 @@ struct MeshWarning {
   std::string text;    ///< with numbers and, for an open mesh, the file and an edge
 };
 /// Warnings about the bodies from `first` on, by id. Bodies that share a mesh are checked once.
-std::vector<MeshWarning> mesh_warnings(const Scene& scene, std::uint32_t first = 0);
+std::vector<MeshWarning> mesh_warnings(const engine::Scene& scene, std::uint32_t first = 0);
 
 /// Warning about one body, or empty. Takes time about linear in the size of its mesh.
 std::string mesh_warning(const Body& body);

@@ -10,7 +10,7 @@ namespace clearance {
 namespace {
 
 [[noreturn]] void fail_robot(const SceneRobot& robot, const std::string& what) {
-  throw SceneError("robot " + in_quotes(robot.name) + ": " + what);
+  throw engine::SceneError("robot " + in_quotes(robot.name) + ": " + what);
 }
 
 template <class Value>
@@ -41,7 +41,7 @@ void check_names(const SceneRobot& robot) {
                                        : "shorten it in the robot's files"));
 }
 
-void check_padding(const SceneRobot& robot, const RobotOptions& options) {
+void check_padding(const SceneRobot& robot, const engine::RobotOptions& options) {
   const auto check = [&](double metres, const std::string& of) {
     if (!(metres >= 0 && metres <= kMaxCoordinate))
       fail_robot(robot, "padding" + of + ": expected a number of metres >= 0, got " + std::to_string(metres));
@@ -53,7 +53,7 @@ void check_padding(const SceneRobot& robot, const RobotOptions& options) {
 
 }  // namespace
 
-std::shared_ptr<SceneRobot> read_robot_files(const std::string& name, const RobotOptions& options) {
+std::shared_ptr<SceneRobot> read_robot_files(const std::string& name, const engine::RobotOptions& options) {
   try {
     std::string urdf = read_text(options.urdf), srdf;
     RobotModel model = parse_urdf(urdf, options.urdf);
@@ -66,11 +66,11 @@ std::shared_ptr<SceneRobot> read_robot_files(const std::string& name, const Robo
     robot->srdf = std::move(srdf);
     return robot;
   } catch (const RobotError& e) {
-    throw SceneError(e.what());
+    throw engine::SceneError(e.what());
   }
 }
 
-void check_robot_options(const SceneRobot& robot, const RobotOptions& options) {
+void check_robot_options(const SceneRobot& robot, const engine::RobotOptions& options) {
   check_names(robot);
   check_padding(robot, options);
   check_links(robot, "uncertainty", options.link_uncertainty);
@@ -78,7 +78,7 @@ void check_robot_options(const SceneRobot& robot, const RobotOptions& options) {
   if (options.geometry_files) check_links(robot, "geometry", *options.geometry_files);
 }
 
-std::vector<std::optional<double>> home_positions(const SceneRobot& robot, const RobotOptions& options) {
+std::vector<std::optional<double>> home_positions(const SceneRobot& robot, const engine::RobotOptions& options) {
   const RobotModel& model = robot.model;
   std::vector<std::optional<double>> home(model.columns.size());
   if (!options.home && options.home_state.empty()) return home;

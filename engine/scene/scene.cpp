@@ -7,7 +7,7 @@
 #include "engine/base/fp_environment.h"
 #include "engine/scene/body_checks.h"
 
-namespace clearance {
+namespace clearance::engine {
 
 namespace {
 
@@ -195,4 +195,4 @@ std::uint64_t Scene::revision() const {
   return digest.value();
 }
 
-}  // namespace clearance
+}  // namespace clearance::engine

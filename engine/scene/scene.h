@@ -22,6 +22,7 @@
 namespace clearance {
 
 class MeshGeometries;  // engine/geometry/mesh_geometry.h
+class RobotAdder;      // engine/scene/scene_robot.cpp
 struct MeshRecipe;     // engine/geometry/make_geometry.h
 struct Shape;          // engine/hull/shapes.h
 
@@ -65,6 +66,8 @@ struct Group {
   std::string name;
   std::vector<std::uint32_t> bodies;  ///< ids, ascending
 };
+
+namespace engine {
 
 /// Bodies, whose ids are their order of insertion, groups, and ignored pairs.
 class Scene {
@@ -184,7 +187,7 @@ class Scene {
   void insert_group(Group group);
   std::uint32_t insert_body(Body body);
   void leave_out(std::vector<std::pair<std::uint32_t, std::uint32_t>> pairs);
-  friend class RobotAdder;
+  friend class clearance::RobotAdder;
 
   void grow(Body& body, bool shares_parts = true);
   Scene without_memory() const;
@@ -207,7 +210,9 @@ class Scene {
   std::shared_ptr<const Scene> by_parts_;
 };
 
+}  // namespace engine
+
 /// Names the body of a pair that is a cloud, surface or solid, as in "'shelf' is a solid". Empty if neither is.
-std::string no_exact_convex_part(const Scene& scene, BodyPair pair);
+std::string no_exact_convex_part(const engine::Scene& scene, BodyPair pair);
 
 }  // namespace clearance

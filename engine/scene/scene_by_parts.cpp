@@ -46,8 +46,8 @@ Body body_by_parts(const Body& body) {
 }  // namespace
 
 // A copy without the caches for adding bodies.
-Scene Scene::without_memory() const {
-  Scene next;
+engine::Scene engine::Scene::without_memory() const {
+  engine::Scene next;
   next.bodies_ = bodies_;
   next.groups_ = groups_;
   next.ignored_ = ignored_;
@@ -63,11 +63,11 @@ Scene Scene::without_memory() const {
   return next;
 }
 
-void Scene::find_proxies() {
+void engine::Scene::find_proxies() {
   by_parts_ = nullptr;
   if (std::ranges::none_of(bodies_, has_proxies_of_its_own)) return;
   const FpEnvironment environment;
-  auto made = std::make_shared<Scene>(without_memory());
+  auto made = std::make_shared<engine::Scene>(without_memory());
   for (Body& body : made->bodies_) {
     if (!has_proxies_of_its_own(body)) continue;
     body = body_by_parts(body);

@@ -36,7 +36,7 @@ std::uint64_t point_count(const Body& body) {
   return body.cloud == CloudState::kPoints ? body.parts[0]->surface->size() : 0;
 }
 
-std::string no_exact_convex_part(const Scene& scene, BodyPair pair) {
+std::string no_exact_convex_part(const engine::Scene& scene, BodyPair pair) {
   for (const std::uint32_t id : {pair.a, pair.b}) {
     if (id >= scene.bodies().size()) continue;
     if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
@@ -75,7 +75,7 @@ bool same_exact_value(const ConvexPart& a, const ConvexPart& b) {
 }  // namespace
 
 // Shares one part among bodies of the same shape: this saves memory, and their pairs can share lanes.
-ConvexPartPtr Scene::shared_part(const ConvexPartPtr& part) {
+ConvexPartPtr engine::Scene::shared_part(const ConvexPartPtr& part) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
   const auto [begin, end] = parts_.equal_range(part->digest);
   for (auto it = begin; it != end; ++it) {
@@ -91,7 +91,7 @@ ConvexPartPtr Scene::shared_part(const ConvexPartPtr& part) {
 
 // Adds padding and the uncertainty of position to the radius of the parts, which is exact but for the rounding of the
 // sum.
-void Scene::grow(Body& body, bool shares_parts) {
+void engine::Scene::grow(Body& body, bool shares_parts) {
   const double by = body.is_grown ? 0 : sum_above(body.padding, body.uncertainty.position);
   double rounding = 0;
   for (ConvexPartPtr& part : body.parts) {

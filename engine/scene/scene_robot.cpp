@@ -45,7 +45,7 @@ bool is_inside(const fs::path& path, const fs::path& folder) {
 
 class RobotAdder {
  public:
-  RobotAdder(Scene& scene, const std::string& name, const RobotOptions& options)
+  RobotAdder(engine::Scene& scene, const std::string& name, const engine::RobotOptions& options)
       : scene_(scene),
         name_(name),
         options_(options),
@@ -83,7 +83,8 @@ class RobotAdder {
     base.source = "robot base";
     scene_.check_free(name_, "robot");
     if (!options_.parent.empty() && (base.parent = scene_.find_body(options_.parent)) == kNone)
-      throw SceneError("robot " + in_quotes(name_) + ": parent: there is no body " + in_quotes(options_.parent));
+      throw engine::SceneError("robot " + in_quotes(name_) + ": parent: there is no body " +
+                               in_quotes(options_.parent));
     robot_->base = scene_.insert_body(std::move(base));
   }
 
@@ -166,9 +167,9 @@ class RobotAdder {
     for (const RobotShape& shape : shapes) try {
         parts.push_back(moved(geometry_of(shape, mesh_as), shape.X_ls));
       } catch (const RobotError& e) {
-        throw SceneError(e.what());
+        throw engine::SceneError(e.what());
       } catch (const std::exception& e) {  // from its mesh or its numbers
-        throw SceneError(shape.place + ": " + e.what());
+        throw engine::SceneError(shape.place + ": " + e.what());
       }
     take(joined(std::move(parts)), body);
   }
@@ -186,7 +187,8 @@ class RobotAdder {
     }
     const std::string path = mesh_path(shape, folder_, packages_);
     if (!options_.allow_outside && !is_inside(path, options_.folder))
-      throw SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " + kOutsideIsRejected);
+      throw engine::SceneError("mesh " + in_quotes(shape.mesh) + " lies outside the scene's folder; " +
+                               kOutsideIsRejected);
     return scene_.mesh_geometry(path, {.scale = shape.mesh_scale, .mesh_as = mesh_as});
   }
 
@@ -252,9 +254,9 @@ class RobotAdder {
     return kNone;
   }
 
-  Scene& scene_;
+  engine::Scene& scene_;
   const std::string& name_;
-  const RobotOptions& options_;
+  const engine::RobotOptions& options_;
   std::shared_ptr<SceneRobot> robot_;
   const RobotModel& model_;
   std::map<std::string, std::string> packages_;  // also those found through the environment
@@ -262,9 +264,9 @@ class RobotAdder {
   std::vector<std::uint8_t> fixed_;  // by link
 };
 
-std::uint32_t Scene::add_robot(const std::string& name, const RobotOptions& options) {
+std::uint32_t engine::Scene::add_robot(const std::string& name, const engine::RobotOptions& options) {
   const FpEnvironment environment;
-  Scene with = *this;  // a rejected robot leaves nothing behind
+  engine::Scene with = *this;  // a rejected robot leaves nothing behind
   const std::uint32_t index = RobotAdder(with, name, options).add();
   *this = std::move(with);
   return index;

@@ -63,6 +63,8 @@ struct SceneRobot {
 inline constexpr const char* kOutsideIsRejected =
     "mesh files must lie inside it unless others are allowed (--allow-outside; in Python allow_outside=True)";
 
+namespace engine {
+
 /// A robot to be added to a scene.
 struct RobotOptions {
   std::string urdf;                                  ///< path
@@ -85,5 +87,7 @@ struct RobotOptions {
   bool allow_outside = true;                                 ///< permits meshes outside `folder`
   std::string folder = {};
 };
+
+}  // namespace engine
 
 }  // namespace clearance

@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-void read_home(const YamlValue& value, RobotOptions& options) {
+void read_home(const YamlValue& value, engine::RobotOptions& options) {
   if (value.is_text()) {
     options.home_state = value.text("the name of a group state");
     return;
@@ -17,7 +17,7 @@ void read_home(const YamlValue& value, RobotOptions& options) {
     (*options.home)[joint] = position.number("radians or metres");
 }
 
-void read_padding(const YamlValue& value, RobotOptions& options) {
+void read_padding(const YamlValue& value, engine::RobotOptions& options) {
   if (!value.is_map()) {
     options.padding = value.not_negative();
     return;
@@ -25,7 +25,7 @@ void read_padding(const YamlValue& value, RobotOptions& options) {
   for (const auto& [link, metres] : value.map("")) options.link_padding[link] = metres.not_negative();
 }
 
-void read_geometry(const YamlValue& value, RobotOptions& options, const ResolvePath& resolve) {
+void read_geometry(const YamlValue& value, engine::RobotOptions& options, const ResolvePath& resolve) {
   if (value.is_map()) {
     options.geometry_files.emplace();
     for (const auto& [link, file] : value.map("")) (*options.geometry_files)[link] = resolve(file);
@@ -36,7 +36,7 @@ void read_geometry(const YamlValue& value, RobotOptions& options, const ResolveP
   options.visual = which == "visual";
 }
 
-void read_robot_mesh_as(const YamlValue& value, RobotOptions& options) {
+void read_robot_mesh_as(const YamlValue& value, engine::RobotOptions& options) {
   if (!value.is_map()) {
     options.mesh_as = read_mesh_as(value);
     return;
@@ -74,16 +74,17 @@ bool is_robot_file(const std::string& path) {
   return (file >> first) && first == '<';
 }
 
-Scene scene_of_robot(const std::string& path, bool allow_outside) {
+engine::Scene scene_of_robot(const std::string& path, bool allow_outside) {
   const std::string folder = std::filesystem::path(path).parent_path().string();
-  const RobotOptions options{.urdf = path, .allow_outside = allow_outside, .folder = folder.empty() ? "." : folder};
+  const engine::RobotOptions options{
+      .urdf = path, .allow_outside = allow_outside, .folder = folder.empty() ? "." : folder};
   try {
-    Scene scene;
+    engine::Scene scene;
     scene.add_robot(read_urdf(path).name, options);
     return scene;
   } catch (const std::runtime_error& e) {  // RobotError or SceneError, which may lack the place
     const std::string what = e.what();
-    throw SceneError(what.starts_with(path) ? what : path + ": " + what);
+    throw engine::SceneError(what.starts_with(path) ? what : path + ": " + what);
   }
 }
 
@@ -95,7 +96,7 @@ RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve) {
   if (!name) value.fail("expected the key \"name\"");
   if (!urdf) value.fail("expected the key \"urdf\"");
   RobotPlan plan{value, name->text("a name"), {}, {}};
-  RobotOptions& options = plan.options;
+  engine::RobotOptions& options = plan.options;
   options.urdf = resolve(*urdf);
   if (const auto srdf = value.find("srdf")) options.srdf = resolve(*srdf);
   if (const auto packages = value.find("packages"))

@@ -13,7 +13,7 @@ namespace clearance {
 struct RobotPlan {
   YamlValue place;
   std::string name;
-  RobotOptions options;  ///< except the parent, which may come later in the file
+  engine::RobotOptions options;  ///< except the parent, which may come later in the file
   std::optional<YamlValue> parent;
   bool requires_pose = false;
 };
@@ -31,7 +31,7 @@ Uncertainty read_uncertainty(const YamlValue& value);
 bool is_robot_file(const std::string& path);
 
 /// Makes a scene of a URDF: a robot with the URDF's name, without positions at load. Throws SceneError.
-Scene scene_of_robot(const std::string& path, bool allow_outside);
+engine::Scene scene_of_robot(const std::string& path, bool allow_outside);
 
 /// Reads an entry of the list `robots`. Throws SceneError.
 RobotPlan read_robot(const YamlValue& value, const ResolvePath& resolve);

@@ -50,7 +50,7 @@ bool is_uncertain(const Body& body) {
 
 class SceneWriter {
  public:
-  SceneWriter(const Scene& scene, fs::path folder) : scene_(scene), folder_(std::move(folder)) {
+  SceneWriter(const engine::Scene& scene, fs::path folder) : scene_(scene), folder_(std::move(folder)) {
     robot_of_.resize(scene.bodies().size(), kNone);
     for (std::uint32_t r = 0; r < scene.robots().size(); ++r) {
       const SceneRobot& robot = *scene.robots()[r];
@@ -76,7 +76,9 @@ class SceneWriter {
   }
 
  private:
-  [[noreturn]] void fail(const std::string& why) const { throw SceneError("save: " + folder_.string() + ": " + why); }
+  [[noreturn]] void fail(const std::string& why) const {
+    throw engine::SceneError("save: " + folder_.string() + ": " + why);
+  }
 
   void check() const {
     std::error_code error;
@@ -211,7 +213,7 @@ class SceneWriter {
   }
 
   using Key = std::tuple<std::vector<ConvexPartPtr>, std::shared_ptr<const DisplayMesh>, std::string, double, double>;
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const fs::path folder_;
   std::vector<std::uint32_t> robot_of_;  // by body, or kNone
   std::vector<std::string> names_;       // by body, quoted
@@ -221,7 +223,7 @@ class SceneWriter {
 
 }  // namespace
 
-void Scene::save(const std::string& folder) const {
+void engine::Scene::save(const std::string& folder) const {
   const FpEnvironment environment;
   SceneWriter(*this, folder).write();
 }

@@ -40,7 +40,7 @@ class SceneReader {
         allow_outside_(allow_outside),
         geometries_(folder_, allow_outside) {}
 
-  Scene read() {
+  engine::Scene read() {
     root_.map("a map with the key \"bodies\"");
     root_.check_keys({"bodies", "groups", "ignore", "random", "robots"});
     if (const auto bodies = root_.find("bodies"))
@@ -135,13 +135,13 @@ class SceneReader {
   static void placed(const YamlValue& place, F&& f) {
     try {
       f();
-    } catch (const SceneError& e) {
+    } catch (const engine::SceneError& e) {
       place.fail(e.what());
     }
   }
 
   // A list of bodies, or a map with the key "bodies".
-  static void read_group(Scene& scene, const std::string& name, const YamlValue& group) {
+  static void read_group(engine::Scene& scene, const std::string& name, const YamlValue& group) {
     std::unique_ptr<YamlValue> members;
     bool requires_pose = false;
     if (group.is_map()) {
@@ -163,8 +163,8 @@ class SceneReader {
   }
 
   // Robots come after the bodies, except those placed among them by name.
-  Scene assemble() {
-    Scene scene;
+  engine::Scene assemble() {
+    engine::Scene scene;
     std::vector<bool> added(robots_.size());
     auto place = places_.begin();
     for (std::size_t i = 0; i <= bodies_.size(); ++i) {
@@ -182,12 +182,12 @@ class SceneReader {
     return scene;
   }
 
-  void add_body(Scene& scene, BodyPlan& plan) const {
+  void add_body(engine::Scene& scene, BodyPlan& plan) const {
     static_cast<Geometry&>(plan.body) = geometries_.at(plan.geometry);
     placed(plan.place, [&] { scene.add_body(plan.body); });
   }
 
-  void add_robot(Scene& scene, RobotPlan& plan) const {
+  void add_robot(engine::Scene& scene, RobotPlan& plan) const {
     plan.options.allow_outside = allow_outside_;
     plan.options.folder = folder_.string();
     placed(plan.place, [&] {
@@ -196,7 +196,7 @@ class SceneReader {
     });
   }
 
-  void add_named_robot(Scene& scene, const YamlValue& name, std::vector<bool>& added) {
+  void add_named_robot(engine::Scene& scene, const YamlValue& name, std::vector<bool>& added) {
     const std::string wanted = name.text("");
     const auto found =
         std::find_if(robots_.begin(), robots_.end(), [&](const RobotPlan& plan) { return plan.name == wanted; });
@@ -207,7 +207,7 @@ class SceneReader {
     add_robot(scene, *found);
   }
 
-  void add_pairs_and_groups(Scene& scene) const {
+  void add_pairs_and_groups(engine::Scene& scene) const {
     if (const auto groups = root_.find("groups"))
       for (const auto& [name, group] : groups->map("a map of names to lists of bodies")) read_group(scene, name, group);
     if (const auto ignore = root_.find("ignore"))
@@ -231,7 +231,7 @@ class SceneReader {
 
 }  // namespace
 
-Scene Scene::load(const std::string& path, bool allow_outside) {
+engine::Scene engine::Scene::load(const std::string& path, bool allow_outside) {
   const FpEnvironment environment;
   return is_robot_file(path) ? scene_of_robot(path, allow_outside) : SceneReader(path, allow_outside).read();
 }

@@ -83,15 +83,15 @@ class TreeBuilder final : public YAML::EventHandler {
 };
 
 std::string read_file(const std::string& path) {
-  struct stat info{};
-  if (::stat(path.c_str(), &info) != 0) throw SceneError(path + ": " + std::generic_category().message(errno));
-  if (S_ISDIR(info.st_mode)) throw SceneError(path + ": expected a scene file, got a folder");
-  if (!S_ISREG(info.st_mode)) throw SceneError(path + ": expected a scene file, got a device, pipe or socket");
+  struct stat info {};
+  if (::stat(path.c_str(), &info) != 0) throw engine::SceneError(path + ": " + std::generic_category().message(errno));
+  if (S_ISDIR(info.st_mode)) throw engine::SceneError(path + ": expected a scene file, got a folder");
+  if (!S_ISREG(info.st_mode)) throw engine::SceneError(path + ": expected a scene file, got a device, pipe or socket");
   if (static_cast<std::uint64_t>(info.st_size) > kMaxFileBytes)
-    throw SceneError(path + ": " + std::to_string(info.st_size) + " bytes; a scene file may have at most " +
-                     std::to_string(kMaxFileBytes));
+    throw engine::SceneError(path + ": " + std::to_string(info.st_size) + " bytes; a scene file may have at most " +
+                             std::to_string(kMaxFileBytes));
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw SceneError(path + ": cannot be opened: " + std::generic_category().message(errno));
+  if (!in) throw engine::SceneError(path + ": cannot be opened: " + std::generic_category().message(errno));
   std::string content(static_cast<std::size_t>(info.st_size), '\0');
   in.read(content.data(), info.st_size);
   content.resize(static_cast<std::size_t>(std::max<std::streamsize>(in.gcount(), 0)));
@@ -101,7 +101,7 @@ std::string read_file(const std::string& path) {
 }  // namespace
 
 void fail_at(const std::string& file, int line, const std::string& message) {
-  throw SceneError(file + ":" + std::to_string(line) + ": " + message);
+  throw engine::SceneError(file + ":" + std::to_string(line) + ": " + message);
 }
 
 std::shared_ptr<const YamlTree> read_yaml_tree(const std::string& path) {
@@ -121,9 +121,10 @@ std::shared_ptr<const YamlTree> read_yaml_tree(const std::string& path) {
   } catch (const YAML::ParserException& e) {
     fail_at(path, e.mark.line + 1, "not valid YAML: " + e.msg);
   } catch (const YAML::Exception& e) {
-    throw SceneError(path + ": not valid YAML: " + e.what());
+    throw engine::SceneError(path + ": not valid YAML: " + e.what());
   }
-  if (tree->nodes.empty()) throw SceneError(path + ": the file is empty; expected a map with the key \"bodies\"");
+  if (tree->nodes.empty())
+    throw engine::SceneError(path + ": the file is empty; expected a map with the key \"bodies\"");
   return tree;
 }
 

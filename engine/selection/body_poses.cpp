@@ -48,13 +48,13 @@ Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
   return placement.slack(pair.a) + placement.slack(pair.b);
 }
 
-std::uint64_t BodyPoses::most(const Scene& scene, const Plan& plan) {
+std::uint64_t BodyPoses::most(const engine::Scene& scene, const Plan& plan) {
   std::uint64_t parts = 1;
   for (const std::uint32_t b : plan.moved) parts += scene.bodies()[b].parts.size();
   return std::max<std::uint64_t>(kMostConvexParts / parts, 1);
 }
 
-BodyPoses::BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
+BodyPoses::BodyPoses(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;
   moved_slot_.assign(scene.bodies().size(), kNone);

@@ -16,14 +16,14 @@ class BodyPoses {
  public:
   /// The arguments must outlive this.
   /// \param boxes of all bodies in the snapshot; computed on request if empty
-  BodyPoses(const Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
+  BodyPoses(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes);
 
   /// Moves to configuration k of the plan, if it has any.
   /// \param given (1, M) of it
   /// \param rotations (M,) of its poses
   void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const Mat3d> rotations);
   /// Limit on the configurations that a worker keeps, which bounds their memory.
-  static std::uint64_t most(const Scene& scene, const Plan& plan);
+  static std::uint64_t most(const engine::Scene& scene, const Plan& plan);
 
   bool moves_any() const { return !moved_slot_.empty(); }
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
@@ -63,7 +63,7 @@ class BodyPoses {
   }
 
  private:
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Plan& plan_;
   std::span<const Aabb> boxes_;
   std::uint64_t number_ = ~std::uint64_t{0};

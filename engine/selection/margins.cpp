@@ -16,7 +16,7 @@ constexpr std::uint64_t kWorkPerUnit = 16;
 constexpr std::uint64_t kSlice = 4096;  // pairs matched together
 
 [[noreturn]] void reject(const std::string& what, QueryErrorCode code = QueryErrorCode::kBadQuery) {
-  throw QueryError(code, what);
+  throw engine::QueryError(code, what);
 }
 
 void check(double margin, const std::string& place) {
@@ -24,7 +24,7 @@ void check(double margin, const std::string& place) {
     reject(place + ": expected a finite number of metres >= 0, got " + std::to_string(margin));
 }
 
-std::string name_of(std::uint32_t selector, const Scene& scene) {
+std::string name_of(std::uint32_t selector, const engine::Scene& scene) {
   if (selector == kEveryBody) return "'*'";
   const std::uint32_t index = selector & ~kGroupBit;
   if (selector & kGroupBit)
@@ -37,7 +37,7 @@ class NamedBy {
  public:
   NamedBy(std::size_t bodies, std::size_t entries) : words_((entries + 63) / 64), bits_(bodies * words_) {}
 
-  void add(std::size_t entry, std::uint32_t selector, const Scene& scene) {
+  void add(std::size_t entry, std::uint32_t selector, const engine::Scene& scene) {
     const auto mark = [&](std::size_t body) { bits_[body * words_ + entry / 64] |= std::uint64_t{1} << entry % 64; };
     if (selector == kEveryBody)
       for (std::size_t body = 0; body < scene.bodies().size(); ++body) mark(body);
@@ -64,7 +64,7 @@ std::ptrdiff_t last_entry(BodyPair pair, const NamedBy& first, const NamedBy& se
 }
 
 // Bodies of a selector. Throws QueryError for an unknown one.
-std::uint64_t count_named(std::uint32_t selector, const Scene& scene, const std::string& place) {
+std::uint64_t count_named(std::uint32_t selector, const engine::Scene& scene, const std::string& place) {
   if (selector == kEveryBody) return scene.bodies().size();
   const std::uint32_t index = selector & ~kGroupBit;
   const bool is_group = selector & kGroupBit;
@@ -73,7 +73,7 @@ std::uint64_t count_named(std::uint32_t selector, const Scene& scene, const std:
   return is_group ? scene.groups()[index].bodies.size() : 1;
 }
 
-std::vector<double> from_entries(const QueryView& query, const Scene& scene, const PairList& pairs) {
+std::vector<double> from_entries(const QueryView& query, const engine::Scene& scene, const PairList& pairs) {
   const std::span<const MarginEntry> entries = query.margins;
   const std::size_t bodies = scene.bodies().size();
   std::uint64_t work = pairs.size() * ((entries.size() + 63) / 64);
@@ -109,7 +109,7 @@ std::vector<double> from_entries(const QueryView& query, const Scene& scene, con
 
 }  // namespace
 
-Margins::Margins(const QueryView& query, const Scene& scene, const PairList& pairs)
+Margins::Margins(const QueryView& query, const engine::Scene& scene, const PairList& pairs)
     : least_(query.margin), most_(query.margin) {
   check(query.margin, "margin");
   if (!query.margins.empty() && !query.pair_margins.empty())

@@ -23,7 +23,7 @@ class Margins {
   Margins() = default;
   /// Throws QueryError for an invalid margin, an unknown body or group, a number of margins other than that of pairs,
   /// and beyond the limits above.
-  Margins(const QueryView& query, const Scene& scene, const PairList& pairs);
+  Margins(const QueryView& query, const engine::Scene& scene, const PairList& pairs);
 
   double of(std::uint64_t position) const { return each_.empty() ? most_ : each_[position]; }
   std::span<const double> each() const { return each_; }  ///< (P,); empty if all are the same

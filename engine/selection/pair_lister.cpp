@@ -44,12 +44,12 @@ bool has(const std::vector<std::uint32_t>& ascending, std::uint32_t body) {
 }
 
 [[noreturn]] void reject(std::uint64_t position, const std::string& what) {
-  throw QueryError(QueryErrorCode::kBadQuery, "pairs[" + std::to_string(position) + "]: " + what);
+  throw engine::QueryError(QueryErrorCode::kBadQuery, "pairs[" + std::to_string(position) + "]: " + what);
 }
 
 }  // namespace
 
-PairLister::PairLister(const QueryView& query, const Scene& scene, std::shared_ptr<const PairTable> table,
+PairLister::PairLister(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PairTable> table,
                        std::span<const std::uint32_t> moved)
     : scene_(scene), table_(std::move(table)) {
   const bool every = query.all_pairs || (query.pairs.size() == 1 && query.pairs[0] == BodyPair{kEveryBody, kEveryBody});
@@ -102,10 +102,10 @@ std::uint64_t PairLister::count_some() {
     has_group_ |= is_group;
     most_ += is_group ? std::max(as * bs, as + bs) : 1;
     if (has_group_ && most_ > kMaxNamedByGroups)
-      throw QueryError(QueryErrorCode::kTooLarge, "pairs[" + std::to_string(next_) + "]: with it groups name " +
-                                                      std::to_string(most_) + " pairs, more than the " +
-                                                      std::to_string(kMaxNamedByGroups) +
-                                                      " of one query: split it, or query all pairs");
+      throw engine::QueryError(QueryErrorCode::kTooLarge, "pairs[" + std::to_string(next_) + "]: with it groups name " +
+                                                              std::to_string(most_) + " pairs, more than the " +
+                                                              std::to_string(kMaxNamedByGroups) +
+                                                              " of one query: split it, or query all pairs");
   }
   if (next_ == named_.size()) {
     step_ = ListingStep::kList;

@@ -44,7 +44,7 @@ class PairLister {
   /// \param query its pairs must stay valid until all are listed
   /// \param scene must outlive this
   /// \param moved bodies and their followers
-  PairLister(const QueryView& query, const Scene& scene, std::shared_ptr<const PairTable> table,
+  PairLister(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PairTable> table,
              std::span<const std::uint32_t> moved);
   /// Continues until the slice is over. Returns true once all pairs are listed. Throws QueryError.
   bool advance(WorkMeter& meter);
@@ -65,7 +65,7 @@ class PairLister {
   std::uint64_t bodies_named(std::uint32_t selector) const;
 
   std::span<const BodyPair> named_;
-  const Scene& scene_;
+  const engine::Scene& scene_;
   std::shared_ptr<const PairTable> table_;
   ListingStep step_ = ListingStep::kCount;
   std::uint64_t next_ = 0;  // in named_, in this step

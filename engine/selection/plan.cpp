@@ -14,7 +14,7 @@ namespace clearance {
 namespace {
 
 [[noreturn]] void reject(const std::string& what) {
-  throw QueryError(QueryErrorCode::kBadQuery, what);
+  throw engine::QueryError(QueryErrorCode::kBadQuery, what);
 }
 
 void check_motions(const QueryView& q) {
@@ -23,7 +23,7 @@ void check_motions(const QueryView& q) {
       reject("fields: time, first_contact and steps are only for motions (max_evaluations)");
     return;
   }
-  const auto unsupported = [](const char* what) { throw QueryError(QueryErrorCode::kNotSupported, what); };
+  const auto unsupported = [](const char* what) { throw engine::QueryError(QueryErrorCode::kNotSupported, what); };
   if (q.reduce == Reduce::kWithin || q.reduce == Reduce::kNearest)
     unsupported("reduce: motions are reduced by none, min and any");
   if (q.signed_distance) unsupported("signed_distance: motions have no depths");
@@ -38,7 +38,8 @@ void check_free_scale(const QueryView& q) {
     return;
   }
   if (q.reduce != Reduce::kAny) reject("fields: free_scale needs reduce any");
-  if (q.max_evaluations > 0) throw QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
+  if (q.max_evaluations > 0)
+    throw engine::QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
   if (q.fields & ~(kFieldFreeScale | kFieldPair)) reject("fields: free_scale can be combined only with pair");
 }
 
@@ -68,15 +69,15 @@ void check_numbers(const QueryView& q) {
 }
 
 // A depth is the length of a shift that separates bodies, and points have no inside.
-void reject_depths_of_clouds(const PairList& pairs, const Scene& scene) {
+void reject_depths_of_clouds(const PairList& pairs, const engine::Scene& scene) {
   constexpr std::uint64_t kAtATime = 1024;
   std::vector<BodyPair> storage;
   for (std::uint64_t begin = 0; begin < pairs.size(); begin += kAtATime)
     for (const BodyPair pair : pairs.slice(begin, std::min(kAtATime, pairs.size() - begin), storage))
       for (const std::uint32_t body : {pair.a, pair.b})
         if (body < scene.bodies().size() && is_cloud(scene.bodies()[body]))
-          throw QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
-                                                              "' is a cloud of points, which has no depth");
+          throw engine::QueryError(QueryErrorCode::kNotSupported, "signed_distance: '" + scene.bodies()[body].name +
+                                                                      "' is a cloud of points, which has no depth");
   units_of_this_thread += pairs.size() / kAtATime;
 }
 
@@ -91,18 +92,19 @@ std::uint32_t written_fields(const QueryView& q) {
 // or removed body also the rows of `nearest`.
 // \param bodies that the query moves
 bool ids_valid_since(const QueryView& query, std::span<const std::uint32_t> bodies, const PoseSnapshot& snapshot,
-                     const Scene& scene) {
+                     const engine::Scene& scene) {
   return !query.all_pairs && snapshot.history->ids_valid_since({query.scene_revision, bodies, query.pairs,
                                                                 query.margins, query.reduce == Reduce::kNearest},
                                                                snapshot.scene_changes, scene);
 }
 
 [[noreturn]] void reject_scene(const QueryView& query, const PoseSnapshot& snapshot) {
-  throw QueryError(QueryErrorCode::kWrongScene, "the scene is revision " + std::to_string(snapshot.scene_revision) +
-                                                    ", the query is for " + std::to_string(query.scene_revision));
+  throw engine::QueryError(QueryErrorCode::kWrongScene,
+                           "the scene is revision " + std::to_string(snapshot.scene_revision) + ", the query is for " +
+                               std::to_string(query.scene_revision));
 }
 
-void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
+void take_bodies(const QueryView& query, const engine::Scene& scene, Plan& plan) {
   std::vector<std::uint8_t> seen(scene.bodies().size(), 0);
   for (std::size_t i = 0; i < query.bodies.size(); ++i) {
     const std::uint32_t b = query.bodies[i];
@@ -120,7 +122,7 @@ void take_bodies(const QueryView& query, const Scene& scene, Plan& plan) {
 
 constexpr std::uint64_t kLinksPerUnit = 64;  // links searched per unit of work
 
-void take_joints(const QueryView& query, const Scene& scene, Plan& plan) {
+void take_joints(const QueryView& query, const engine::Scene& scene, Plan& plan) {
   if (query.joints.empty()) return;
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::uint8_t> seen(scene.joints().size(), 0);
@@ -156,7 +158,7 @@ void check_count(const char* what, const char* of, std::size_t got, std::uint64_
 
 }  // namespace
 
-Planner::Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                  std::uint64_t max_rows, bool with_configurations, bool with_question)
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
@@ -220,12 +222,13 @@ void Planner::compute_size() {
   size.rows = too_many ? max_rows_ + 1 : size.configurations * per_configuration;
   if (query.reduce == Reduce::kWithin) size.rows = std::min(size.rows, query.max_results);
   if (size.rows > max_rows_)
-    throw QueryError(QueryErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations x " +
-                                                    std::to_string(per_configuration) +
-                                                    " rows are more than the limit of " + std::to_string(max_rows_));
+    throw engine::QueryError(QueryErrorCode::kTooLarge, std::to_string(size.configurations) + " configurations x " +
+                                                            std::to_string(per_configuration) +
+                                                            " rows are more than the limit of " +
+                                                            std::to_string(max_rows_));
 }
 
-Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+Plan make_plan(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations) {
   Planner planner(query, scene, std::move(snapshot), max_rows, with_configurations);
   WorkMeter unlimited;

@@ -53,7 +53,7 @@ class Planner {
   /// \param scene must outlive this
   /// \param with_configurations false for sizes and pairs only
   /// \param with_question whether the job may be reused (job_cache.h)
-  Planner(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+  Planner(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
           std::uint64_t max_rows, bool with_configurations, bool with_question = false);
   /// Lists pairs until the slice is over. Returns true once the plan is complete. Throws QueryError.
   bool advance(WorkMeter& meter);
@@ -65,13 +65,13 @@ class Planner {
   void compute_size();
 
   Plan plan_;
-  const Scene& scene_;
+  const engine::Scene& scene_;
   std::uint64_t max_rows_;
   std::optional<PairLister> lister_;  // none once all pairs are listed
 };
 
 /// Makes a plan at once.
-Plan make_plan(const QueryView& query, const Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
+Plan make_plan(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
                std::uint64_t max_rows, bool with_configurations);
 
 }  // namespace clearance

@@ -14,7 +14,7 @@ BodyPair in_order(std::uint32_t a, std::uint32_t b) {
   return {std::min(a, b), std::max(a, b)};
 }
 
-std::vector<BodyPair> pairs_of(const Scene& scene) {
+std::vector<BodyPair> pairs_of(const engine::Scene& scene) {
   std::vector<BodyPair> pairs;
   for (const auto& [a, b] : scene.ignored()) pairs.push_back(in_order(a, b));
   std::sort(pairs.begin(), pairs.end());
@@ -22,9 +22,9 @@ std::vector<BodyPair> pairs_of(const Scene& scene) {
 }
 
 // The bodies that a selector names, as a mask.
-std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
+std::vector<std::uint8_t> named(std::uint32_t selector, const engine::Scene& scene) {
   const auto reject = [](const std::string& what) {
-    throw QueryError(QueryErrorCode::kBadQuery, "allow, forbid: unknown " + what);
+    throw engine::QueryError(QueryErrorCode::kBadQuery, "allow, forbid: unknown " + what);
   };
   std::vector<std::uint8_t> is_named(scene.bodies().size(), selector == kEveryBody);
   if (selector == kEveryBody) return is_named;
@@ -40,13 +40,13 @@ std::vector<std::uint8_t> named(std::uint32_t selector, const Scene& scene) {
 }
 
 [[noreturn]] void reject_number(std::size_t pairs) {
-  throw QueryError(QueryErrorCode::kTooLarge, "allow: " + std::to_string(pairs) + " pairs, more than the " +
-                                                  std::to_string(IgnoredPairs::kMostAdded) +
-                                                  " that a scene may be given at run time");
+  throw engine::QueryError(QueryErrorCode::kTooLarge, "allow: " + std::to_string(pairs) + " pairs, more than the " +
+                                                          std::to_string(IgnoredPairs::kMostAdded) +
+                                                          " that a scene may be given at run time");
 }
 
 // Ascending pairs, each once.
-std::vector<BodyPair> pairs_named(std::uint32_t a, std::uint32_t b, const Scene& scene) {
+std::vector<BodyPair> pairs_named(std::uint32_t a, std::uint32_t b, const engine::Scene& scene) {
   const std::vector<std::uint8_t> of_a = named(a, scene), of_b = named(b, scene);
   const auto count = [](const auto& is_named) {
     return static_cast<std::size_t>(std::count(is_named.begin(), is_named.end(), 1));
@@ -84,7 +84,7 @@ std::vector<BodyPair> changed_pairs(std::span<const BodyPair> was, std::span<con
   return changed;
 }
 
-IgnoredPairs::IgnoredPairs(const Scene& scene)
+IgnoredPairs::IgnoredPairs(const engine::Scene& scene)
     : of_scene_(scene.ignored().size()), always_(pairs_of(scene)), all_(always_) {}
 
 void IgnoredPairs::merge() {
@@ -95,14 +95,14 @@ void IgnoredPairs::merge() {
   all_ = united(always_, held);
 }
 
-void IgnoredPairs::allow(std::uint32_t a, std::uint32_t b, const Scene& scene) {
+void IgnoredPairs::allow(std::uint32_t a, std::uint32_t b, const engine::Scene& scene) {
   std::vector<BodyPair> more = united(always_, pairs_named(a, b, scene));
   if (more.size() + held_.size() > of_scene_ + kMostAdded) reject_number(more.size() + held_.size() - of_scene_);
   always_ = std::move(more);
   merge();
 }
 
-void IgnoredPairs::forbid(std::uint32_t a, std::uint32_t b, const Scene& scene) {
+void IgnoredPairs::forbid(std::uint32_t a, std::uint32_t b, const engine::Scene& scene) {
   const std::vector<std::uint8_t> of_a = named(a, scene), of_b = named(b, scene);
   const auto is_named = [&](BodyPair p) { return (of_a[p.a] && of_b[p.b]) || (of_a[p.b] && of_b[p.a]); };
   std::erase_if(always_, is_named);
@@ -110,7 +110,8 @@ void IgnoredPairs::forbid(std::uint32_t a, std::uint32_t b, const Scene& scene) 
   merge();
 }
 
-void IgnoredPairs::allow_attached(std::uint32_t child, std::span<const std::uint32_t> others, const Scene& scene) {
+void IgnoredPairs::allow_attached(std::uint32_t child, std::span<const std::uint32_t> others,
+                                  const engine::Scene& scene) {
   std::vector<Held> fresh;
   for (const std::uint32_t other : others) {
     for (const BodyPair pair : pairs_named(child, other, scene)) fresh.push_back({pair, child});
@@ -126,8 +127,9 @@ void IgnoredPairs::release(std::uint32_t child) {
   merge();
 }
 
-void IgnoredPairs::take_over(const IgnoredPairs& old, const Scene& old_scene, std::span<const std::uint32_t> now,
-                             std::span<const std::uint8_t> keeps, const Scene& scene) {
+void IgnoredPairs::take_over(const IgnoredPairs& old, const engine::Scene& old_scene,
+                             std::span<const std::uint32_t> now, std::span<const std::uint8_t> keeps,
+                             const engine::Scene& scene) {
   const auto translated = [&](std::span<const BodyPair> pairs) {
     std::vector<BodyPair> mine;
     for (const BodyPair p : pairs)

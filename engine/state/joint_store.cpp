@@ -71,7 +71,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
   }
   std::sort(changed.begin(), changed.end());
   if (const auto twice = std::adjacent_find(changed.begin(), changed.end()); twice != changed.end())
-    throw QueryError(QueryErrorCode::kBadQuery, "joints: '" + joints[*twice].name + "' is named twice");
+    throw engine::QueryError(QueryErrorCode::kBadQuery, "joints: '" + joints[*twice].name + "' is named twice");
   const std::shared_ptr<PoseSnapshot> next = copy();
   const std::int64_t now = monotonic_ns();
   for (const JointPosition& p : positions) {

@@ -5,7 +5,8 @@
 
 namespace clearance {
 
-PairTable::PairTable(const Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored)
+PairTable::PairTable(const engine::Scene& scene, std::span<const std::uint32_t> parents,
+                     std::span<const BodyPair> ignored)
     : bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
   assert(parents.size() == bodies_);
   for (const Body& body : scene.bodies()) is_static_.push_back(body.is_static);

@@ -16,7 +16,7 @@ class PairTable {
  public:
   /// \param parents of each body, or kNone
   /// \param ignored pairs to leave out
-  PairTable(const Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored);
+  PairTable(const engine::Scene& scene, std::span<const std::uint32_t> parents, std::span<const BodyPair> ignored);
 
   std::uint64_t size() const { return row_begin_.back(); }
   /// Returns whether {a, b}, in either order, is enabled.

@@ -26,7 +26,9 @@ void PoseStore::note_points(PoseSnapshot& next, ReceivedPoints received) {
 PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const CloudPoint> points,
                                        std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence,
                                        std::uint64_t publisher) {
-  const auto reject = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "points: " + why); };
+  const auto reject = [](const std::string& why) {
+    throw engine::QueryError(QueryErrorCode::kBadQuery, "points: " + why);
+  };
   check_stamp(stamp_ns);
   if (body >= scene_.bodies().size()) reject("unknown body " + std::to_string(body));
   const Body& of = scene_.bodies()[body];
@@ -40,8 +42,8 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
 
   const std::lock_guard one_at_a_time(points_writers_);
   // points_writers_ excludes other new scenes; poses may be set concurrently.
-  auto scene = std::make_shared<const Scene>(snapshot()->scene->with_points(body, cloud));
-  std::erase_if(scenes_, [](const std::shared_ptr<const Scene>& old) { return old.use_count() == 1; });
+  auto scene = std::make_shared<const engine::Scene>(snapshot()->scene->with_points(body, cloud));
+  std::erase_if(scenes_, [](const std::shared_ptr<const engine::Scene>& old) { return old.use_count() == 1; });
   scenes_.push_back(scene);
 
   const std::lock_guard lock(writers_);
@@ -71,7 +73,7 @@ void PoseStore::take_over_points(const PoseStore& old_store, PoseSnapshot& next)
     if (now == kNone || !is_cloud(scene_.bodies()[now])) continue;
     if (received.cloud && received.cloud->surface->edge() != scene_.bodies()[now].voxel) continue;
     received.body = now;
-    next.scene = std::make_shared<const Scene>(next.scene->with_points(now, received.cloud));
+    next.scene = std::make_shared<const engine::Scene>(next.scene->with_points(now, received.cloud));
     note_points(next, std::move(received));
   }
 }

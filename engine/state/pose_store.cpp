@@ -74,7 +74,7 @@ std::shared_ptr<const std::vector<std::uint32_t>> order_of(const std::vector<std
 }
 
 // Attachments and ignored pairs are part of the revision, because they change the enabled pairs.
-std::uint64_t revision_with(const Scene& scene, const std::vector<std::uint32_t>& parent,
+std::uint64_t revision_with(const engine::Scene& scene, const std::vector<std::uint32_t>& parent,
                             std::span<const BodyPair> ignored) {
   std::uint64_t h = scene.revision();
   bool as_loaded = true;
@@ -104,14 +104,15 @@ void PoseStore::enable_pairs(PoseSnapshot& snapshot) const {
   snapshot.history = history_;
 }
 
-PoseStore::PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead)
+PoseStore::PoseStore(const engine::Scene& scene, std::chrono::nanoseconds max_stamp_lead)
     : scene_(scene),
       max_stamp_lead_(max_stamp_lead),
       marks_(scene.bodies().size()),
       joint_marks_(scene.joints().size()),
       points_marks_(scene.bodies().size()) {
   auto first = std::make_shared<PoseSnapshot>();
-  first->scene = std::shared_ptr<const Scene>(std::shared_ptr<const Scene>(), &scene);  // outlives the snapshot
+  first->scene =
+      std::shared_ptr<const engine::Scene>(std::shared_ptr<const engine::Scene>(), &scene);  // outlives the snapshot
   const std::size_t n = scene.bodies().size();
   first->loaded_ns = monotonic_ns();
   first->local.resize(n);
@@ -236,12 +237,12 @@ void PoseStore::check_stamp(std::int64_t stamp_ns) const {
   const auto seconds = [](nanoseconds span) {
     return std::to_string(std::chrono::duration_cast<std::chrono::seconds>(span).count());
   };
-  throw QueryError(QueryErrorCode::kBadQuery,
-                   "stamp_ns: " + std::to_string(stamp_ns) +
-                       (stamp_ns < 0 ? " is below 0"
-                                     : " is " + seconds(nanoseconds(stamp_ns) - now) +
-                                           " s ahead of this machine's clock; " + seconds(max_stamp_lead_) +
-                                           " s may be (Options::max_stamp_lead, limit max-stamp-lead-s)"));
+  throw engine::QueryError(QueryErrorCode::kBadQuery,
+                           "stamp_ns: " + std::to_string(stamp_ns) +
+                               (stamp_ns < 0 ? " is below 0"
+                                             : " is " + seconds(nanoseconds(stamp_ns) - now) +
+                                                   " s ahead of this machine's clock; " + seconds(max_stamp_lead_) +
+                                                   " s may be (Options::max_stamp_lead, limit max-stamp-lead-s)"));
 }
 
 void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name,
@@ -249,9 +250,9 @@ void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const 
   const std::int64_t last = marks.last(id, publisher);
   if (stamp_ns == 0 || stamp_ns >= last) return;
   ++late_;
-  throw QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
-                                                  std::to_string(last) + ", the last from this publisher for '" + name +
-                                                  "'");
+  throw engine::QueryError(QueryErrorCode::kBadQuery, "stamp_ns: " + std::to_string(stamp_ns) + " is older than " +
+                                                          std::to_string(last) +
+                                                          ", the last from this publisher for '" + name + "'");
 }
 
 PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
@@ -261,7 +262,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
   for (const BodyPose& p : poses) {
     if (p.body >= scene_.bodies().size()) continue;
     const Body& body = scene_.bodies()[p.body];
-    if (body.robot != kNone) throw QueryError(QueryErrorCode::kBadQuery, "poses: " + placed_by_joints(body));
+    if (body.robot != kNone) throw engine::QueryError(QueryErrorCode::kBadQuery, "poses: " + placed_by_joints(body));
     check_not_late(marks_, p.body, body.name, stamp_ns, publisher);
   }
   const std::shared_ptr<PoseSnapshot> next = copy();
@@ -351,7 +352,9 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   const std::lock_guard lock(writers_);
   const std::shared_ptr<PoseSnapshot> next = copy();
   const auto& bodies = scene_.bodies();
-  const auto reject = [](const std::string& why) { throw QueryError(QueryErrorCode::kBadQuery, "attach: " + why); };
+  const auto reject = [](const std::string& why) {
+    throw engine::QueryError(QueryErrorCode::kBadQuery, "attach: " + why);
+  };
   if (child >= bodies.size()) reject("unknown child, body " + std::to_string(child));
   if (parent != kNone && parent >= bodies.size()) reject("unknown parent, body " + std::to_string(parent));
   if (bodies[child].is_static) reject("'" + bodies[child].name + "' is static");

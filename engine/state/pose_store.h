@@ -42,7 +42,7 @@ struct PoseSnapshot {
   std::shared_ptr<const IgnoredPairs> ignored;
   std::shared_ptr<const PairTable> pairs;
   /// The scene at this moment; differs from the loaded one after points were received.
-  std::shared_ptr<const Scene> scene;
+  std::shared_ptr<const engine::Scene> scene;
   std::shared_ptr<const std::vector<ReceivedPoints>> points;  ///< null if none were received
 
   std::vector<Pose> local;          ///< as given: X_wb, or X_pb of a body with a parent
@@ -91,7 +91,7 @@ struct PoseSnapshot {
 
 class PoseStore {
  public:
-  PoseStore(const Scene& scene, std::chrono::nanoseconds max_stamp_lead);
+  PoseStore(const engine::Scene& scene, std::chrono::nanoseconds max_stamp_lead);
 
   std::shared_ptr<const PoseSnapshot> snapshot() const;
   PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
@@ -130,7 +130,7 @@ class PoseStore {
   static void note_points(PoseSnapshot& next, ReceivedPoints received);
   void take_over_joints(const PoseStore& old_store, PoseSnapshot& next);
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const std::chrono::nanoseconds max_stamp_lead_;
   mutable std::atomic<std::uint64_t> out_of_range_{0};  // number of stamps
   std::atomic<std::uint64_t> late_{0};
@@ -142,7 +142,7 @@ class PoseStore {
   std::mutex points_writers_;  // guards the following members; locked before writers_
   /// Scenes that jobs may still read. The next replacement of points releases the unused ones, so that freeing a large
   /// cloud blocks no other thread.
-  std::vector<std::shared_ptr<const Scene>> scenes_;
+  std::vector<std::shared_ptr<const engine::Scene>> scenes_;
   mutable std::mutex current_mutex_;  // held only while the pointer is copied
   std::shared_ptr<const PoseSnapshot> current_;
   std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // shared, because snapshots may outlive the store

@@ -20,21 +20,21 @@ void mark(std::vector<std::uint64_t>& changes, std::uint32_t id, std::uint64_t c
 }
 
 /// Returns whether the same joints place a body in the same way: no joints, or those of the same robot.
-bool same_joints(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
+bool same_joints(const engine::Scene& old_scene, const engine::Scene& scene, std::uint32_t id) {
   const std::uint32_t was = old_scene.bodies()[id].robot, is = scene.bodies()[id].robot;
   if (was == kNone || is == kNone) return was == is;
   return old_scene.robots()[was]->digest == scene.robots()[is]->digest;
 }
 
 /// Returns whether a body id has the same meaning in two scenes. An id beyond both is unknown in both.
-bool same_body(const Scene& old_scene, const Scene& scene, std::uint32_t id) {
+bool same_body(const engine::Scene& old_scene, const engine::Scene& scene, std::uint32_t id) {
   const std::vector<Body>&was = old_scene.bodies(), &is = scene.bodies();
   if (id >= was.size() || id >= is.size()) return id >= was.size() && id >= is.size();
   return was[id].name == is[id].name && was[id].parts == is[id].parts && was[id].is_static == is[id].is_static &&
          same_joints(old_scene, scene, id);
 }
 
-bool names(std::uint32_t selector, std::uint32_t body, const Scene& scene) {
+bool names(std::uint32_t selector, std::uint32_t body, const engine::Scene& scene) {
   if (selector == kEveryBody) return true;
   if (!(selector & kGroupBit)) return selector == body;
   const std::uint32_t group = selector & ~kGroupBit;
@@ -141,7 +141,7 @@ bool SceneHistory::unchanged(std::uint32_t selector, std::uint64_t since, bool w
   return at(body_changed_, selector) <= since && (!with_parents || at(parent_changed_, selector) <= since);
 }
 
-bool SceneHistory::pairs_unchanged(BodyPair pair, std::uint64_t since, const Scene& scene) const {
+bool SceneHistory::pairs_unchanged(BodyPair pair, std::uint64_t since, const engine::Scene& scene) const {
   return std::none_of(pairs_.rbegin(), pairs_.rend(), [&](const ChangedPair& changed) {
     return changed.change > since && ((names(pair.a, changed.a, scene) && names(pair.b, changed.b, scene)) ||
                                       (names(pair.a, changed.b, scene) && names(pair.b, changed.a, scene)));
@@ -157,7 +157,8 @@ bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes
          });
 }
 
-bool SceneHistory::ids_valid_since(const RevisionCheck& check, std::uint64_t changes, const Scene& scene) const {
+bool SceneHistory::ids_valid_since(const RevisionCheck& check, std::uint64_t changes,
+                                   const engine::Scene& scene) const {
   const std::lock_guard lock(mutex_);
   std::uint64_t since = 0, of_groups = 0;
   if (!find(check.revision, changes, since)) return false;

@@ -32,7 +32,7 @@ class SceneHistory {
   /// Records pairs that became or ceased to be ignored.
   void ignored(std::uint64_t revision, std::span<const BodyPair> pairs);
   struct State {
-    const Scene& scene;
+    const engine::Scene& scene;
     std::span<const std::uint32_t> parents;  ///< of each body
     std::span<const BodyPair> ignored;       ///< ascending
   };
@@ -55,7 +55,7 @@ class SceneHistory {
   };
   /// Returns whether a query has the same bodies and pairs, in the same order.
   /// \param scene the one after the changes
-  bool ids_valid_since(const RevisionCheck& check, std::uint64_t changes, const Scene& scene) const;
+  bool ids_valid_since(const RevisionCheck& check, std::uint64_t changes, const engine::Scene& scene) const;
 
  private:
   struct ChangedPair {
@@ -70,7 +70,7 @@ class SceneHistory {
   /// since `changes`.
   bool find(std::uint64_t revision, std::uint64_t changes, std::uint64_t& since) const;
   bool unchanged(std::uint32_t selector, std::uint64_t since, bool with_parents) const;
-  bool pairs_unchanged(BodyPair pair, std::uint64_t since, const Scene& scene) const;
+  bool pairs_unchanged(BodyPair pair, std::uint64_t since, const engine::Scene& scene) const;
 
   mutable std::mutex mutex_;
   std::uint64_t changes_ = 0;

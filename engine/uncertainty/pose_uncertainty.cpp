@@ -37,7 +37,7 @@ PoseUncertainty uncertainty_of(const Body& body, const Pose& local, const Vec3d&
 namespace {
 
 // Travel of each robot's links at the current joint positions.
-std::vector<std::vector<double>> travels_of(const Scene& scene, const PoseSnapshot& snapshot) {
+std::vector<std::vector<double>> travels_of(const engine::Scene& scene, const PoseSnapshot& snapshot) {
   std::vector<std::vector<double>> travels;
   for (const auto& robot : scene.robots())
     robot->kinematics.travels(
@@ -59,7 +59,8 @@ double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t
   return std::max(1e-9 * static_cast<double>(std::max<std::int64_t>(age_ns, 0)), points_age_s(snapshot, body, now_ns));
 }
 
-std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns) {
+std::vector<PoseUncertainty> uncertainties_of(const engine::Scene& scene, const PoseSnapshot& snapshot,
+                                              std::int64_t now_ns) {
   if (!scene.has_uncertainties() && !snapshot.has_followers) return {};
   std::vector<PoseUncertainty> uncertainties(scene.bodies().size());
   const std::vector<std::vector<double>> travels = travels_of(scene, snapshot);

@@ -44,6 +44,7 @@ double points_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64
 double pose_age_s(const PoseSnapshot& snapshot, std::uint32_t body, std::int64_t now_ns);
 
 /// Uncertainty of each body of a snapshot at `now_ns`; empty if no body has any.
-std::vector<PoseUncertainty> uncertainties_of(const Scene& scene, const PoseSnapshot& snapshot, std::int64_t now_ns);
+std::vector<PoseUncertainty> uncertainties_of(const engine::Scene& scene, const PoseSnapshot& snapshot,
+                                              std::int64_t now_ns);
 
 }  // namespace clearance

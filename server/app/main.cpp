@@ -93,16 +93,16 @@ void use_cache_directory() {
   if (!first.empty()) ::setenv("CLEARANCE_CACHE", first.c_str(), 0);
 }
 
-Scene load_scene(const DaemonOptions& options) {
+engine::Scene load_scene(const DaemonOptions& options) {
   if (const std::string why = Cache::of_environment().why_off(); !why.empty())
     log::warn("event=cache_off text=\"meshes are not cached: {}\"", log_text(why));
-  Scene scene = Scene::load(options.scene, options.allow_outside);
+  engine::Scene scene = engine::Scene::load(options.scene, options.allow_outside);
   if (const std::string missing = mesh_loader_warning(); !missing.empty())
     log::warn("event=mesh_loader_unfiltered text=\"{}\"", log_text(missing));
   return scene;
 }
 
-void log_scene(const DaemonOptions& options, const Engine& engine, double load_seconds) {
+void log_scene(const DaemonOptions& options, const engine::Engine& engine, double load_seconds) {
   std::size_t parts = 0, vertices = 0;
   for (const Body& body : engine.scene().bodies()) {
     parts += body.parts.size();
@@ -133,8 +133,8 @@ void keep_ready_fd(const DaemonOptions& options) {
   fcntl(options.ready_fd, F_SETFD, FD_CLOEXEC);
 }
 
-Engine::Options engine_options_of(const DaemonOptions& options) {
-  Engine::Options engine;
+engine::Engine::Options engine_options_of(const DaemonOptions& options) {
+  engine::Engine::Options engine;
   engine.backend = options.backend;
   engine.threads = options.threads;
   engine.device_memory = std::uint64_t{options.device_memory_mib} << 20;
@@ -170,8 +170,8 @@ Loop::Options loop_options_of(const DaemonOptions& options, const Access& access
 }
 
 /// Rejects a wrong backend before the scene is loaded, which may take long.
-void check_backend(const Engine::Options& options) {
-  or_fail<std::exception>(kExitBackend, "", [&] { Engine probe(Scene{}, options); });
+void check_backend(const engine::Engine::Options& options) {
+  or_fail<std::exception>(kExitBackend, "", [&] { engine::Engine probe(engine::Scene{}, options); });
   for (const SelfTest& test : self_tests())
     if (!test.passed())
       log::error("event=self_test_failed name={} wrong={} answers={} first=\"{}\" text=\"it is not used\"", test.name,
@@ -209,20 +209,20 @@ int serve(DaemonOptions options) {
   const Access access = or_fail<std::invalid_argument>(kExitCommandLine, "", [&] {
     return or_fail<std::runtime_error>(kExitEndpoint, "--keys: ", [&] { return access_of(options); });
   });
-  const Engine::Options engine_options = engine_options_of(options);
+  const engine::Engine::Options engine_options = engine_options_of(options);
   check_backend(engine_options);
-  Scene scene = or_fail<SceneError>(kExitScene, "", [&] { return load_scene(options); });
+  engine::Scene scene = or_fail<engine::SceneError>(kExitScene, "", [&] { return load_scene(options); });
   const LcmPoses lcm_poses =
       or_fail<std::invalid_argument>(kExitCommandLine, "", [&] { return lcm_poses_of(options, scene); });
-  const auto engine = std::make_shared<Engine>(std::move(scene), engine_options);
+  const auto engine = std::make_shared<engine::Engine>(std::move(scene), engine_options);
   const double load_seconds = seconds_since(begin);
   log_scene(options, *engine, load_seconds);
 
   Loop::Options loop_options = loop_options_of(options, access);
   loop_options.on_tick = [&supervisor] { supervisor.alive(); };
   Loop loop(engine, loop_options);
-  const auto build = [engine_options](Scene scene_to_serve) {
-    return std::make_unique<Engine>(std::move(scene_to_serve), engine_options);
+  const auto build = [engine_options](engine::Scene scene_to_serve) {
+    return std::make_unique<engine::Engine>(std::move(scene_to_serve), engine_options);
   };
   loop.reload_by([&options, build] { return build(load_scene(options)); }, build);
   const SignalledLoop signalled(loop);  // from here on there are sockets to remove

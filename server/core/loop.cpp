@@ -31,10 +31,10 @@ std::string scheme_of(const std::string& url) {
 
 }  // namespace
 
-Loop::Loop(Engine& engine, const Options& options)
-    : Loop(std::shared_ptr<Engine>(std::shared_ptr<Engine>(), &engine), options) {}
+Loop::Loop(engine::Engine& engine, const Options& options)
+    : Loop(std::shared_ptr<engine::Engine>(std::shared_ptr<engine::Engine>(), &engine), options) {}
 
-Loop::Loop(std::shared_ptr<Engine> engine, const Options& options)
+Loop::Loop(std::shared_ptr<engine::Engine> engine, const Options& options)
     : options_(options),
       wake_fd_(eventfd(0, EFD_NONBLOCK | EFD_CLOEXEC)),
       router_(std::move(engine), workers_, options_, std::min<std::chrono::nanoseconds>(options.slice, kEnough)),
@@ -117,7 +117,7 @@ bool Loop::turn() {
 
 /// Replaces the engine if another one is ready, and frees the old one on a worker.
 void Loop::take_new_scene() {
-  const std::shared_ptr<Engine> before = router_.scenes.is_busy() ? router_.context.engine : nullptr;
+  const std::shared_ptr<engine::Engine> before = router_.scenes.is_busy() ? router_.context.engine : nullptr;
   if (!router_.scenes.turn()) return;
   router_.context.poses_changed = true;
   drop(before);

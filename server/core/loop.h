@@ -34,9 +34,9 @@ class Loop final : public RequestHandler {
     std::function<void()> on_tick = {};  ///< called once per tick, for example to feed a watchdog
   };
 
-  explicit Loop(Engine& engine) : Loop(engine, Options()) {}
-  Loop(Engine& engine, const Options& options);  ///< the engine must outlive the loop
-  Loop(std::shared_ptr<Engine> engine, const Options& options);
+  explicit Loop(engine::Engine& engine) : Loop(engine, Options()) {}
+  Loop(engine::Engine& engine, const Options& options);  ///< the engine must outlive the loop
+  Loop(std::shared_ptr<engine::Engine> engine, const Options& options);
   ~Loop() override {  // both free memory on the workers
     close_transports();
     router_.plans.clear();
@@ -91,7 +91,7 @@ class Loop final : public RequestHandler {
   bool has_enough() const override { return Clock::now() - section_began_ >= kEnough; }
   void drop(std::shared_ptr<void> thing) override { workers_.drop(std::move(thing)); }
   std::uint64_t& counter(const std::string& name) override { return stats()[name]; }
-  Engine& engine() override { return *router_.context.engine; }
+  engine::Engine& engine() override { return *router_.context.engine; }
 
  private:
   /// Time of one turn's requests, after which others wait for the next turn: a request of higher priority may come.

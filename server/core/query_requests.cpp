@@ -47,7 +47,7 @@ void QueryRequests::start(Request& request) {
   context_.answers.check_epoch(header, parts.epoch);
   context_.stats.records_ignored += parts.passed_over.size();
   const QueryOptions& options = parts.options;
-  Engine& engine = *context_.engine;
+  engine::Engine& engine = *context_.engine;
   if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
     return begin(request, parts);
   const QueryView query = view_of(parts, header.scene_revision);

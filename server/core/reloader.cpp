@@ -9,20 +9,20 @@ namespace clearance {
 
 namespace {
 
-void append(Scene& scene, const AddedBody& added) {
+void append(engine::Scene& scene, const AddedBody& added) {
   Body body = added.body;
   if (!added.parent.empty()) {
     body.parent = scene.find_body(added.parent);
     if (body.parent == kNone)
-      throw SceneError("body \"" + body.name + "\": parent: there is no body \"" + added.parent + "\"");
+      throw engine::SceneError("body \"" + body.name + "\": parent: there is no body \"" + added.parent + "\"");
   }
   scene.add_body(std::move(body));
 }
 
 }  // namespace
 
-Scene SceneParts::whole() const {
-  Scene scene = *file;  // convex parts are shared, not copied
+engine::Scene SceneParts::whole() const {
+  engine::Scene scene = *file;  // convex parts are shared, not copied
   for (const AddedBody& body : added) append(scene, body);
   return scene;
 }
@@ -47,7 +47,7 @@ std::optional<Reloader::Outcome> Reloader::take() {
   return outcome;
 }
 
-void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& parts) {
+void Reloader::begin(const std::shared_ptr<engine::Engine>& current, const SceneParts& parts) {
   if (thread_.joinable()) return;
   assert(!ended_ && !outcome_.engine);
   if (requested_.exchange(false)) {
@@ -59,12 +59,12 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
   } else if (!edits_.empty()) {
     outcome_.edit = ++edits_begun_;
     start([this, current = current, parts = parts, edit = std::move(edits_.front())]() mutable {
-      if (!parts.file) parts.file = std::make_shared<const Scene>(current->scene());
+      if (!parts.file) parts.file = std::make_shared<const engine::Scene>(current->scene());
       current.reset();  // its memory may be freed while the new one is made
       const std::size_t before = parts.added.size();
       edit(parts);
       outcome_.engine = build_(parts.whole());
-      const Scene& scene = outcome_.engine->scene();
+      const engine::Scene& scene = outcome_.engine->scene();
       if (parts.added.size() > before)
         outcome_.warnings = mesh_warnings(scene, static_cast<std::uint32_t>(scene.bodies().size() - 1));
       outcome_.parts = std::move(parts);
@@ -76,12 +76,12 @@ void Reloader::begin(const std::shared_ptr<Engine>& current, const SceneParts& p
 void Reloader::load(SceneParts parts) {
   outcome_.engine = make_();
   if (parts.added.empty()) return;
-  SceneParts fresh{std::make_shared<const Scene>(outcome_.engine->scene()), {}};
-  Scene scene = *fresh.file;
+  SceneParts fresh{std::make_shared<const engine::Scene>(outcome_.engine->scene()), {}};
+  engine::Scene scene = *fresh.file;
   for (const AddedBody& body : parts.added) try {
       append(scene, body);
       fresh.added.push_back(body);
-    } catch (const SceneError& error) {
+    } catch (const engine::SceneError& error) {
       outcome_.left_out += (outcome_.left_out.empty() ? "" : "; ") + std::string(error.what());
     }
   outcome_.engine = build_(std::move(scene));
@@ -98,7 +98,7 @@ void Reloader::start(Work work) {
     } catch (const std::exception& error) {
       outcome_.engine = nullptr;
       outcome_.error = error.what();
-      outcome_.bad_input = dynamic_cast<const SceneError*>(&error) != nullptr;
+      outcome_.bad_input = dynamic_cast<const engine::SceneError*>(&error) != nullptr;
     }
     outcome_.seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
     ended_ = true;

@@ -25,25 +25,25 @@ struct AddedBody {
 
 /// Parts of a scene: the bodies of a file and, behind them so that those keep their ids, the added ones.
 struct SceneParts {
-  std::shared_ptr<const Scene> file;  ///< if nothing was added null, as the engine has the file's scene
+  std::shared_ptr<const engine::Scene> file;  ///< if nothing was added null, as the engine has the file's scene
   std::vector<AddedBody> added;
 
   /// Returns the whole scene. Throws SceneError for a name that is taken or a missing parent.
-  Scene whole() const;
+  engine::Scene whole() const;
 };
 
 class Reloader {
  public:
   /// Loads the scene and makes an engine. On the reloader's thread; may throw.
-  using Make = std::function<std::unique_ptr<Engine>()>;
+  using Make = std::function<std::unique_ptr<engine::Engine>()>;
   /// Makes an engine of a scene. On the reloader's thread.
-  using Build = std::function<std::unique_ptr<Engine>(Scene)>;
+  using Build = std::function<std::unique_ptr<engine::Engine>(engine::Scene)>;
   /// Changes the parts, in which `file` is set, on the reloader's thread. An exception is the outcome's error.
   using Edit = std::function<void(SceneParts& parts)>;
 
   struct Outcome {
-    std::unique_ptr<Engine> engine;  ///< null after a failure
-    SceneParts parts;                ///< of the engine
+    std::unique_ptr<engine::Engine> engine;  ///< null after a failure
+    SceneParts parts;                        ///< of the engine
     std::string error;
     bool bad_input = false;  ///< whether the request was wrong
     double seconds = 0;
@@ -73,7 +73,7 @@ class Reloader {
   std::optional<Outcome> take();
   /// Begins the next load or edit, loads first, unless one is under way.
   /// @param current engine that serves, with its parts
-  void begin(const std::shared_ptr<Engine>& current, const SceneParts& parts);
+  void begin(const std::shared_ptr<engine::Engine>& current, const SceneParts& parts);
   bool is_busy() const { return thread_.joinable(); }
 
  private:

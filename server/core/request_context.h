@@ -19,10 +19,11 @@ namespace clearance {
 /// Used on the loop's thread.
 class RequestContext {
  public:
-  RequestContext(std::shared_ptr<Engine> engine_, Workers& workers_, const Quotas::Limits& limits, bool require_epoch)
+  RequestContext(std::shared_ptr<engine::Engine> engine_, Workers& workers_, const Quotas::Limits& limits,
+                 bool require_epoch)
       : engine(std::move(engine_)), workers(workers_), answers(stats, engine, require_epoch), quotas(limits) {}
 
-  std::shared_ptr<Engine> engine;  ///< replaced when the scene changes
+  std::shared_ptr<engine::Engine> engine;  ///< replaced when the scene changes
   Workers& workers;
   Stats stats;
   ReplyWriter answers;

@@ -95,7 +95,7 @@ Rights right_for(FrameType request) {
   return type ? type->right : Rights{0};
 }
 
-RequestRouter::RequestRouter(std::shared_ptr<Engine> engine, Workers& workers, const Limits& limits,
+RequestRouter::RequestRouter(std::shared_ptr<engine::Engine> engine, Workers& workers, const Limits& limits,
                              std::chrono::nanoseconds slice)
     : context(std::move(engine), workers, limits, limits.require_epoch),
       queries(context, limits, slice),
@@ -143,7 +143,7 @@ void RequestRouter::ping(Request& request) {
   context.reply_in_background(request, request.bytes, make);
 }
 
-void RequestRouter::send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&)) {
+void RequestRouter::send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const engine::Engine&)) {
   if (size <= kFewBodies) return context.reply(request, payload(*context.engine));
   context.reply_in_background(request, 0, [engine = context.engine, payload](auto, auto&) { return payload(*engine); });
 }

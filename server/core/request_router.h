@@ -23,7 +23,8 @@ class RequestRouter {
 
   /// @param limits outlive this
   /// @param slice of queries on the loop
-  RequestRouter(std::shared_ptr<Engine> engine, Workers& workers, const Limits& limits, std::chrono::nanoseconds slice);
+  RequestRouter(std::shared_ptr<engine::Engine> engine, Workers& workers, const Limits& limits,
+                std::chrono::nanoseconds slice);
 
   /// Answers a request, or passes it on to a worker.
   void route(Request request);
@@ -38,7 +39,7 @@ class RequestRouter {
   // Handlers of the simple requests.
   void ping(Request& request);
   /// Sends a payload, which a worker makes if it has more than kFewBodies elements.
-  void send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const Engine&));
+  void send(Request& request, std::size_t size, std::vector<std::byte> (*payload)(const engine::Engine&));
   void send_stats(Request& request);
 
   RequestContext context;

@@ -39,7 +39,7 @@ struct NewGeometry {
 Body body_of(const wire::NewBodyRecord& record, const wire::BodyUncertaintyRecord& uncertainties,
              const NewGeometry& geometry) {
   const std::string name = wire::name_of(record.name);
-  Scene::BodyOptions options;
+  engine::Scene::BodyOptions options;
   options.uncertainty = {uncertainties.uncertainty_position, uncertainties.uncertainty_angle};
   options.padding = uncertainties.padding;
   options.max_speed = uncertainties.max_speed;
@@ -50,7 +50,7 @@ Body body_of(const wire::NewBodyRecord& record, const wire::BodyUncertaintyRecor
     static_assert(sizeof record.pose == sizeof(Pose));
     std::memcpy(&*options.pose, record.pose, sizeof record.pose);
   }
-  Scene alone;
+  engine::Scene alone;
   switch (static_cast<wire::BodyShape>(record.shape)) {
     case wire::BodyShape::kHull:
       if (geometry.triangles.empty())
@@ -93,8 +93,8 @@ Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std
   return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts),
           parent = std::move(parent), most](SceneParts& scene) {
     if (scene.added.size() >= most)
-      throw SceneError("add_body: " + std::to_string(most) +
-                       " bodies were added already, the maximum (limit max-added-bodies)");
+      throw engine::SceneError("add_body: " + std::to_string(most) +
+                               " bodies were added already, the maximum (limit max-added-bodies)");
     scene.added.push_back({body_of(record, uncertainties, geometry), parent});
   };
 }
@@ -105,10 +105,10 @@ Reloader::Edit removal(const std::string& name) {
     const auto found = std::find_if(scene.added.begin(), scene.added.end(),
                                     [&](const AddedBody& added) { return added.body.name == name; });
     if (found == scene.added.end())
-      throw SceneError("remove_body: \"" + name + "\" " +
-                       (scene.file->find_body(name) == kNone
-                            ? "is not in the scene"
-                            : "belongs to the scene file: change the file, and reload it"));
+      throw engine::SceneError("remove_body: \"" + name + "\" " +
+                               (scene.file->find_body(name) == kNone
+                                    ? "is not in the scene"
+                                    : "belongs to the scene file: change the file, and reload it"));
     scene.added.erase(found);
     for (AddedBody& other : scene.added)  // former children, detached since: see why_not()
       if (other.parent == name) {

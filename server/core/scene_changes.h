@@ -25,7 +25,7 @@ class SceneChanges {
 
   /// The arguments must outlive this.
   /// @param engine that serves, which turn() replaces
-  SceneChanges(std::shared_ptr<Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas,
+  SceneChanges(std::shared_ptr<engine::Engine>& engine, ReplyWriter& answers, Stats& stats, Quotas& quotas,
                const Limits& limits)
       : engine_(engine), answers_(answers), stats_(stats), quotas_(quotas), limits_(limits) {}
 
@@ -66,7 +66,7 @@ class SceneChanges {
   bool install(Reloader::Outcome& outcome);
   void answer(Waiter& waiter, const Reloader::Outcome& outcome);
 
-  std::shared_ptr<Engine>& engine_;
+  std::shared_ptr<engine::Engine>& engine_;
   ReplyWriter& answers_;
   Stats& stats_;
   Quotas& quotas_;

@@ -34,7 +34,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
 /// Groups as records, whose members are appended.
 /// @param ids_of members of a group
 template <class Group, class Ids>
-std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::* ids_of,
+std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::*ids_of,
                                              std::vector<std::uint32_t>& members) {
   std::vector<wire::GroupRecord> records;
   for (const Group& group : groups) {
@@ -50,8 +50,8 @@ std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, I
 
 }  // namespace
 
-std::vector<std::byte> scene_payload(const Engine& engine) {
-  const Scene& scene = engine.scene();
+std::vector<std::byte> scene_payload(const engine::Engine& engine) {
+  const engine::Scene& scene = engine.scene();
   std::vector<std::uint32_t> members;
   const auto groups = group_records(scene.groups(), &Group::bodies, members);
   wire::SceneHeader header;
@@ -73,8 +73,8 @@ std::vector<std::byte> scene_payload(const Engine& engine) {
   return payload;
 }
 
-std::vector<std::byte> joints_payload(const Engine& engine) {
-  const Scene& scene = engine.scene();
+std::vector<std::byte> joints_payload(const engine::Engine& engine) {
+  const engine::Scene& scene = engine.scene();
   std::vector<std::uint32_t> members;
   const auto groups = group_records(scene.joint_groups(), &JointGroup::joints, members);
   wire::JointsHeader header;
@@ -105,7 +105,7 @@ std::vector<std::byte> joints_payload(const Engine& engine) {
   return payload;
 }
 
-std::vector<std::byte> states_payload(const Engine& engine) {
+std::vector<std::byte> states_payload(const engine::Engine& engine) {
   wire::StatesHeader header;
   header.count = engine.scene().bodies().size();
   header.revision = engine.pose_revision();

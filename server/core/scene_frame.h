@@ -9,10 +9,10 @@
 namespace clearance {
 
 /// Payload of kScene.
-std::vector<std::byte> scene_payload(const Engine& engine);
+std::vector<std::byte> scene_payload(const engine::Engine& engine);
 /// Payload of kJoints.
-std::vector<std::byte> joints_payload(const Engine& engine);
+std::vector<std::byte> joints_payload(const engine::Engine& engine);
 /// Payload of kBodyStates.
-std::vector<std::byte> states_payload(const Engine& engine);
+std::vector<std::byte> states_payload(const engine::Engine& engine);
 
 }  // namespace clearance

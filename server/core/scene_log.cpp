@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings) {
+void log_mesh_warnings(const engine::Scene& scene, std::span<const MeshWarning> warnings) {
   struct Warned {
     const Body* first;
     const std::string* text;
@@ -28,7 +28,7 @@ void log_mesh_warnings(const Scene& scene, std::span<const MeshWarning> warnings
               log_text(first->name), bodies - 1, first->hull_excess, first->empty_share, log_text(*text));
 }
 
-void log_file_warnings(const Scene& scene) {
+void log_file_warnings(const engine::Scene& scene) {
   for (const std::string& warning : scene.warnings())
     log::warn("event=scene_suspicious text=\"{}\"", log_text(warning));
   for (const auto& robot : scene.robots())

@@ -43,7 +43,7 @@ Pose pose_of(const double (&seven)[7]) {
 
 /// An update, which may be applied to several engines, one after the other.
 struct Update {
-  std::shared_ptr<Engine> engine;
+  std::shared_ptr<engine::Engine> engine;
   FrameHeader header;
   std::uint64_t client = 0;
   std::function<OwnPayload()> fetch = nullptr;  // on a worker
@@ -58,7 +58,7 @@ struct Update {
   void apply_points(std::span<const std::byte> content);
   std::vector<std::byte> apply_on_worker(const ReplyWriter& answers, std::uint64_t& ignored);
   /// Returns true if the daemon has replaced the engine, whose successor then needs the same update.
-  bool begins_again(const std::shared_ptr<Engine>& now) {
+  bool begins_again(const std::shared_ptr<engine::Engine>& now) {
     if (engine == now) return false;
     engine = now;
     return true;
@@ -148,7 +148,7 @@ StateUpdates::StateUpdates(RequestContext& context, const PointLimits& limits)
               point_limit(limits.max_points, "of all clients", "limit max-points", wire::ErrorCode::kBusy)) {}
 
 void StateUpdates::set_poses(Request& request) {
-  Engine& engine = *context_.engine;
+  engine::Engine& engine = *context_.engine;
   const bool moves_many = request.type->type == FrameType::kSetJoints && engine.scene().bodies().size() > kFewBodies;
   if (request.is_large() || moves_many || context_.has_pose_updates(request.sink->client()))
     return set_poses_on_worker(request);
@@ -221,7 +221,7 @@ void StateUpdates::reply_to_change(Request& request, const PoseUpdateResult& don
 
 void StateUpdates::attach(Request& request) {
   const FrameHeader& header = request.header;
-  Engine& engine = *context_.engine;
+  engine::Engine& engine = *context_.engine;
   const wire::PayloadParts parts = wire::split_payload(header, request.payload);
   const auto [record, allowed, passed_over, epoch] = wire::parse_attach(parts.body, parts.records);
   context_.answers.check_epoch(header, epoch);

@@ -5,7 +5,7 @@
 
 namespace clearance {
 
-void LcmPoseIntake::set_scene(const Scene& scene) {
+void LcmPoseIntake::set_scene(const engine::Scene& scene) {
   owners_.emplace(scene.bodies().size());
   allowed_.assign(scene.bodies().size(), allowed_poses_.any);
   joint_owners_.emplace(scene.joints().size());
@@ -23,7 +23,7 @@ void LcmPoseIntake::set_scene(const Scene& scene) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
-  const Engine& engine = handler_.engine();
+  const engine::Engine& engine = handler_.engine();
   static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
   if (update.scene_revision != 0 &&
@@ -38,7 +38,7 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
-  const Scene& scene = handler_.engine().scene();
+  const engine::Scene& scene = handler_.engine().scene();
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t body = scene.find_body(update.names[i]);
@@ -51,7 +51,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
-  const Engine& engine = handler_.engine();
+  const engine::Engine& engine = handler_.engine();
   static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
   const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
   if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
@@ -65,7 +65,7 @@ bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
-  const Scene& scene = handler_.engine().scene();
+  const engine::Scene& scene = handler_.engine().scene();
   positions_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
     const std::uint32_t joint = scene.find_joint(update.names[i]);
@@ -127,7 +127,7 @@ bool LcmPoseIntake::with_good_stamp(const Message& message, Use use) {
   try {
     use();
     return true;
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     ++metrics_.bad_stamps;
     metrics_.log_rate_limited("stamp", message.who() + ": left out: " + error.what());
     return false;
@@ -146,7 +146,7 @@ bool LcmPoseIntake::apply(const Message& message, std::span<const std::uint32_t>
   if (!is_in_order(message)) return false;
   if (const auto contested = owners->note(message.publisher, ids, OwnerLog::Clock::now()); !contested.empty()) {
     metrics_.contested += contested.size();
-    const Scene& scene = handler_.engine().scene();
+    const engine::Scene& scene = handler_.engine().scene();
     const bool is_joint = &owners == &joint_owners_;
     const std::uint32_t first = contested.front();
     metrics_.log_rate_limited("contested", std::string("two publishers move ") + (is_joint ? "joint '" : "body '") +

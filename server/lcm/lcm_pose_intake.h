@@ -24,7 +24,7 @@ class LcmPoseIntake {
       : handler_(handler), metrics_(metrics), clients_(clients), allowed_poses_(allowed) {}
 
   /// Adapts to a new scene, which may have other bodies.
-  void set_scene(const Scene& scene);
+  void set_scene(const engine::Scene& scene);
   /// Applies poses. Returns whether they were accepted.
   bool take(const clearance_lcm::pose_update_t& update);
   bool take(const clearance_lcm::named_pose_update_t& update);

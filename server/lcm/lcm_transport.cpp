@@ -102,7 +102,7 @@ class LcmTransport final : public Transport {
       intake_.emplace(handler, *metrics_, clients_, allowed_poses_);
       announcer_.emplace(handler, *metrics_, link_, distances_hz_);
     }
-    const Scene* scene = &handler.engine().scene();
+    const engine::Scene* scene = &handler.engine().scene();
     if (scene != scene_) intake_->set_scene(*scene);
     scene_ = scene;
   }
@@ -233,7 +233,8 @@ class LcmTransport final : public Transport {
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
     if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(
+        header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {
@@ -274,7 +275,7 @@ class LcmTransport final : public Transport {
   LcmClients clients_;
   PublisherLog changes_;  // frames of each client that change state
   int handed_in_ = 0;
-  const Scene* scene_ = nullptr;
+  const engine::Scene* scene_ = nullptr;
   // Set by the loop's first call.
   RequestHandler* handler_ = nullptr;
   std::optional<LcmMetrics> metrics_;

@@ -26,7 +26,7 @@ std::uint64_t draw_epoch() {
 
 }  // namespace
 
-ReplyWriter::ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch)
+ReplyWriter::ReplyWriter(Stats& stats, const std::shared_ptr<engine::Engine>& engine, bool require_epoch)
     : stats_(stats), engine_(engine), epoch_(draw_epoch()), require_epoch_(require_epoch) {
   wire::append_epoch(epoch_record_, epoch_);
 }
@@ -115,7 +115,7 @@ RejectedRequest ReplyWriter::rejection_of_caught(const FrameHeader& request) {
     return rejection;
   } catch (const wire::WireError& error) {
     return {error.code, error.what()};
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     return {code_of(error.code), error.what()};
   } catch (const std::bad_alloc&) {
     return {ErrorCode::kTooLarge, "the daemon has no memory for this request"};

@@ -19,7 +19,7 @@ class ReplyWriter {
   /// The arguments must outlive this.
   /// @param engine that serves, which a new scene replaces
   /// @param require_epoch reject requests that deal with poses and name no epoch
-  ReplyWriter(Stats& stats, const std::shared_ptr<Engine>& engine, bool require_epoch);
+  ReplyWriter(Stats& stats, const std::shared_ptr<engine::Engine>& engine, bool require_epoch);
 
   /// Number of this run of the daemon (wire::CommonRecord::kEpoch).
   std::uint64_t epoch() const { return epoch_; }
@@ -71,7 +71,7 @@ class ReplyWriter {
   static RejectedRequest rejection_of_caught(const wire::FrameHeader& request);
 
   Stats& stats_;
-  const std::shared_ptr<Engine>& engine_;
+  const std::shared_ptr<engine::Engine>& engine_;
   const std::uint64_t epoch_;
   const bool require_epoch_;
   std::vector<std::byte> epoch_record_;  // at the end of every reply

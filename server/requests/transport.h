@@ -98,7 +98,7 @@ class RequestHandler {
   virtual void drop(std::shared_ptr<void> thing) { thing.reset(); }
   /// Counter by name, such as "shm.clients", made on first use. The reference stays valid.
   virtual std::uint64_t& counter(const std::string& name) = 0;
-  virtual Engine& engine() = 0;
+  virtual engine::Engine& engine() = 0;
 };
 
 /// A way to the daemon. Lives on the loop's thread.

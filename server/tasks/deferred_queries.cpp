@@ -14,7 +14,7 @@ namespace {
 /// Stamps that poses have reached, each computed once.
 class Reached {
  public:
-  explicit Reached(const Engine& engine) : engine_(engine) {}
+  explicit Reached(const engine::Engine& engine) : engine_(engine) {}
   std::int64_t stamp(std::uint32_t bodies) {
     const auto [known, is_new] = known_.try_emplace(bodies, 0);
     if (is_new) known->second = engine_.oldest_stamp(bodies);
@@ -22,11 +22,12 @@ class Reached {
   }
 
  private:
-  const Engine& engine_;
+  const engine::Engine& engine_;
   std::unordered_map<std::uint32_t, std::int64_t> known_;
 };
 
-bool is_reached(Reached& reached, const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query) {
+bool is_reached(Reached& reached, const engine::Engine& engine, const wire::FrameHeader& request,
+                const QueryOptions& query) {
   if (query.wait_for != kEveryBody) check_scene(engine, request, std::array{query.wait_for});
   const std::int64_t stamp = reached.stamp(query.wait_for);
   return stamp != 0 && stamp >= query.min_pose_stamp_ns;
@@ -38,12 +39,12 @@ std::int64_t wait_of(const QueryOptions& query) {
 }
 
 /// Whether a query's wait is over.
-bool is_over(const DeferredQuery& held, const Engine& engine, Reached& reached,
+bool is_over(const DeferredQuery& held, const engine::Engine& engine, Reached& reached,
              DeferredQueries::Clock::time_point now) {
   if (now >= held.deadline) return true;
   try {
     return is_reached(reached, engine, held.pending.header, held.query);
-  } catch (const QueryError&) {  // another scene: reported when the query begins
+  } catch (const engine::QueryError&) {  // another scene: reported when the query begins
     return true;
   } catch (const RejectedRequest&) {  // likewise
     return true;
@@ -60,15 +61,15 @@ RejectedRequest poses_late(const QueryOptions& query, bool waited) {
   return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
 }
 
-bool DeferredQueries::poses_are_there(const Engine& engine, const wire::FrameHeader& request,
+bool DeferredQueries::poses_are_there(const engine::Engine& engine, const wire::FrameHeader& request,
                                       const QueryOptions& query) {
   Reached reached(engine);
   return is_reached(reached, engine, request, query);
 }
 
 void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
-                           OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine,
-                           Clock::time_point received) {
+                           OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas,
+                           const engine::Engine& engine, Clock::time_point received) {
   if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
   quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
@@ -85,7 +86,7 @@ void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass servic
 }
 
 /// Moves those whose wait is over to over_.
-void DeferredQueries::part(const Engine& engine, Clock::time_point now) {
+void DeferredQueries::part(const engine::Engine& engine, Clock::time_point now) {
   const std::uint64_t revision = engine.pose_revision();
   if (revision == looked_at_revision_ && now < deadline_) return;
   looked_at_revision_ = revision;

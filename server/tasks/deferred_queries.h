@@ -28,7 +28,8 @@ class DeferredQueries {
 
   /// Whether the poses that a query waits for have arrived. Throws RejectedRequest (kWrongScene) or QueryError if the
   /// body that it waits for is not, or no more, in the scene.
-  static bool poses_are_there(const Engine& engine, const wire::FrameHeader& request, const QueryOptions& query);
+  static bool poses_are_there(const engine::Engine& engine, const wire::FrameHeader& request,
+                              const QueryOptions& query);
 
   bool empty() const { return held_.empty() && over_.empty(); }
   std::size_t size() const { return held_.size() + over_.size(); }
@@ -37,11 +38,11 @@ class DeferredQueries {
 
   /// Defers a query. Throws RejectedRequest if it does not want to wait (kPosesLate), or beyond a limit (kBusy).
   void hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query, OwnPayload payload,
-            std::unique_ptr<ReplySink>& sink, Quotas& quotas, const Engine& engine, Clock::time_point received);
+            std::unique_ptr<ReplySink>& sink, Quotas& quotas, const engine::Engine& engine, Clock::time_point received);
   /// Releases a few of the queries whose poses have arrived, whose scene is another or whose time is up, in the order
   /// of their arrival, by `release(DeferredQuery)`. Returns whether there were any.
   template <class Release>
-  bool release(const Engine& engine, Clock::time_point now, Release release) {
+  bool release(const engine::Engine& engine, Clock::time_point now, Release release) {
     part(engine, now);
     const bool any = !over_.empty();
     for (int i = 0; i < kReleasedAtATime && !over_.empty(); ++i) {
@@ -56,7 +57,7 @@ class DeferredQueries {
 
  private:
   static constexpr int kReleasedAtATime = 16;
-  void part(const Engine& engine, Clock::time_point now);
+  void part(const engine::Engine& engine, Clock::time_point now);
 
   std::vector<DeferredQuery> held_;
   std::deque<DeferredQuery> over_;        // whose wait is over

@@ -17,8 +17,8 @@ class QueryReader {
  public:
   /// @param answers outlives this
   /// @param fetch brings the payload
-  QueryReader(const ReplyWriter& answers, std::shared_ptr<const Engine> engine, const wire::FrameHeader& request,
-              std::function<OwnPayload()> fetch)
+  QueryReader(const ReplyWriter& answers, std::shared_ptr<const engine::Engine> engine,
+              const wire::FrameHeader& request, std::function<OwnPayload()> fetch)
       : engine_(std::move(engine)), request_(request), answers_(answers), fetch_(std::move(fetch)) {}
 
  protected:
@@ -32,7 +32,7 @@ class QueryReader {
     return parts;
   }
 
-  std::shared_ptr<const Engine> engine_;
+  std::shared_ptr<const engine::Engine> engine_;
   wire::FrameHeader request_;
 
  private:

@@ -37,7 +37,7 @@ class QueryTask final : public ScheduledQuery {
 
   /// @param engine for this query, even if another one has replaced it in the daemon before the query ends
   QueryTask(const Daemon& daemon, std::uint64_t client, ServiceClass service, const wire::FrameHeader& request,
-            std::shared_ptr<Engine> engine, Clock::time_point received, Clock::time_point due)
+            std::shared_ptr<engine::Engine> engine, Clock::time_point received, Clock::time_point due)
       : ScheduledQuery(client, service, due),
         daemon_(daemon),
         pending_{nullptr, request, {}},
@@ -96,7 +96,7 @@ class QueryTask final : public ScheduledQuery {
 
   const Daemon& daemon_;
   PendingRequest pending_;
-  std::shared_ptr<Engine> engine_;
+  std::shared_ptr<engine::Engine> engine_;
   Clock::time_point received_, worked_;  // end of the last slice
   std::chrono::nanoseconds in_engine_{0};
   Step step_ = Step::kRead;

@@ -39,7 +39,7 @@ auto on_device(Work work) {
 
 }  // namespace
 
-SharedPlan::SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryLimits& limits,
+SharedPlan::SharedPlan(std::shared_ptr<const engine::Engine> engine, const QueryView& query, const QueryLimits& limits,
                        PlanShare share)
     : engine_(std::move(engine)),
       share_(std::move(share)),

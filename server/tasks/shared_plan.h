@@ -26,7 +26,8 @@ class SharedPlan {
   /// Throws RejectedRequest or QueryError.
   /// @param engine kept with its scene
   /// @param query without configurations except their number
-  SharedPlan(std::shared_ptr<const Engine> engine, const QueryView& query, const QueryLimits& limits, PlanShare share);
+  SharedPlan(std::shared_ptr<const engine::Engine> engine, const QueryView& query, const QueryLimits& limits,
+             PlanShare share);
   SharedPlan(const SharedPlan&) = delete;
   SharedPlan& operator=(const SharedPlan&) = delete;
 
@@ -47,7 +48,7 @@ class SharedPlan {
   std::byte* at(std::uint64_t offset) const { return memory_->data() + offset; }
   void launch_some();
 
-  std::shared_ptr<const Engine> engine_;
+  std::shared_ptr<const engine::Engine> engine_;
   PlanShare share_;
   std::unique_ptr<DevicePlan> plan_;
   std::unique_ptr<cuda::SharedMemory> memory_;  // destroyed first, as it waits for its stream

@@ -176,18 +176,18 @@ void expect_same_rows(const Answer& a, const Answer& b, const std::string& what)
 }
 
 struct Engines {
-  Engine brute, tree;
-  explicit Engines(const Scene& scene) : brute(scene, options("brute")), tree(scene, options("tree")) {}
+  engine::Engine brute, tree;
+  explicit Engines(const engine::Scene& scene) : brute(scene, options("brute")), tree(scene, options("tree")) {}
   void set_poses(std::span<const BodyPose> poses) { brute.set_poses(poses), tree.set_poses(poses); }
-  static Engine::Options options(const char* by) {
-    Engine::Options o;
+  static engine::Engine::Options options(const char* by) {
+    engine::Engine::Options o;
     o.broad_phase = by;
     o.threads = 2;
     return o;
   }
 };
 
-std::uint64_t counter(const Engine& engine, const std::string& name) {
+std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
   ADD_FAILURE() << "no counter " << name;
@@ -225,7 +225,7 @@ TEST(BroadPhase, ReductionsByTreeHaveTheBitsOfBruteForce) {
   Met met;
   for (const int count : {2, 10, 60, 170}) {
     const double room = 1.2 * std::cbrt(count);
-    Scene scene = mixed_scene(count, room, static_cast<std::uint64_t>(count));
+    engine::Scene scene = mixed_scene(count, room, static_cast<std::uint64_t>(count));
     if (count > 10) {
       scene.ignore("body2", "*");
       scene.ignore("body3", "body5");
@@ -298,7 +298,7 @@ TEST(BroadPhase, ReductionsByTreeHaveTheBitsOfBruteForce) {
 }
 
 TEST(BroadPhase, ASceneWithoutAnyPoseIsAnsweredByTreeToo) {
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < 150; ++i) scene.add_sphere("s" + std::to_string(i), 0.1, {});
   Engines engines(scene);
   Met met;
@@ -307,8 +307,8 @@ TEST(BroadPhase, ASceneWithoutAnyPoseIsAnsweredByTreeToo) {
 }
 
 TEST(BroadPhase, ATreeStaysWithTheEngineWhileMotionIsCoherent) {
-  const Scene scene = mixed_scene(400, 10, 5);
-  Engine engine(scene);
+  const engine::Scene scene = mixed_scene(400, 10, 5);
+  engine::Engine engine(scene);
   QueryView query;
   query.reduce = Reduce::kWithin;
   query.max_distance = 0.1;

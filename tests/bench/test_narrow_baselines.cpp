@@ -33,7 +33,7 @@ const CaseClass& class_of(const std::string& name) {
 
 // Nothing for a body without triangles (a flat one).
 std::optional<World> world_of(const Case& c) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_hull("a", c.a->vertices, {.pose = c.X_wa});
   scene.add_hull("b", c.b->vertices, {.pose = c.X_wb});
   try {
@@ -120,9 +120,9 @@ TEST_P(NarrowBaselines, AreRightOnWellConditionedClasses) {
 }
 
 // As scenes/random_*.
-Scene random_spheres(int count, double box) {
+engine::Scene random_spheres(int count, double box) {
   PortableRandom random(1);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i)
     scene.add_uv_sphere("s" + std::to_string(i), 2, 5, {.pose = random.pose({box, box, box})});
   return scene;
@@ -130,7 +130,7 @@ Scene random_spheres(int count, double box) {
 
 // Many pairs at once, enough for OpenMP to distribute and a GPU to batch.
 TEST_P(NarrowBaselines, AnswerManyPairsAsTheEngineDoes) {
-  Scene scene = random_spheres(10, 13);
+  engine::Scene scene = random_spheres(10, 13);
   scene.add_box("box", {3, 2, 1}, {.pose = Pose{{1, 2, 3}, 0.9, 0.1, 0.3, 0.2}});
   scene.add_uv_sphere("small", 0.5, 4, {.pose = Pose{{1.2, 2, 3}, 1, 0, 0, 0}});  // inside the box
   const World world(scene);
@@ -140,7 +140,7 @@ TEST_P(NarrowBaselines, AnswerManyPairsAsTheEngineDoes) {
   std::vector<PairAnswer> answers(pairs.size());
   baseline_->distances(world, pairs, answers);
 
-  const Engine engine(std::move(scene), {"reference"});
+  const engine::Engine engine(std::move(scene), {"reference"});
   std::vector<double> lower(pairs.size()), upper(pairs.size());
   QueryView query;
   query.all_pairs = false;
@@ -184,7 +184,7 @@ TEST_P(NarrowBaselines, LoseDigitsFarFromTheWorldsOrigin) {
 class NarrowBaselinesOfLargeMeshes : public NarrowBaselines {};
 
 TEST_P(NarrowBaselinesOfLargeMeshes, AnswerOnePair) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_uv_sphere("a", 1, 120, {});
   scene.add_uv_sphere("b", 1, 120, {.pose = Pose{{1.5, 1.5, 0.5}, 0.9, 0.1, 0.3, 0.2}});
   const World world(scene);
@@ -216,7 +216,7 @@ TEST(NarrowByName, BadOptionsAndUnknownNamesAreRejected) {
 
 // The second mesh of this scene has dents: the baselines and the engine use its hull.
 TEST(Worlds, TakeTheHullOfAMesh) {
-  const Scene scene = Scene::load(source_file("scenes/benchmark_lite/scene.yaml"));
+  const engine::Scene scene = engine::Scene::load(source_file("scenes/benchmark_lite/scene.yaml"));
   const World world(scene);
   for (std::uint32_t b = 0; b < world.size(); ++b)
     EXPECT_EQ(world.mesh(b).vertices.size(), scene.bodies()[b].parts[0]->vertices.size());
@@ -228,7 +228,7 @@ TEST(Worlds, TakeTheHullOfAMesh) {
 }
 
 TEST(Worlds, RejectWhatTheReportDoesNotKnow) {
-  Scene round, many;
+  engine::Scene round, many;
   round.add_sphere("ball", 1, {});
   EXPECT_THROW(World{round}, std::invalid_argument);
   Body body;
@@ -265,7 +265,7 @@ TEST(CudaBlocks, OfAnySizeGiveTheBitsOfTheCpu) {
 
 // Algorithm 1 alone considers surfaces only: for a body inside another it returns the distance of the surfaces.
 TEST(KnownFailures, SurfacesDoNotSeeABodyInsideAnother) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("large", {2, 2, 2}, {});
   scene.add_box("small", {1, 1, 1}, {});
   const World world(scene);

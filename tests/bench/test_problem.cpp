@@ -19,7 +19,7 @@ peers::Problem through_a_file(const peers::Problem& p) {
 }
 
 std::vector<double> distances(const peers::Problem& p) {
-  const Engine engine(scene_of(p, 0));
+  const engine::Engine engine(scene_of(p, 0));
   const std::vector<BodyPair> pairs = pairs_of(p);
   std::vector<double> distance(pairs.size());
   QueryView query;

@@ -15,7 +15,9 @@ inline constexpr double kInf = std::numeric_limits<double>::infinity();
 
 class EngineTest : public ::testing::TestWithParam<std::string> {
  protected:
-  Engine make(Scene scene, int threads = 2) { return Engine(std::move(scene), {GetParam(), threads}); }
+  engine::Engine make(engine::Scene scene, int threads = 2) {
+    return engine::Engine(std::move(scene), {GetParam(), threads});
+  }
 };
 
 // All bits of an answer.

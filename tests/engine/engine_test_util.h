@@ -31,11 +31,11 @@ class Random {
 };
 
 /// Boxes, point clouds, spheres, capsules and bodies of two convex parts at random poses; every fifth body is static.
-inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
+inline engine::Scene mixed_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = random.pose(box);
     options.is_static = i % 5 == 4;
     const std::string name = "body" + std::to_string(i);
@@ -66,10 +66,10 @@ inline Scene mixed_scene(int count, double box, std::uint64_t seed) {
 
 /// Bodies of 1 to 40 convex parts: clouds along a random walk, some of them rounded, some of more than 64 vertices; and
 /// boxes in a grid, with many equal distances and gaps. Some share their parts.
-inline Scene decomposed_scene(int count, double box, std::uint64_t seed) {
+inline engine::Scene decomposed_scene(int count, double box, std::uint64_t seed) {
   constexpr int kPieces[] = {1, 2, 8, 27, 3, 1, 17, 40, 5, 12};
   Random random(seed);
-  Scene scene, boxes;
+  engine::Scene scene, boxes;
   boxes.add_box("one", {0.2, 0.2, 0.2}, {});
   std::vector<ConvexPartPtr> grid;
   for (int i = 0; i < 27; ++i) {

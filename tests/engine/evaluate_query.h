@@ -25,7 +25,7 @@ inline constexpr std::uint32_t kAllFields = kKnownFields & ~(kFieldPoints32 | kF
 inline constexpr std::uint32_t kFloat32 = kFieldBounds | kFieldPoints32;
 
 /// The memory of a query's answer.
-inline Answer empty_answer(const Engine& engine, const QueryView& query) {
+inline Answer empty_answer(const engine::Engine& engine, const QueryView& query) {
   Answer a;
   a.size = engine.size(query);
   std::uint64_t bytes = 0;
@@ -38,7 +38,7 @@ inline Answer empty_answer(const Engine& engine, const QueryView& query) {
   return a;
 }
 
-inline Answer evaluate(const Engine& engine, const QueryView& query,
+inline Answer evaluate(const engine::Engine& engine, const QueryView& query,
                        std::chrono::nanoseconds slice = std::chrono::nanoseconds::max()) {
   Answer a = empty_answer(engine, query);
   Job job = engine.start(query, a.view);

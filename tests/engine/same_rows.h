@@ -51,7 +51,8 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
 
 /// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds the
 /// number of rows by status.
-inline void expect_rows_as_alone(const Engine& engine, const QueryView& query, std::array<std::uint64_t, 8>& seen) {
+inline void expect_rows_as_alone(const engine::Engine& engine, const QueryView& query,
+                                 std::array<std::uint64_t, 8>& seen) {
   const Answer all = evaluate(engine, query);
   const std::vector<BodyPair> pairs = engine.pairs({});
   const std::size_t moved = query.bodies.size();

@@ -8,8 +8,8 @@ namespace clearance::test {
 namespace {
 
 // Balls 0 to 4 and a static floor, 5; the scene ignores 0 with 1. The group "hand" is 1 and 2.
-Scene six(bool with_more = false) {
-  Scene scene;
+engine::Scene six(bool with_more = false) {
+  engine::Scene scene;
   for (int i = 0; i < 5; ++i) scene.add_sphere("ball" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}});
   scene.add_box("floor", {9, 9, 0.1}, {.is_static = true, .pose = Pose{{0, 0, -1}}});
   if (with_more) scene.add_sphere("more", 0.1, {.pose = Pose{{0, 5, 0}}});
@@ -19,11 +19,11 @@ Scene six(bool with_more = false) {
 }
 constexpr std::uint32_t kHand = kGroupBit, kFloor = 5;
 
-bool is_enabled(const Engine& engine, std::uint32_t a, std::uint32_t b) {
+bool is_enabled(const engine::Engine& engine, std::uint32_t a, std::uint32_t b) {
   const std::vector<BodyPair> pairs = engine.pairs({});
   return std::find(pairs.begin(), pairs.end(), BodyPair{a, b}) != pairs.end();
 }
-bool means_the_same(const Engine& engine, std::vector<BodyPair> pairs, std::uint64_t revision) {
+bool means_the_same(const engine::Engine& engine, std::vector<BodyPair> pairs, std::uint64_t revision) {
   QueryView q;
   q.all_pairs = pairs.empty();
   q.pairs = pairs;
@@ -31,14 +31,14 @@ bool means_the_same(const Engine& engine, std::vector<BodyPair> pairs, std::uint
   try {
     engine.size(q);
     return true;
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kWrongScene);
     return false;
   }
 }
 
 TEST(Allow, LeavesPairsOutAndBringsThemBack) {
-  Engine engine(six(), {.threads = 1});
+  engine::Engine engine(six(), {.threads = 1});
   const std::vector<BodyPair> all = engine.pairs({});
   ASSERT_EQ(all.size(), 14u);
   EXPECT_EQ(engine.allow(3, 4).applied, 1u);
@@ -63,7 +63,7 @@ TEST(Allow, LeavesPairsOutAndBringsThemBack) {
 }
 
 TEST(Allow, ChangesTheRevisionAndWhatGroupsMean) {
-  Engine engine(six(), {.threads = 1});
+  engine::Engine engine(six(), {.threads = 1});
   const std::uint64_t before = engine.scene_revision();
   engine.allow(2, 3);
   const std::uint64_t after = engine.scene_revision();
@@ -83,7 +83,7 @@ TEST(Allow, ChangesTheRevisionAndWhatGroupsMean) {
 }
 
 TEST(Allow, EndsWithTheAttachmentThatItIsFor) {
-  Engine engine(six(), {.threads = 1});
+  engine::Engine engine(six(), {.threads = 1});
   const std::uint32_t fingers[] = {kHand, kFloor};
   const std::uint64_t before = engine.scene_revision();
   engine.attach(4, 3, nullptr, fingers);
@@ -107,12 +107,12 @@ TEST(Allow, EndsWithTheAttachmentThatItIsFor) {
 }
 
 TEST(Allow, GoesOverToTheNextScene) {
-  Engine old(six(), {.threads = 1});
+  engine::Engine old(six(), {.threads = 1});
   old.allow(2, 3);
   old.allow(0, 1, false);
   const std::uint32_t fingers[] = {1};
   old.attach(4, 3, nullptr, fingers);
-  Engine next(six(true), {.threads = 1});
+  engine::Engine next(six(true), {.threads = 1});
   next.take_poses(old);
   EXPECT_FALSE(is_enabled(next, 2, 3));
   EXPECT_TRUE(is_enabled(next, 0, 1));
@@ -122,13 +122,13 @@ TEST(Allow, GoesOverToTheNextScene) {
 }
 
 TEST(Allow, RejectsWhatItCannotKeep) {
-  Engine engine(six(), {.threads = 1});
+  engine::Engine engine(six(), {.threads = 1});
   const std::vector<BodyPair> all = engine.pairs({});
   const auto rejected = [&](auto&& call, QueryErrorCode code, const char* text) {
     try {
       call();
       ADD_FAILURE() << text;
-    } catch (const QueryError& error) {
+    } catch (const engine::QueryError& error) {
       EXPECT_EQ(error.code, code);
       EXPECT_NE(std::string(error.what()).find(text), std::string::npos) << error.what();
     }
@@ -142,9 +142,9 @@ TEST(Allow, RejectsWhatItCannotKeep) {
   EXPECT_EQ(engine.pairs({}), all) << "nothing was changed";
   EXPECT_EQ(engine.body_state(4).parent, kNone);
 
-  Scene large;
+  engine::Scene large;
   for (int i = 0; i < 600; ++i) large.add_sphere("s" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}});
-  Engine crowd(std::move(large), {.threads = 1});
+  engine::Engine crowd(std::move(large), {.threads = 1});
   rejected([&] { crowd.allow(kEveryBody, kEveryBody); }, QueryErrorCode::kTooLarge, "more than the 65536");
   std::vector<std::uint32_t> every(200, kEveryBody);
   rejected([&] { crowd.attach(4, 3, nullptr, every); }, QueryErrorCode::kTooLarge, "more than the 65536");

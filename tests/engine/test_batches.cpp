@@ -15,8 +15,8 @@ namespace clearance::test {
 namespace {
 
 // Bodies of one to five convex parts, of 1 to 150 vertices, some of them rounded; the first two share their parts.
-Scene parts_scene(Random& random, int count) {
-  Scene scene;
+engine::Scene parts_scene(Random& random, int count) {
+  engine::Scene scene;
   std::vector<ConvexPartPtr> shared;
   for (int i = 0; i < count; ++i) {
     Body body;
@@ -45,9 +45,9 @@ TEST(Batches, GiveEachPairTheBitsThatItHasAlone) {
   std::array<std::uint64_t, 8> seen{};
   for (const LaneKernel& kernel : lane_kernels()) {
     Random same(4);
-    Engine::Options options;
+    engine::Engine::Options options;
     options.instruction_set = kernel.name;
-    const Engine engine(parts_scene(same, kBodies), options);
+    const engine::Engine engine(parts_scene(same, kBodies), options);
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const bool signed_distance : {false, true})
         for (const double max_distance : {1.0, std::numeric_limits<double>::infinity()}) {
@@ -94,9 +94,9 @@ TEST(TeamCost, FollowsWhatTeamsCostAndForgets) {
 // Answers do not depend on the team, and small batches use one thread at any cost of a team.
 TEST(Batches, HaveATeamWhereOneIsWorthIt) {
   Random random(5);
-  Engine::Options options;
+  engine::Engine::Options options;
   options.threads = 4;
-  const Engine engine(parts_scene(random, 12), options);
+  const engine::Engine engine(parts_scene(random, 12), options);
   std::vector<std::uint32_t> moved(12);
   for (std::uint32_t b = 0; b < 12; ++b) moved[b] = b;
   std::vector<Pose> poses;

@@ -10,7 +10,7 @@ namespace clearance::test {
 namespace {
 
 TEST(BoundsColumn, HoldsTheIntervalInEightBytes) {
-  const Engine engine(mixed_scene(40, 3, 5), {"cpu"});
+  const engine::Engine engine(mixed_scene(40, 3, 5), {"cpu"});
   const std::vector<std::uint32_t> bodies{0, 1, 2, 3};
   Random random(9);
   std::vector<Pose> poses;

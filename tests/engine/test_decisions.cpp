@@ -63,7 +63,7 @@ void expect_agrees(const Answer& any, const Answer& dense, std::span<const BodyP
 }
 
 TEST_P(EngineTest, AnyAgreesWithAllPairs) {
-  const Engine engine = make(mixed_scene(60, 3, 5));
+  const engine::Engine engine = make(mixed_scene(60, 3, 5));
   Moved moved(60);
   const Answer dense = evaluate(engine, moved.query);
   const std::vector<BodyPair> pairs = engine.pairs(moved.query);
@@ -80,9 +80,9 @@ TEST_P(EngineTest, AnyAgreesWithAllPairs) {
 }
 
 TEST_P(EngineTest, AnyTestsEachPairAgainstItsOwnMargin) {
-  Scene scene = mixed_scene(60, 3, 5);
+  engine::Scene scene = mixed_scene(60, 3, 5);
   scene.add_group("hand", std::vector<std::string>{"body1", "body3"});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   Moved moved(60);
   const Answer dense = evaluate(engine, moved.query);
   const std::vector<BodyPair> pairs = engine.pairs(moved.query);
@@ -123,8 +123,8 @@ TEST_P(EngineTest, AnyDoesNotDependOnThreadsSlicesOrTrees) {
     std::vector<std::byte> first;
     for (const char* near_by : {"brute", "tree"})
       for (const int threads : {1, 4}) {
-        const Engine engine(mixed_scene(count, box, 8),
-                            {.backend = GetParam(), .threads = threads, .broad_phase = near_by});
+        const engine::Engine engine(mixed_scene(count, box, 8),
+                                    {.backend = GetParam(), .threads = threads, .broad_phase = near_by});
         for (const auto slice : {std::chrono::nanoseconds::max(), std::chrono::nanoseconds(20'000)}) {
           const Answer answer = evaluate(engine, q, slice);
           if (first.empty()) first = bits(answer);
@@ -135,11 +135,11 @@ TEST_P(EngineTest, AnyDoesNotDependOnThreadsSlicesOrTrees) {
 }
 
 TEST_P(EngineTest, AnyIsNotFreeWithoutPoses) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("here", 0.1, {.pose = Pose{}});
   scene.add_sphere("far", 0.1, {.pose = Pose{{5, 0, 0}}});
   scene.add_sphere("nowhere", 0.1, {});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   q.reduce = Reduce::kAny;
@@ -171,10 +171,10 @@ TEST_P(EngineTest, AnyIsNotFreeWithoutPoses) {
 }
 
 TEST_P(EngineTest, AnyDecidesNothingByOldPoses) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.1, {.pose = Pose{}});
   scene.add_sphere("b", 0.1, {.pose = Pose{{5, 0, 0}}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   q.reduce = Reduce::kAny;
@@ -217,7 +217,7 @@ TEST_P(EngineTest, BadMarginsNameTheirFault) {
       {"max_distance: reduce any uses its margins", [](QueryView& q) { q.max_distance = 1; }},
       {"signed_distance: reduce any computes no depth", [](QueryView& q) { q.signed_distance = true; }},
   };
-  const Engine engine = make(mixed_scene(4, 3, 5));
+  const engine::Engine engine = make(mixed_scene(4, 3, 5));
   for (const BadMargin& bad : cases) {
     QueryView q;
     q.reduce = Reduce::kAny;
@@ -225,7 +225,7 @@ TEST_P(EngineTest, BadMarginsNameTheirFault) {
     try {
       engine.size(q);
       ADD_FAILURE() << "nothing refused: " << bad.text;
-    } catch (const QueryError& error) {
+    } catch (const engine::QueryError& error) {
       EXPECT_NE(std::string(error.what()).find(bad.text), std::string::npos) << error.what();
     }
   }

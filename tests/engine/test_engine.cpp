@@ -8,14 +8,14 @@
 namespace clearance::test {
 namespace {
 
-INSTANTIATE_TEST_SUITE_P(Backends, EngineTest, ::testing::ValuesIn(Engine::backends()),
+INSTANTIATE_TEST_SUITE_P(Backends, EngineTest, ::testing::ValuesIn(engine::Engine::backends()),
                          [](const auto& backend) { return backend.param; });
 
 TEST_P(EngineTest, TwoUnitBoxesAreAsFarApartAsTheyLook) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("a", {1, 1, 1}, {.pose = Pose{}});
   scene.add_box("b", {1, 1, 1}, {.pose = Pose{{3, 0, 0}}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   const Answer r = evaluate(engine, q);
@@ -33,10 +33,10 @@ TEST_P(EngineTest, TwoUnitBoxesAreAsFarApartAsTheyLook) {
 }
 
 TEST_P(EngineTest, SignedOverlapIsTheLeastTranslationApart) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("a", {2, 2, 2}, {.pose = Pose{}});
   scene.add_box("b", {2, 2, 2}, {.pose = Pose{{1.75, 0.5, 0}}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   q.signed_distance = true;
@@ -54,10 +54,10 @@ TEST_P(EngineTest, SignedOverlapIsTheLeastTranslationApart) {
 }
 
 TEST_P(EngineTest, TouchingBoxesAreInContact) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("a", {1, 1, 1}, {.pose = Pose{}});
   scene.add_box("b", {1, 1, 1}, {.pose = Pose{{1, 0.25, 0}}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   const Answer r = evaluate(engine, {});
   EXPECT_EQ(static_cast<Status>(r.view.status[0]), Status::kContact);
   EXPECT_LE(r.view.lower[0], 0.0);
@@ -66,12 +66,12 @@ TEST_P(EngineTest, TouchingBoxesAreInContact) {
 }
 
 TEST_P(EngineTest, BadMissingAndUnknownBodiesSpoilOnlyTheirOwnRows) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.5, {.pose = Pose{}});
   scene.add_sphere("b", 0.5, {.pose = Pose{{2, 0, 0}}});
   scene.add_sphere("never", 0.5, {});
   scene.add_sphere("bad", 0.5, {.pose = Pose{{4, 0, 0}}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   const BodyPose nan_pose{3, {{std::nan(""), 0, 0}}};
   const PoseUpdateResult update = engine.set_poses({&nan_pose, 1});
   EXPECT_EQ(update.bad, 1u);
@@ -90,7 +90,7 @@ TEST_P(EngineTest, BadMissingAndUnknownBodiesSpoilOnlyTheirOwnRows) {
 }
 
 TEST_P(EngineTest, BitsDoNotDependOnThreadsOrSlices) {
-  const Engine one = make(mixed_scene(40, 3, 11), 1), two = make(mixed_scene(40, 3, 11), 2);
+  const engine::Engine one = make(mixed_scene(40, 3, 11), 1), two = make(mixed_scene(40, 3, 11), 2);
   for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
     QueryView q;
     q.fields = kAllFields;
@@ -105,8 +105,8 @@ TEST_P(EngineTest, BitsDoNotDependOnThreadsOrSlices) {
 }
 
 TEST_P(EngineTest, IntervalsAgreeWithTheReference) {
-  const Engine engine = make(mixed_scene(60, 2.5, 5));
-  const Engine reference(mixed_scene(60, 2.5, 5), {"reference", 2});
+  const engine::Engine engine = make(mixed_scene(60, 2.5, 5));
+  const engine::Engine reference(mixed_scene(60, 2.5, 5), {"reference", 2});
   for (const bool with_depth : {false, true}) {
     QueryView q;
     q.fields = kAllFields;
@@ -124,7 +124,7 @@ TEST_P(EngineTest, IntervalsAgreeWithTheReference) {
 }
 
 TEST_P(EngineTest, BeyondPairsCarryALowerBoundAboveMaxDistance) {
-  const Engine engine = make(mixed_scene(60, 6, 9));
+  const engine::Engine engine = make(mixed_scene(60, 6, 9));
   QueryView q;
   q.fields = kAllFields;
   const Answer whole = evaluate(engine, q);
@@ -144,7 +144,7 @@ TEST_P(EngineTest, BeyondPairsCarryALowerBoundAboveMaxDistance) {
 }
 
 TEST_P(EngineTest, ConfigurationsAnswerAsIfThePosesHadBeenSet) {
-  Engine engine = make(mixed_scene(20, 3, 21));
+  engine::Engine engine = make(mixed_scene(20, 3, 21));
   engine.attach(3, 1);  // body 3 follows body 1
   Random random(1);
   const std::uint32_t bodies[] = {1, 8};
@@ -175,7 +175,7 @@ TEST_P(EngineTest, ConfigurationsAnswerAsIfThePosesHadBeenSet) {
 }
 
 TEST_P(EngineTest, GradientPredictsSmallMotions) {
-  Engine engine = make(mixed_scene(24, 3, 77));
+  engine::Engine engine = make(mixed_scene(24, 3, 77));
   QueryView q;
   q.fields = kAllFields;
   q.rel_tol = 1e-12;
@@ -214,7 +214,7 @@ TEST_P(EngineTest, GradientPredictsSmallMotions) {
 }
 
 TEST_P(EngineTest, Float32BoundsHoldTheFullInterval) {
-  const Engine engine = make(mixed_scene(30, 3, 4));
+  const engine::Engine engine = make(mixed_scene(30, 3, 4));
   QueryView q;
   q.fields = kAllFields;
   const Answer full = evaluate(engine, q);
@@ -233,10 +233,10 @@ TEST_P(EngineTest, Float32BoundsHoldTheFullInterval) {
 // A million metres from the world's origin, where a float32 is 6 cm wide.
 TEST_P(EngineTest, Float32PointsKeepTheirPrecisionFarFromTheOrigin) {
   const double far = 1e6;
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("a", {1, 1, 1}, {.pose = Pose{{far, far, far}}});
   scene.add_box("b", {1, 1, 1}, {.pose = Pose{{far + 1.25, far, far}, 0.98, 0.1, 0.1, 0.14}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kFieldPoints | kFieldPoints32;
   const Answer answer = evaluate(engine, q);
@@ -248,11 +248,11 @@ TEST_P(EngineTest, Float32PointsKeepTheirPrecisionFarFromTheOrigin) {
 }
 
 TEST_P(EngineTest, GroupPairsExpandToTheirEnabledPairs) {
-  Scene scene = mixed_scene(12, 3, 8);
+  engine::Scene scene = mixed_scene(12, 3, 8);
   const std::string arm[] = {"body0", "body1", "body2"};
   scene.add_group("arm", arm);
   scene.ignore("arm", "arm");
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   const BodyPair selectors[] = {{kGroupBit | 0, kEveryBody}};
   QueryView q;
   q.all_pairs = false;

@@ -9,7 +9,7 @@ namespace clearance::test {
 namespace {
 
 TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
-  const Engine engine = make(mixed_scene(60, 4, 3));
+  const engine::Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
   all.fields = kAllFields;
   const Answer dense = evaluate(engine, all);
@@ -47,14 +47,14 @@ TEST_P(EngineTest, NearestAndMinAgreeWithAllPairs) {
 // For body g: the rod has the nearest box and is far; h is beyond max_distance, and g is its nearest; y is nearer than
 // h, and has a nearer neighbour than g itself.
 TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
-  Scene scene;
+  engine::Scene scene;
   const double c = std::sqrt(0.5), s = std::sin(std::atan(1) / 2);
   scene.add_sphere("g", 0.1, {.pose = Pose{}});
   scene.add_box("rod", {2, 0.02, 0.02}, {.pose = Pose{{0.75, 0.75, 0}, std::sqrt(1 - s * s), 0, 0, -s}});
   scene.add_sphere("h", 0.1, {.pose = Pose{{-0.7, 0, 0}}});
   scene.add_sphere("y", 0.1, {.pose = Pose{{0, -0.65, 0}}});
   scene.add_sphere("z", 0.1, {.pose = Pose{{0, -0.9, 0}}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   const Answer dense = evaluate(engine, q);
@@ -69,7 +69,7 @@ TEST_P(EngineTest, NearestHoldsPairsThatAreBeyondAndNobodysNearestBoxes) {
 
 // Touching boxes do not reveal which of two overlaps is deeper.
 TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
-  const Engine engine = make(mixed_scene(40, 1, 6));
+  const engine::Engine engine = make(mixed_scene(40, 1, 6));
   QueryView q;
   q.fields = kAllFields;
   q.signed_distance = true;
@@ -91,7 +91,7 @@ TEST_P(EngineTest, NearestAndMinFindTheDeepestOverlap) {
 
 // The first overlapping pair wins, for any pairs after it.
 TEST_P(EngineTest, MinIsTheFirstOverlap) {
-  const Engine engine = make(mixed_scene(60, 1.2, 5));
+  const engine::Engine engine = make(mixed_scene(60, 1.2, 5));
   Random random(6);
   const std::vector<std::uint32_t> bodies{1, 2, 3};
   std::vector<Pose> poses;
@@ -130,7 +130,7 @@ TEST_P(EngineTest, MinIsTheFirstOverlap) {
 }
 
 TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
-  const Engine engine = make(mixed_scene(60, 4, 3));
+  const engine::Engine engine = make(mixed_scene(60, 4, 3));
   QueryView all;
   all.fields = kAllFields;
   const Answer dense = evaluate(engine, all);
@@ -162,7 +162,7 @@ TEST_P(EngineTest, WithinKeepsExactlyThePairsNotProvedFarther) {
 }
 
 TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
-  Engine engine = make(mixed_scene(10, 20, 3));
+  engine::Engine engine = make(mixed_scene(10, 20, 3));
   const BodyPose bad{2, {{std::nan(""), 0, 0}}};
   engine.set_poses({&bad, 1});
   QueryView q;
@@ -178,12 +178,12 @@ TEST_P(EngineTest, WithinAnswersPairsOfBadBodiesToo) {
 
 // A body without a usable pose may be nearer than all others: only an overlap of others is certain.
 TEST_P(EngineTest, ReductionsDoNotPassOverMissingPoses) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("robot", {0.2, 0.2, 0.2}, {.pose = Pose{}});
   scene.add_box("far", {0.1, 0.1, 0.1}, {.pose = Pose{{3, 0, 0}}});
   scene.add_sphere("person", 0.3, {});
   scene.add_sphere("other", 0.1, {.pose = Pose{{0, 4, 0}}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   const auto expect_rows = [&](Status status) {
     for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest})
       for (const std::uint32_t fields : {kAllFields, std::uint32_t{kFieldStatus | kFieldLower}}) {
@@ -231,10 +231,10 @@ TEST_P(EngineTest, ReductionsDoNotPassOverMissingPoses) {
 
 TEST_P(EngineTest, ReductionsOfManyPairsGoStageByStage) {
   // More pairs than one unit takes, so that stages are spread over threads and sliced.
-  Scene scene;
+  engine::Scene scene;
   Random random(2);
   for (int i = 0; i < 220; ++i) scene.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(8)});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   q.fields = kAllFields;
   const Answer dense = evaluate(engine, q);

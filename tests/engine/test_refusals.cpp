@@ -8,14 +8,14 @@ namespace clearance::test {
 namespace {
 
 TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRejected) {
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::string> fixed;
   for (int i = 0; i < 300; ++i) {
     scene.add_sphere("s" + std::to_string(i), 0.1, {.is_static = i >= 100, .pose = Pose{{1.0 * i, 0, 0}}});
     if (i >= 100) fixed.push_back("s" + std::to_string(i));
   }
   scene.add_group("fixed", fixed);
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   QueryView q;
   const std::vector<BodyPair> all = engine.pairs(q);
   q.all_pairs = false;
@@ -33,7 +33,7 @@ TEST_P(EngineTest, GroupsThatNameMorePairsThanMemoryHoldsAreRejected) {
     try {
       evaluate_for(selector, static_cast<std::size_t>(times));
       FAIL();
-    } catch (const QueryError& error) {
+    } catch (const engine::QueryError& error) {
       EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
       EXPECT_NE(std::string(error.what()).find("more than the 33554432 of one query"), std::string::npos)
           << error.what();
@@ -79,7 +79,7 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
        }},
       {"the scene is revision", [](QueryView& q) { q.scene_revision = 12345; }},
   };
-  const Engine engine = make(mixed_scene(6, 3, 8));
+  const engine::Engine engine = make(mixed_scene(6, 3, 8));
   for (const BadQuery& c : cases) {
     QueryView q;
     c.spoil(q);
@@ -87,7 +87,7 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
       ReplyView none;
       engine.start(q, none);
       ADD_FAILURE() << "accepted: " << c.text;
-    } catch (const QueryError& e) {
+    } catch (const engine::QueryError& e) {
       EXPECT_NE(std::string(e.what()).find(c.text), std::string::npos) << e.what();
     }
     EXPECT_EQ(evaluate(engine, {}).info.rows, engine.pairs({}).size()) << "a good query after: " << c.text;
@@ -96,14 +96,14 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
 
 TEST_P(EngineTest, AbsurdSizesAreRejectedBeforeAnythingIsAllocated) {
   static const std::uint32_t kBody[] = {0};
-  const Engine engine = make(mixed_scene(6, 3, 8));
+  const engine::Engine engine = make(mixed_scene(6, 3, 8));
   QueryView q;
   q.bodies = kBody;
   q.configuration_count = 0xFFFFFFFF;
   try {
     engine.size(q);
     FAIL() << "accepted";
-  } catch (const QueryError& e) {
+  } catch (const engine::QueryError& e) {
     EXPECT_EQ(e.code, QueryErrorCode::kTooLarge);
     EXPECT_NE(std::string(e.what()).find("4294967295 configurations x 5 rows are more than the limit"),
               std::string::npos)
@@ -112,21 +112,21 @@ TEST_P(EngineTest, AbsurdSizesAreRejectedBeforeAnythingIsAllocated) {
 }
 
 TEST_P(EngineTest, AnAnswerLargerThanItsBuffersIsRejected) {
-  Engine engine = make(mixed_scene(6, 3, 8));
+  engine::Engine engine = make(mixed_scene(6, 3, 8));
   double lower[4];
   ReplyView room;
   room.rows = 4;
   room.lower = lower;
-  EXPECT_THROW(engine.start({}, room), QueryError);
+  EXPECT_THROW(engine.start({}, room), engine::QueryError);
 }
 
 TEST(Engine, CertificatesOfTheModelPiecesAreRejectedByTheirNames) {
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  Scene scene;
+  engine::Scene scene;
   for (const double x : {3.0, 6.0}) scene.add_sphere("ball" + std::to_string(x), 1, {.pose = Pose{{x, 0, 0}}});
   scene.add_mesh("shelf", corners, faces, MeshAs::kSolid, {.pose = Pose{}});
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   const std::uint64_t between[] = {0}, other[] = {0, 2};
   QueryView by_parts;
   by_parts.model = Model::kPieces;
@@ -135,7 +135,7 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRejectedByTheirNames) {
   try {
     engine.certificate(by_parts, other);
     FAIL() << "accepted";
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
     EXPECT_STREQ(error.what(),
                  "certificate: 'shelf' is a solid, whose rows have no certificate with model: pieces; "
@@ -144,13 +144,13 @@ TEST(Engine, CertificatesOfTheModelPiecesAreRejectedByTheirNames) {
 }
 
 TEST(Engine, UnknownBackendsAreRejectedByName) {
-  EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
-  const std::vector<std::string> there = Engine::backends();
+  EXPECT_THROW(engine::Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
+  const std::vector<std::string> there = engine::Engine::backends();
   if (std::find(there.begin(), there.end(), "cuda") == there.end()) {
-    EXPECT_THROW(Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
+    EXPECT_THROW(engine::Engine(mixed_scene(4, 3, 1), {"cuda"}), std::runtime_error);
   }
   const bool has_device = std::find(there.begin(), there.end(), "cuda") != there.end();
-  EXPECT_EQ(Engine(mixed_scene(4, 3, 1)).backend(), has_device ? "auto" : "cpu");
+  EXPECT_EQ(engine::Engine(mixed_scene(4, 3, 1)).backend(), has_device ? "auto" : "cpu");
 }
 
 }  // namespace

@@ -19,7 +19,7 @@ using test::joints_of;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
-  const Scene scene = arm_scene(at_home());
+  const engine::Scene scene = arm_scene(at_home());
   const std::uint32_t base = scene.find_body("arm"), shoulder = scene.find_body("arm/shoulder"),
                       fore = scene.find_body("arm/fore");
   ASSERT_NE(base, kNone);
@@ -31,14 +31,14 @@ TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
   EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
   EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
   EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
-  const Engine engine(scene);
+  const engine::Engine engine(scene);
   for (const BodyPair pair : engine.pairs({}))
     for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].parts.empty());
 }
 
 TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
-  const Scene scene = arm_scene(at_home());
-  const Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  const engine::Engine engine(scene);
   const std::vector<BodyPair> pairs = engine.pairs({});
   const auto is_requested = [&](const char* a, const char* b) {
     std::uint32_t i = scene.find_body(a), j = scene.find_body(b);
@@ -61,9 +61,9 @@ TEST(RobotInAScene, APairWithoutAJointIsIncludedWhereTheSrdfEnablesIt) {
                     "<joint name='j' type='fixed'><parent link='a'/><child link='b'/></joint>"
                     "<joint name='k' type='fixed'><parent link='a'/><child link='c'/></joint></robot>");
   const auto pairs = [&](const std::string& srdf) {
-    Scene scene;
+    engine::Scene scene;
     scene.add_robot("r", {.urdf = urdf, .srdf = folder.write("r.srdf", "<robot name='r'>" + srdf + "</robot>")});
-    return Engine(scene).pairs({});
+    return engine::Engine(scene).pairs({});
   };
   EXPECT_TRUE(pairs("").empty());
   EXPECT_EQ(pairs("<enable_collisions link1='c' link2='a'/>"), (std::vector<BodyPair>{{1, 3}}));
@@ -74,7 +74,7 @@ TEST(RobotInAScene, SeveralShapesAreOneBodyEachWhereItsOriginSays) {
   const std::string urdf = folder.write("two.urdf", R"(<robot name="two"><link name="only">
     <collision><origin xyz="1 0 0" rpy="0 0 1.57079632679489661923"/><geometry><box size="0.2 0.4 0.6"/></geometry></collision>
     <collision><origin xyz="0 0 -2"/><geometry><sphere radius="0.5"/></geometry></collision></link></robot>)");
-  Scene scene;
+  engine::Scene scene;
   scene.add_robot("r", {.urdf = urdf, .padding = 0.125});
   const Body& body = scene.bodies()[scene.find_body("r/only")];
   ASSERT_EQ(body.parts.size(), 2u);
@@ -99,7 +99,7 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsDeclaredOfThem) {
     <collision><geometry><sphere radius="0.5"/></geometry></collision></link>
     <link name="b"><collision><geometry><mesh filename="t.obj"/></geometry></collision></link>
     <joint name="j" type="fixed"><parent link="a"/><child link="b"/></joint></robot>)");
-  Scene scene;
+  engine::Scene scene;
   scene.add_robot("all", {.urdf = urdf, .mesh_as = MeshAs::kSolid, .padding = 0.25});
   scene.add_robot("one", {.urdf = urdf, .link_mesh_as = {{"b", MeshAs::kSurface}}});
   const auto link = [&](const char* name) -> const Body& { return scene.bodies()[scene.find_body(name)]; };
@@ -117,10 +117,10 @@ TEST(RobotInAScene, MeshesOfLinksAreWhatIsDeclaredOfThem) {
 
 TEST(RobotInAScene, WhatIsWrongIsReportedWithItsPlace) {
   const TemporaryFolder folder;
-  const auto text = [&](const std::string& urdf, RobotOptions options = {}) {
+  const auto text = [&](const std::string& urdf, engine::RobotOptions options = {}) {
     options.urdf = folder.write("r.urdf", urdf);
-    Scene scene;
-    const std::string what = error_text<SceneError>([&] { scene.add_robot("r", options); });
+    engine::Scene scene;
+    const std::string what = error_text<engine::SceneError>([&] { scene.add_robot("r", options); });
     EXPECT_TRUE(scene.bodies().empty()) << "nothing is left behind";
     return what;
   };
@@ -141,13 +141,13 @@ TEST(RobotInAScene, WhatIsWrongIsReportedWithItsPlace) {
   const auto named = [](std::size_t bytes) {
     return "<robot name='r'><link name='" + std::string(bytes, 'n') + "'/></robot>";
   };
-  Scene longest;
+  engine::Scene longest;
   longest.add_robot("r", {.urdf = folder.write("long.urdf", named(61))});
   EXPECT_EQ(longest.bodies()[1].name.size(), 63u);
   has(text(named(62)), "robot \"r\": the link \"nnn");
   has(text(named(62)), " of 64 bytes; names have at most 63: shorten it in the robot's files");
   const std::string urdf = folder.write("long.urdf", named(50));
-  has(error_text<SceneError>([&] { Scene().add_robot("robot_of_20_letters_", {.urdf = urdf}); }),
+  has(error_text<engine::SceneError>([&] { engine::Scene().add_robot("robot_of_20_letters_", {.urdf = urdf}); }),
       "of 71 bytes; names have at most 63: name the robot by at most 12 bytes (name, in a scene file and of "
       "add_robot())");
   const std::string joint =
@@ -183,18 +183,21 @@ TEST(RobotInASceneFile, AUrdfIsASceneOfOneRobot) {
                                         "\xEF\xBB\xBF\n <?xml version='1.0'?><robot name='panda'><link name='a'>"
                                         "<collision><geometry>\n<mesh filename='../far.obj'/></geometry></collision>"
                                         "</link></robot>");
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(urdf); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(urdf); }),
             urdf +
                 ":2: link \"a\": collision: mesh \"../far.obj\" lies outside the scene's folder; mesh files must lie "
                 "inside it unless others are allowed (--allow-outside; in Python allow_outside=True)");
-  const Scene scene = Scene::load(urdf, true);
+  const engine::Scene scene = engine::Scene::load(urdf, true);
   ASSERT_EQ(scene.bodies().size(), 2u);
   EXPECT_EQ(scene.bodies()[0].name, "panda");
   EXPECT_EQ(scene.bodies()[1].name, "panda/a");
   const std::string bad = folder.write("bad.urdf", "<robot name='r'>\n<link/></robot>");
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(bad); }), bad + ":2: link: expected the attribute name");
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(bad); }),
+            bad + ":2: link: expected the attribute name");
   const std::string star = folder.write("star.urdf", "<robot name='*'><link name='a'/></robot>");
-  EXPECT_TRUE(error_text<SceneError>([&] { Scene::load(star); }).starts_with(star + ": robot name \"*\" is reserved"));
+  EXPECT_TRUE(error_text<engine::SceneError>([&] {
+                engine::Scene::load(star);
+              }).starts_with(star + ": robot name \"*\" is reserved"));
 }
 
 TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
@@ -212,9 +215,10 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   const std::string table =
       "bodies:\n  - {name: table, box: 1, static: true}\n  - {name: cup, sphere: 0.1, parent: p/l1}\n";
   const auto load = [&](const std::string& robot) {
-    return Scene::load(folder.write("scene.yaml", table + "robots:\n  - " + robot + "\nignore: [[p, table]]\n"));
+    return engine::Scene::load(
+        folder.write("scene.yaml", table + "robots:\n  - " + robot + "\nignore: [[p, table]]\n"));
   };
-  const Scene scene = load(
+  const engine::Scene scene = load(
       "{name: p, urdf: arm.urdf, srdf: arm.srdf, packages: {own: .}, base: [0, 0, 0.7, 1, 0, 0, 0], "
       "parent: table, geometry: collision, home: up}");
   EXPECT_EQ(scene.bodies()[scene.find_body("p")].parent, scene.find_body("table"));
@@ -222,9 +226,10 @@ TEST(RobotInASceneFile, TheContractsExampleAndItsErrors) {
   EXPECT_EQ(*scene.joints()[scene.find_joint("p/j")].home, 0.5);
   EXPECT_NE(scene.find_group("p/all"), kNone);
   EXPECT_EQ(joints_of(scene, "p/all").size(), 1u);
-  EXPECT_EQ(Engine(scene).pairs({}).size(), 1u) << "the cup and the table: a link's pair with the table is ignored";
+  EXPECT_EQ(engine::Engine(scene).pairs({}).size(), 1u)
+      << "the cup and the table: a link's pair with the table is ignored";
   const auto has = [&](const std::string& robot, const char* part) {
-    const std::string what = error_text<SceneError>([&] { load(robot); });
+    const std::string what = error_text<engine::SceneError>([&] { load(robot); });
     EXPECT_NE(what.find("scene.yaml:5"), std::string::npos) << what;
     EXPECT_NE(what.find(part), std::string::npos) << what;
   };

@@ -29,7 +29,7 @@ using test::kArm;
 constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
 
 // Positions within the arm's limits.
-std::vector<double> random_rows(const Scene& scene, const std::vector<std::uint32_t>& joints, std::size_t count,
+std::vector<double> random_rows(const engine::Scene& scene, const std::vector<std::uint32_t>& joints, std::size_t count,
                                 std::uint64_t seed) {
   test::Random random(seed);
   std::vector<double> rows;
@@ -51,10 +51,10 @@ void expect_same_rows(const Answer& all, std::uint64_t first, const Answer& some
 }
 
 TEST(JointState, LinksAreWhereKinematicsPutsThem) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   const SceneRobot& robot = *scene.robots()[0];
-  Engine engine(scene);
+  engine::Engine engine(scene);
   const std::vector<double> row = random_rows(scene, joints, 1, 1);
   std::vector<JointPosition> update;
   for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], row[i]});
@@ -73,10 +73,10 @@ TEST(JointState, LinksAreWhereKinematicsPutsThem) {
 }
 
 TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = kArm;
-  const Scene scene = arm_scene(options);
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(options);
+  engine::Engine engine(scene);
   const auto status = [&](const char* link) { return engine.body_state(scene.find_body(link)).status; };
   EXPECT_EQ(status("arm/base"), Status::kOk) << "no joint moves it";
   EXPECT_EQ(status("arm/upper"), Status::kNoPose);
@@ -100,31 +100,31 @@ TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
 }
 
 TEST(JointState, PublishingALinksPoseIsRejectedWithAReason) {
-  const Scene scene = arm_scene(at_home());
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  engine::Engine engine(scene);
   const std::uint32_t fore = scene.find_body("arm/fore"), ball = scene.find_body("ball");
   const BodyPose pose[] = {{fore, Pose{}}};
   const auto has = [](const std::string& what) {
     EXPECT_NE(what.find("'arm/fore' is a link placed by joints"), std::string::npos) << what;
   };
-  has(error_text<QueryError>([&] { engine.set_poses(pose); }));
-  has(error_text<QueryError>([&] { engine.attach(fore, ball); }));
+  has(error_text<engine::QueryError>([&] { engine.set_poses(pose); }));
+  has(error_text<engine::QueryError>([&] { engine.attach(fore, ball); }));
   const Pose one[] = {Pose{}};
   QueryView query;
   query.configuration_count = 1;
   query.bodies = std::span(&fore, 1);
   query.configurations = one;
-  has(error_text<QueryError>([&] { engine.size(query); }));
+  has(error_text<engine::QueryError>([&] { engine.size(query); }));
 }
 
 TEST(JointState, UpdatesThatMakeNoSenseAreRejectedWhole) {
-  const Scene scene = arm_scene(at_home());
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  engine::Engine engine(scene);
   const JointPosition twice[] = {{2, 0.5}, {2, 0.6}};
-  EXPECT_EQ(error_text<QueryError>([&] { engine.set_joints(twice); }), "joints: 'arm/joint3' is named twice");
+  EXPECT_EQ(error_text<engine::QueryError>([&] { engine.set_joints(twice); }), "joints: 'arm/joint3' is named twice");
   const JointPosition one[] = {{2, 0.5}};
   engine.set_joints(one, 2000, 1, 7);
-  EXPECT_NE(error_text<QueryError>([&] {
+  EXPECT_NE(error_text<engine::QueryError>([&] {
               engine.set_joints(one, 1000, 2, 7);
             }).find("is older than 2000, the last from this publisher for 'arm/joint3'"),
             std::string::npos);
@@ -134,8 +134,8 @@ TEST(JointState, UpdatesThatMakeNoSenseAreRejectedWhole) {
 }
 
 TEST(JointState, TheOldestJointOnTheWayIsALinksStamp) {
-  const Scene scene = arm_scene(at_home());
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  engine::Engine engine(scene);
   const JointPosition first[] = {{0, 0.1}}, second[] = {{1, 0.1}};
   engine.set_joints(second, 1000, 1, 1);
   engine.set_joints(first, 5000, 1, 2);
@@ -144,8 +144,8 @@ TEST(JointState, TheOldestJointOnTheWayIsALinksStamp) {
 }
 
 TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
-  const Scene scene = arm_scene(at_home());
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  engine::Engine engine(scene);
   const std::uint32_t ball = scene.find_body("ball"), palm = scene.find_body("arm/palm");
   const Pose held{{0, 0, 0.2}};
   engine.attach(ball, palm, &held);
@@ -154,7 +154,7 @@ TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
   engine.set_joints(turn);
   const Pose after = engine.body_state(ball).X_wb;
   EXPECT_GT(std::abs(after.translation.y - before.translation.y), 0.1);
-  Engine reloaded(scene);
+  engine::Engine reloaded(scene);
   reloaded.take_poses(engine);
   EXPECT_EQ(reloaded.joint_state(0).position, 1.0);
   const Pose taken = reloaded.body_state(ball).X_wb;
@@ -162,8 +162,8 @@ TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
 }
 
 TEST(JointState, BeyondItsLimitsAJointFlagsWhatItMoves) {
-  Scene scene = arm_scene(at_home());
-  Engine engine(scene);
+  engine::Scene scene = arm_scene(at_home());
+  engine::Engine engine(scene);
   const JointPosition over[] = {{3, 0.5}};  // joint4: -3.07 to -0.07
   engine.set_joints(over);
   EXPECT_TRUE(engine.joint_state(3).beyond_limits);
@@ -186,12 +186,12 @@ TEST(JointState, BeyondItsLimitsAJointFlagsWhatItMoves) {
 }
 
 TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
-  const Scene scene = arm_scene(at_home());
+  const engine::Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   constexpr std::uint32_t kCount = 37;
   const std::vector<double> rows = random_rows(scene, joints, kCount, 3);
-  const Engine engine(scene);
-  Engine set(scene);
+  const engine::Engine engine(scene);
+  engine::Engine set(scene);
   QueryView query;
   query.joints = joints;
   const std::vector<BodyPair> pairs = engine.pairs(query);
@@ -241,11 +241,11 @@ constexpr const char* kSliding = R"(<robot name="r">
 // The whole interval depends on the joints in the query, not on the state that it replaces.
 TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
   const TemporaryFolder folder;
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = folder.write("r.urdf", kSliding);
   options.home = std::map<std::string, double>{};
   options.parent = "carrier";
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("carrier", 0.1, {.pose = Pose{{0.3, 0.1, -0.2}, 0.9, 0.1, -0.3, 0.2}});
   scene.add_box("table", {1, 1, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
   scene.add_robot("r", options);
@@ -256,7 +256,8 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
   for (std::uint32_t b = 1; b < scene.bodies().size(); ++b)
     for (std::uint32_t a = 0; a < b; ++a)
       if (!scene.bodies()[a].parts.empty() && !scene.bodies()[b].parts.empty()) pairs.push_back({a, b});
-  const auto stand = [](Engine& engine, const std::vector<std::uint32_t>& joints, const std::vector<double>& at) {
+  const auto stand = [](engine::Engine& engine, const std::vector<std::uint32_t>& joints,
+                        const std::vector<double>& at) {
     std::vector<JointPosition> update;
     for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], at[i]});
     engine.set_joints(update);
@@ -270,7 +271,7 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
       return q;
     }();
     for (const double others : {0.5, 1e5}) {
-      Engine set(scene), stood(scene);
+      engine::Engine set(scene), stood(scene);
       stand(set, all, std::vector<double>(all.size(), others));
       stand(set, joints, {rows.begin(), rows.begin() + static_cast<std::ptrdiff_t>(joints.size())});
       for (const double standing : {0.5, -2.9, 1e3, 1e6}) {
@@ -295,10 +296,10 @@ TEST(JointQuery, WhereItsJointsStandDoesNotCount) {
 }
 
 TEST(JointQuery, OtherJointsStayAndBodiesMayMoveToo) {
-  const Scene scene = arm_scene(at_home());
+  const engine::Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   const std::uint32_t ball = scene.find_body("ball");
-  Engine engine(scene), other(scene);
+  engine::Engine engine(scene), other(scene);
   const JointPosition bent[] = {{1, 0.7}, {3, -1.0}};
   engine.set_joints(bent);
   const std::uint32_t requested[] = {5, 0};  // in any order
@@ -331,8 +332,8 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveToo) {
 }
 
 TEST(JointQuery, WhatIsWrongWithItIsReported) {
-  const Scene scene = arm_scene(at_home());
-  const Engine engine(scene);
+  const engine::Scene scene = arm_scene(at_home());
+  const engine::Engine engine(scene);
   const std::uint32_t two[] = {0, 1}, twice[] = {0, 0}, unknown[] = {0, 77};
   const double numbers[] = {0, 0, 0, 0};
   const auto text = [&](std::span<const std::uint32_t> joints, std::uint32_t count, std::size_t given) {
@@ -340,7 +341,7 @@ TEST(JointQuery, WhatIsWrongWithItIsReported) {
     query.joints = joints;
     query.positions = std::span(numbers).first(given);
     query.configuration_count = count;
-    return error_text<QueryError>([&] { engine.prepare(query); });
+    return error_text<engine::QueryError>([&] { engine.prepare(query); });
   };
   EXPECT_EQ(text(two, 2, 3), "positions: expected 4 numbers (2 x 2), got 3");
   EXPECT_EQ(text(twice, 1, 2), "joints[1]: 'arm/joint1' is named twice");
@@ -350,14 +351,14 @@ TEST(JointQuery, WhatIsWrongWithItIsReported) {
   const BodyPair pair[] = {{0, scene.find_body("arm")}};
   frame.pairs = pair;
   frame.all_pairs = false;
-  EXPECT_EQ(error_text<QueryError>([&] { engine.size(frame); }), "pairs[0]: 'arm' is a frame without geometry");
+  EXPECT_EQ(error_text<engine::QueryError>([&] { engine.size(frame); }), "pairs[0]: 'arm' is a frame without geometry");
 }
 
 TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = kArm;
-  const Scene scene = arm_scene(options);  // no joint has a position
-  const Engine engine(scene);
+  const engine::Scene scene = arm_scene(options);  // no joint has a position
+  const engine::Engine engine(scene);
   const std::uint32_t joints[] = {0, 1};
   const double rows[] = {0.1, 0.2, 0.1, kNaN, 2e6, 0.2, 0.1, 9.0};
   QueryView query;
@@ -381,10 +382,10 @@ TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
 }
 
 TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
-  RobotOptions options = at_home();
+  engine::RobotOptions options = at_home();
   options.is_static = true;  // otherwise an unpublished base would be too old by itself
-  const Scene scene = arm_scene(options);
-  Engine engine(scene);
+  const engine::Scene scene = arm_scene(options);
+  engine::Engine engine(scene);
   const JointPosition second[] = {{1, 0.2}};
   engine.set_joints(second);
   const std::uint32_t first = 0, third = 2;
@@ -409,7 +410,7 @@ TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
 
 TEST(JointQuery, AnOlderSceneIsRejectedWhereItsJointsMeantAnother) {
   const TemporaryFolder folder;
-  const auto add_frames = [&](Scene& scene, const char* joint, double length, double upper) {
+  const auto add_frames = [&](engine::Scene& scene, const char* joint, double length, double upper) {
     scene.add_robot(
         "r", {.urdf = folder.write("r.urdf", std::string("<robot name='r'><link name='a'/><link name='b'/>") +
                                                  "<joint name='" + joint + "' type='revolute'><origin xyz='" +
@@ -418,10 +419,10 @@ TEST(JointQuery, AnOlderSceneIsRejectedWhereItsJointsMeantAnother) {
                                                  "lower='-1' upper='" + std::to_string(upper) + "'/></joint></robot>"),
               .home = {{}}});
   };
-  Scene bodies;
+  engine::Scene bodies;
   bodies.add_box("box", {1, 1, 1}, {.pose = Pose{{5, 0, 0}}});
   bodies.add_sphere("held", 0.1, {.pose = Pose{}});
-  Scene first = bodies;
+  engine::Scene first = bodies;
   add_frames(first, "j", 1, 1);
   first.set_parent("held", "r/b");
   const std::uint32_t joint = 0;
@@ -434,18 +435,19 @@ TEST(JointQuery, AnOlderSceneIsRejectedWhereItsJointsMeantAnother) {
   query.pairs = pair;
   query.all_pairs = false;
   query.scene_revision = first.revision();
-  const Engine old(first);
+  const engine::Engine old(first);
   for (const auto& [name, length, upper, means_the_same] :
        {std::tuple("j", 1.0, 1.0, true), std::tuple("k", 1.0, 1.0, false), std::tuple("j", 2.0, 1.0, false),
         std::tuple("j", 1.0, 0.5, false)}) {
-    Scene second = bodies;
+    engine::Scene second = bodies;
     add_frames(second, name, length, upper);
     second.set_parent("held", "r/b");
     second.add_sphere("more", 0.1, {.pose = Pose{}});
-    Engine engine(second);
+    engine::Engine engine(second);
     engine.take_poses(old);
     ASSERT_NE(engine.scene_revision(), first.revision());
-    EXPECT_EQ(error_text<QueryError>([&] { engine.size(query); }).empty(), means_the_same) << name << " " << length;
+    EXPECT_EQ(error_text<engine::QueryError>([&] { engine.size(query); }).empty(), means_the_same)
+        << name << " " << length;
     EXPECT_EQ(engine.joints_still_mean(first.revision(), std::span(&joint, 1)), means_the_same);
   }
 }

@@ -13,9 +13,9 @@ namespace {
 constexpr std::uint64_t kSlice = 16;  // units
 
 /// Bodies of many convex parts, each a cloud of 20 vertices, all overlapping.
-Scene heaps(int bodies, int parts) {
+engine::Scene heaps(int bodies, int parts) {
   Random random(5);
-  Scene scene;
+  engine::Scene scene;
   for (int b = 0; b < bodies; ++b) {
     Body body;
     body.name = "heap" + std::to_string(b);
@@ -34,7 +34,7 @@ Scene heaps(int bodies, int parts) {
 /// The answer in slices of kSlice units.
 /// \param slices receives their number
 /// \param longest receives the units of the longest
-Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
+Answer in_slices(const engine::Engine& engine, const QueryView& query, int& slices, std::uint64_t& longest) {
   Answer a = empty_answer(engine, query);
   Job job = engine.start(query, a.view);
   slices = 0;
@@ -49,7 +49,7 @@ Answer in_slices(const Engine& engine, const QueryView& query, int& slices, std:
 }
 
 TEST(Slices, EndWithinAPairOfBodiesOfManyParts) {
-  const Engine engine(heaps(2, 60), {.threads = 1});
+  const engine::Engine engine(heaps(2, 60), {.threads = 1});
   QueryView query;
   query.signed_distance = true;
   query.fields = kAllFields;
@@ -69,7 +69,7 @@ TEST(Slices, EndWithinAPairOfBodiesOfManyParts) {
 
 TEST(Slices, GiveEveryReductionTheSameBits) {
   for (const int threads : {1, 3}) {
-    const Engine engine(heaps(12, 6), {.threads = threads});
+    const engine::Engine engine(heaps(12, 6), {.threads = threads});
     for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
       QueryView query;
       query.reduce = reduce;
@@ -97,15 +97,15 @@ TEST(Slices, GiveEveryReductionTheSameBits) {
 
 TEST(Slices, APairThatIsTooExpensiveIsBegunAgainInTheNextOne) {
   Random random(9);
-  Scene scene;
+  engine::Scene scene;
   for (int b = 0; b < 2; ++b) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = Pose{{0.1 * b, 0, 0}};
     std::vector<Vec3d> vertices = random.cloud(3000, {1, 1, 1});
     for (Vec3d& v : vertices) v = v * (1 / norm(v));
     scene.add_hull("ball" + std::to_string(b), vertices, options);
   }
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
   query.signed_distance = true;
   const Answer whole = evaluate(engine, query);
@@ -124,10 +124,10 @@ TEST(Slices, APairThatIsTooExpensiveIsBegunAgainInTheNextOne) {
 }
 
 TEST(Slices, CountWhatAQueryNames) {
-  Scene scene = heaps(5, 4);
+  engine::Scene scene = heaps(5, 4);
   const std::vector<std::string> names{"heap0", "heap1", "heap2"};
   scene.add_group("three", names);
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
   EXPECT_EQ(engine.cost(query).pairs, 10u) << "the table's";
   const std::vector<BodyPair> pairs{{0, 1}, {kGroupBit, kEveryBody}, {99, 0}};
@@ -143,11 +143,11 @@ TEST(Slices, CountWhatAQueryNames) {
 
 TEST(Slices, CountTheTrianglesOfAMesh) {
   const Shape ball = make_uv_sphere(1, 20);  // 1520 triangles
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("point", 1, {.pose = Pose{}});
   scene.add_mesh("hull", ball.vertices, ball.triangles, MeshAs::kHull, {.pose = Pose{{3, 0, 0}}});
   scene.add_mesh("solid", ball.vertices, ball.triangles, MeshAs::kSolid, {.pose = Pose{{6, 0, 0}}});
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   QueryView query;
   query.all_pairs = false;
   const auto units = [&](BodyPair pair) {

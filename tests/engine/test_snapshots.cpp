@@ -7,11 +7,11 @@ namespace clearance::test {
 namespace {
 
 TEST_P(EngineTest, AttachedBodiesFollowAndLeaveThePairTable) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("hand", {0.2, 0.2, 0.2}, {.pose = Pose{}});
   scene.add_box("cup", {0.1, 0.1, 0.1}, {.pose = Pose{{0.5, 0, 0}}});
   scene.add_box("wall", {1, 1, 1}, {.is_static = true, .pose = Pose{{5, 0, 0}}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   const std::uint64_t free_revision = engine.scene_revision();
   EXPECT_EQ(engine.pairs({}).size(), 3u);
   engine.attach(1, 0);
@@ -21,18 +21,18 @@ TEST_P(EngineTest, AttachedBodiesFollowAndLeaveThePairTable) {
   engine.set_poses({&update, 1});
   EXPECT_NEAR(engine.body_state(1).X_wb.translation.x, 0.5, 1e-15);
   EXPECT_NEAR(engine.body_state(1).X_wb.translation.y, 1.0, 1e-15);
-  EXPECT_THROW(engine.attach(0, 1), QueryError) << "a cycle";
-  EXPECT_THROW(engine.attach(2, 0), QueryError) << "a static child";
+  EXPECT_THROW(engine.attach(0, 1), engine::QueryError) << "a cycle";
+  EXPECT_THROW(engine.attach(2, 0), engine::QueryError) << "a static child";
   engine.attach(1, kNone);
   EXPECT_EQ(engine.scene_revision(), free_revision);
   EXPECT_NEAR(engine.body_state(1).X_wb.translation.y, 1.0, 1e-15);
 }
 
 TEST_P(EngineTest, JobsKeepTheSnapshotTheyBeganWith) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.5, {.pose = Pose{}});
   scene.add_sphere("b", 0.5, {.pose = Pose{{3, 0, 0}}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   double distance = 0;
   ReplyView reply;
   reply.distance = &distance;
@@ -49,12 +49,12 @@ TEST_P(EngineTest, JobsKeepTheSnapshotTheyBeganWith) {
 }
 
 TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.5, {.pose = Pose{}});
   scene.add_sphere("hand", 0.5, {.parent = "a", .pose = Pose{{0, 2, 0}}});
   scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
   scene.add_sphere("floor", 0.5, {.is_static = true, .pose = Pose{{3, 0, 9}}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   const std::vector<BodyPair> pairs{{0, 2}, {1, 2}, {2, 3}};
   QueryView q;
   q.pairs = pairs;
@@ -96,12 +96,12 @@ TEST_P(EngineTest, StalePosesAreNoneWhereTheQueryLimitsTheirAge) {
 }
 
 TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("tool", 0.5, {.pose = Pose{}, .requires_pose = true});
   scene.add_sphere("cup", 0.5, {.parent = "tool", .pose = Pose{{0, 2, 0}}});
   scene.add_sphere("wall", 0.5, {.is_static = true, .pose = Pose{{3, 0, 0}}});
-  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .requires_pose = true}), SceneError);
-  Engine engine = make(std::move(scene));
+  EXPECT_THROW(scene.add_sphere("rock", 0.5, {.is_static = true, .requires_pose = true}), engine::SceneError);
+  engine::Engine engine = make(std::move(scene));
   const std::vector<BodyPair> pairs{{0, 2}, {1, 2}};
   QueryView q;
   q.pairs = pairs;
@@ -109,7 +109,7 @@ TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
   for (int row = 0; row < 2; ++row)
     EXPECT_EQ(static_cast<Status>(evaluate(engine, q).view.status[row]), Status::kNoPose) << row;
   EXPECT_EQ(engine.body_state(0).status, Status::kNoPose);
-  EXPECT_THROW(engine.attach(1, kNone), QueryError) << "from nowhere";
+  EXPECT_THROW(engine.attach(1, kNone), engine::QueryError) << "from nowhere";
   const BodyPose update{0, {}};
   engine.set_poses({&update, 1});
   EXPECT_NEAR(evaluate(engine, q).view.distance[0], 2, 1e-9);
@@ -117,9 +117,9 @@ TEST_P(EngineTest, ALiveBodyHasNoPoseUntilOneIsReceived) {
 }
 
 TEST_P(EngineTest, TheAgeOfPosesIsWhatStaleGoesBy) {
-  Scene scene;
+  engine::Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {.pose = Pose{}});
-  Engine engine = make(std::move(scene));
+  engine::Engine engine = make(std::move(scene));
   QueryView q;
   const std::vector<BodyPair> pairs{{0, 1}, {1, 2}};
   q.pairs = pairs;

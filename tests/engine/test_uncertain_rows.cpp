@@ -8,9 +8,9 @@ namespace clearance::test {
 namespace {
 
 // mixed_scene() with bodies of uncertain rotation, each by a different angle; some of them follow others.
-Scene uncertain_scene(int count, double box, std::uint64_t seed) {
-  const Scene known = mixed_scene(count, box, seed);
-  Scene scene;
+engine::Scene uncertain_scene(int count, double box, std::uint64_t seed) {
+  const engine::Scene known = mixed_scene(count, box, seed);
+  engine::Scene scene;
   Random random(seed);
   for (Body body : known.bodies()) {
     if (random.below(2) == 0) body.uncertainty = {0.01, random.uniform(0, 0.5)};
@@ -30,9 +30,9 @@ void expect_near(double a, double b) {
 
 TEST_P(EngineTest, UncertainReductionsAgreeWithAllPairs) {
   for (const std::string broad_phase : {"brute", "tree"}) {
-    Engine::Options options{GetParam(), 2};
+    engine::Engine::Options options{GetParam(), 2};
     options.broad_phase = broad_phase;
-    const Engine engine(uncertain_scene(60, 4, 3), options);
+    const engine::Engine engine(uncertain_scene(60, 4, 3), options);
     QueryView all;
     all.fields = kAllFields | kFieldPairLower;
     const Answer dense = evaluate(engine, all);
@@ -80,10 +80,10 @@ TEST_P(EngineTest, UncertainReductionsAgreeWithAllPairs) {
 
 // The flag depends only on uncertainty, whether SIMD lanes, a scalar run or a device thread computed the pair.
 TEST_P(EngineTest, BodiesThatMayTouchAreNonsmooth) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("known", {1, 1, 1}, {.pose = Pose{}});
   scene.add_box("unsure", {1, 1, 1}, {.pose = Pose{}, .uncertainty = {0, 0.08}});
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   Random random(8);
   std::vector<Pose> poses;
   for (int k = 0; k < 400; ++k) {
@@ -110,14 +110,14 @@ TEST_P(EngineTest, BodiesThatMayTouchAreNonsmooth) {
 }
 
 TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.5, {.pose = Pose{}});
   scene.add_sphere("near", 0.5, {.pose = Pose{{2, 0, 0}}});
-  Scene::BodyOptions unsure;
+  engine::Scene::BodyOptions unsure;
   unsure.pose = Pose{{0, 3, 0}};
   unsure.uncertainty.angle = 1;
   scene.add_box("far", {2, 2, 2}, unsure);  // 1.5 m away; a rotation may move its corners by more
-  const Engine engine = make(std::move(scene));
+  const engine::Engine engine = make(std::move(scene));
   const BodyPair pairs[] = {{0, 1}, {0, 2}};
   QueryView q;
   q.pairs = pairs;
@@ -132,14 +132,14 @@ TEST_P(EngineTest, TheLeastLowerBoundMayBeAnotherPairs) {
 }
 
 TEST_P(EngineTest, ABitOfNoColumnIsRejected) {
-  const Engine engine = make(mixed_scene(2, 1, 1));
+  const engine::Engine engine = make(mixed_scene(2, 1, 1));
   QueryView q;
   q.fields = kDefaultFields | 1u << kFieldCount;
-  EXPECT_THROW(engine.size(q), QueryError);
+  EXPECT_THROW(engine.size(q), engine::QueryError);
 }
 
 TEST_P(EngineTest, Float32BoundsHoldSlackToo) {
-  const Engine engine = make(uncertain_scene(24, 3, 5));
+  const engine::Engine engine = make(uncertain_scene(24, 3, 5));
   QueryView q;
   q.fields = kDefaultFields;
   const Answer full = evaluate(engine, q);

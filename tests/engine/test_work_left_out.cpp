@@ -16,7 +16,7 @@ using test::mixed_scene;
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-std::uint64_t counter(const Engine& engine, const std::string& name) {
+std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
   ADD_FAILURE() << "no counter " << name;
@@ -24,14 +24,14 @@ std::uint64_t counter(const Engine& engine, const std::string& name) {
 }
 
 TEST(WorkLeftOut, StaticIgnoredAndFollowingPairsAreNeverEvaluated) {
-  Scene scene = mixed_scene(40, 3, 1);
+  engine::Scene scene = mixed_scene(40, 3, 1);
   scene.set_parent("body1", "body0");
   scene.ignore("body2", "*");
   const std::size_t bodies = scene.bodies().size();
   const auto fixed = static_cast<std::size_t>(
       std::count_if(scene.bodies().begin(), scene.bodies().end(), [](const Body& b) { return b.is_static; }));
   ASSERT_EQ(fixed, 8u);
-  const Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene));
   const std::uint64_t wanted = bodies * (bodies - 1) / 2  // all
                                - fixed * (fixed - 1) / 2  // two static bodies
                                - 1                        // parent and child
@@ -43,7 +43,7 @@ TEST(WorkLeftOut, StaticIgnoredAndFollowingPairsAreNeverEvaluated) {
 }
 
 TEST(WorkLeftOut, ConfigurationsTouchOnlyPairsOfMovedBodies) {
-  const Engine engine(mixed_scene(40, 3, 2));
+  const engine::Engine engine(mixed_scene(40, 3, 2));
   const std::uint32_t moved[] = {3, 10};
   test::Random random(5);
   std::vector<Pose> poses;
@@ -58,10 +58,10 @@ TEST(WorkLeftOut, ConfigurationsTouchOnlyPairsOfMovedBodies) {
 }
 
 TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
-  const Scene scene = mixed_scene(60, 12, 3);
+  const engine::Scene scene = mixed_scene(60, 12, 3);
   QueryView query;
   query.max_distance = 0.5;
-  const Engine engine(scene);
+  const engine::Engine engine(scene);
   const Answer answer = evaluate(engine, query);
   std::uint64_t refined = 0, beyond = 0;
   for (std::uint64_t i = 0; i < answer.info.rows; ++i) {
@@ -84,16 +84,16 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
 
   // The oracle evaluates all of them.
   query.reduce = Reduce::kNone;
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = "reference";
-  const Answer oracle = evaluate(Engine(scene, options), query);
+  const Answer oracle = evaluate(engine::Engine(scene, options), query);
   EXPECT_EQ(oracle.info.pairs_evaluated, oracle.info.rows);
 }
 
 TEST(WorkLeftOut, BodiesWithoutAPoseCostNothing) {
-  Scene scene;
+  engine::Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {});
-  Engine engine(std::move(scene));
+  engine::Engine engine(std::move(scene));
   const BodyPose poses[] = {{0, {}}, {1, {{1, 0, 0}}}};
   engine.set_poses(poses);
   const Answer answer = evaluate(engine, {});

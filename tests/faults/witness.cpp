@@ -44,7 +44,7 @@ std::vector<std::byte> bytes_of(const Reply& r) {
                   got(r.configuration(), 11), got(r.points32(), 12));
 }
 
-std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& known) {
+std::vector<std::byte> answer_of(const engine::Engine& engine, const KnownQuery& known) {
   const Query& q = known.query;
   QueryView view;
   view.pairs = {reinterpret_cast<const BodyPair*>(known.pairs.data()), known.pairs.size()};
@@ -68,7 +68,7 @@ std::vector<std::byte> answer_of(const Engine& engine, const KnownQuery& known) 
 }  // namespace
 
 Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
-  const Engine engine(Scene::load(scene_file), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(engine::Scene::load(scene_file), {.backend = "cpu", .threads = 1});
   std::vector<std::uint32_t> movable;
   const auto& bodies = engine.scene().bodies();
   for (std::uint32_t b = 0; b < bodies.size(); ++b)
@@ -144,7 +144,7 @@ void Witness::run(std::uint64_t seed) {
 }
 
 void Witness::evaluate(const KnownQuery& known) {
-  const auto count = [this](std::uint64_t Counts::* what) {
+  const auto count = [this](std::uint64_t Counts::*what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);
   };

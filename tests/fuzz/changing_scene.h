@@ -11,10 +11,10 @@ namespace clearance::fuzz {
 
 /// Lets a loop over small_scene() add bodies and reload that scene.
 inline void serve_changing_scenes(Loop& loop) {
-  const auto build = [](Scene scene) {
-    Engine::Options options;
+  const auto build = [](engine::Scene scene) {
+    engine::Engine::Options options;
     options.threads = 1;
-    return std::make_unique<Engine>(std::move(scene), options);
+    return std::make_unique<engine::Engine>(std::move(scene), options);
   };
   loop.reload_by([build] { return build(small_scene()); }, build);
 }

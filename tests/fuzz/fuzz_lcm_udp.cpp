@@ -59,8 +59,8 @@ class Network {
   }
 
  private:
-  static Engine::Options one_thread() {
-    Engine::Options options;
+  static engine::Engine::Options one_thread() {
+    engine::Engine::Options options;
     options.threads = 1;
     return options;
   }
@@ -72,7 +72,7 @@ class Network {
   }
 
   LcmAddress address_;
-  Engine engine_;
+  engine::Engine engine_;
   Loop loop_;
   std::optional<RawSender> sender_;
   std::int64_t publisher_ = draw_lcm_id(), sequence_ = 0;

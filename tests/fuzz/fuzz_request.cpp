@@ -60,10 +60,10 @@ CLEARANCE_FUZZ_TARGET(request) {
   using namespace clearance;
   using namespace clearance::fuzz;
   // An engine for each input, because poses and attachments of one must not affect the next.
-  Engine::Options options;
+  engine::Engine::Options options;
   options.threads = 1;
-  static const Scene scene = small_scene();
-  Engine engine(scene, options);
+  static const engine::Scene scene = small_scene();
+  engine::Engine engine(scene, options);
   MemoryClient client, other;  // declared before the loop, which may hold their requests until its end
   Loop loop(engine, on_one_thread());
   serve_changing_scenes(loop);

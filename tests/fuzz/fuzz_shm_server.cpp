@@ -121,10 +121,10 @@ CLEARANCE_FUZZ_TARGET(shm_server) {
   using namespace clearance::fuzz;
   static const ScratchFolder folder;
   const std::string path = folder / "s";
-  Engine::Options options;
+  engine::Engine::Options options;
   options.threads = 1;
-  static const Scene scene = small_scene();
-  Engine engine(scene, options);
+  static const engine::Scene scene = small_scene();
+  engine::Engine engine(scene, options);
   Loop::Options every_turn = on_one_thread();  // queries that wait for poses are released at a tick
   every_turn.tick = std::chrono::nanoseconds(0);
   Loop loop(engine, every_turn);

@@ -95,10 +95,10 @@ CLEARANCE_FUZZ_TARGET(zmq_server) {
   using namespace clearance::fuzz;
   static const ScratchFolder folder;
   const std::string path = folder / "z", url = "ipc://" + path;
-  Engine::Options options;
+  engine::Engine::Options options;
   options.threads = 1;
-  static const Scene scene = small_scene();
-  Engine engine(scene, options);
+  static const engine::Scene scene = small_scene();
+  engine::Engine engine(scene, options);
   Loop loop(engine, on_one_thread());
   loop.add(make_zmq_transport(url));
 

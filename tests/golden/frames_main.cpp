@@ -206,7 +206,7 @@ void write_frames(std::ostream& out) {
   Conversation daemon(small_scene());
   for (const auto& [name, request] : ordered_requests()) write_exchange(out, daemon, name, request);
 
-  Scene scene;
+  engine::Scene scene;
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   Conversation arm(std::move(scene));
   Bytes positions;

@@ -94,7 +94,7 @@ void add(const test::Answer& answer, Digests* to) {
   for_each_column(column, view);
 }
 
-Digests evaluate(const Engine& engine, const GoldenScene& g, const Setting& s) {
+Digests evaluate(const engine::Engine& engine, const GoldenScene& g, const Setting& s) {
   QueryView q;
   q.reduce = s.question.reduce;
   if (s.question.cut) (q.reduce == Reduce::kAny ? q.margin : q.max_distance) = g.cut_off;
@@ -130,9 +130,9 @@ constexpr const char* kHead = "scene,reduce,precision,depth,ok,overlap,contact,b
 std::vector<std::string> lines_of(const std::string& instruction_set, int threads) {
   std::vector<std::string> lines{kHead};
   for (const GoldenScene& g : golden_scenes()) {
-    Engine::Options options{"cpu", threads};
+    engine::Engine::Options options{"cpu", threads};
     options.instruction_set = instruction_set;
-    const Engine engine(g.scene, options);
+    const engine::Engine engine(g.scene, options);
     for (const Setting& s : all_settings()) lines.push_back(line_of(g, s, evaluate(engine, g, s)));
   }
   return lines;
@@ -162,7 +162,7 @@ int run(const std::string& check, const std::string& write) {
   std::vector<std::string> expected;
   if (!check.empty()) expected = read_lines(check);
   int different = 0, ways = 0;
-  for (const std::string& instruction_set : Engine::instruction_sets())
+  for (const std::string& instruction_set : engine::Engine::instruction_sets())
     for (const int threads : {1, 3}) {
       const std::vector<std::string> got = lines_of(instruction_set, threads);
       if (expected.empty()) expected = got;

@@ -11,7 +11,7 @@ namespace clearance::golden {
 
 struct GoldenScene {
   std::string name;
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::uint32_t> moved;  ///< bodies that configurations place
   std::vector<Pose> configurations,
       next;            ///< (kConfigurations, moved); `next` is slightly displaced

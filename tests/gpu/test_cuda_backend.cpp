@@ -12,11 +12,11 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 // Many bodies of few shapes, so that groups form; some rounded, some too large for shared memory, some of two convex
 // parts.
-Scene grouped_scene(int count, double box, std::uint64_t seed) {
+engine::Scene grouped_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = random.pose(box);
     const std::string name = "body" + std::to_string(i);
     if (i % 40 == 7) {
@@ -70,13 +70,13 @@ std::vector<std::pair<std::string, QueryView>> queries() {
   return all;
 }
 
-void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what) {
+void compare(const engine::Engine& device, const engine::Engine& cpu, const QueryView& q, const std::string& what) {
   expect_same(evaluate(device, q), evaluate(cpu, q), what);
 }
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
   for (const double box : {3.0, 20.0}) {
-    const Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
+    const engine::Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
     EXPECT_EQ(device.backend(), "cuda");
     for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_GT(counter(device, "cuda.pairs_converged"), 100'000u);
@@ -87,7 +87,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
 // In several chunks, and in one answered with as few calls as possible.
 TEST_F(CudaBackend, FindsMostDepths) {
   for (const int bodies : {150, 600}) {
-    const Engine device(grouped_scene(bodies, 3, 7), {"cuda"}), cpu(grouped_scene(bodies, 3, 7), {"cpu"});
+    const engine::Engine device(grouped_scene(bodies, 3, 7), {"cuda"}), cpu(grouped_scene(bodies, 3, 7), {"cpu"});
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const std::uint32_t fields : {kAllFields | 0u, kDefaultFields | 0u}) {
         QueryView q;
@@ -107,14 +107,14 @@ TEST_F(CudaBackend, FindsMostDepths) {
 }
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
-  const Engine device(mixed_scene(120, 4, 2), {"cuda"}), cpu(mixed_scene(120, 4, 2), {"cpu"});
+  const engine::Engine device(mixed_scene(120, 4, 2), {"cuda"}), cpu(mixed_scene(120, 4, 2), {"cpu"});
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
 }
 
 // Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 5.0}) {
-    const Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
+    const engine::Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
     Random random(42);
     const std::vector<std::uint32_t> bodies{0, 2, 3, 7, 15, 26, 30};
     for (auto [name, q] : queries()) {
@@ -144,7 +144,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
 // A body with a convex part that the device cannot hold is left to the CPU as a whole.
 TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
   const auto with_large = [] {
-    Scene scene = decomposed_scene(30, 2, 43), large;
+    engine::Scene scene = decomposed_scene(30, 2, 43), large;
     large.add_uv_sphere("large", 0.3, 200, {});  // 79,602 vertices
     Body body;
     body.name = "both";
@@ -153,7 +153,7 @@ TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
     scene.add_body(std::move(body));
     return scene;
   };
-  const Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
+  const engine::Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
   QueryView q;
   q.fields = kAllFields;
   compare(device, cpu, q, "dense");
@@ -169,7 +169,7 @@ TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   const auto large = [](bool with_largest) {
     Random random(31);
-    Scene scene, shapes;
+    engine::Scene scene, shapes;
     for (const int vertices : {513, 900, 2500, 6000, 42})
       shapes.add_hull("h" + std::to_string(vertices), cloud_on_sphere(vertices, 0.6, 6), {});
     if (with_largest) shapes.add_uv_sphere("largest", 0.6, 200, {});  // 79,602 vertices
@@ -187,7 +187,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < 100 * bodies.size(); ++i) poses.push_back(random.pose(4));
   for (const bool with_largest : {false, true}) {
-    const Engine device(large(with_largest), {"cuda"}), cpu(large(with_largest), {"cpu"});
+    const engine::Engine device(large(with_largest), {"cuda"}), cpu(large(with_largest), {"cpu"});
     const std::string scene = with_largest ? "with the largest" : "large";
     for (auto [name, q] : queries()) {
       compare(device, cpu, q, scene + ", " + name);
@@ -212,11 +212,11 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
 // Poses of chains of followers are rounded, which is slack.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
   const auto arm = [] {
-    Scene scene = grouped_scene(60, 3, 3);
+    engine::Scene scene = grouped_scene(60, 3, 3);
     for (int i : {20, 21, 22}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
     return scene;
   };
-  const Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  const engine::Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
   for (const auto& [name, query] : queries()) compare(device, cpu, query, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
@@ -224,7 +224,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
 // Over several chunks with a smaller last one.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] { return grouped_scene(60, 3, 3); };
-  Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  engine::Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
   const std::vector<std::uint32_t> bodies{2, 21, 23, 40, 30};
   Random random(4);
   for (const std::uint32_t K : {1u, 2u, 130u, 2000u}) {
@@ -246,7 +246,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
 }
 
 TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {
-  const Engine device(grouped_scene(100, 4, 5), {"cuda"}), cpu(grouped_scene(100, 4, 5), {"cpu"});
+  const engine::Engine device(grouped_scene(100, 4, 5), {"cuda"}), cpu(grouped_scene(100, 4, 5), {"cpu"});
   Random random(6);
   std::vector<BodyPair> pairs;
   while (pairs.size() < 5000) {
@@ -263,12 +263,12 @@ TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {
 }
 
 TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
-  Scene scene = grouped_scene(50, 3, 7), same = grouped_scene(50, 3, 7);
-  for (Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
-  Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
+  engine::Scene scene = grouped_scene(50, 3, 7), same = grouped_scene(50, 3, 7);
+  for (engine::Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
+  engine::Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
   std::vector<BodyPose> poses{
       {3, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
-  for (Engine* e : {&device, &cpu}) e->set_poses(poses);
+  for (engine::Engine* e : {&device, &cpu}) e->set_poses(poses);
   QueryView q;
   q.fields = kAllFields;
   compare(device, cpu, q, "bad poses");
@@ -282,7 +282,7 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
 
 // At a tolerance near the limit of float32, some pairs keep its answer and some get float64's.
 TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
-  const Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
+  const engine::Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
   QueryView q;
   q.rel_tol = 1e-5;
   const Answer f64 = evaluate(device, q);
@@ -302,14 +302,14 @@ TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
 }
 
 TEST_F(CudaBackend, FollowsPosesAndAttachments) {
-  Engine device(grouped_scene(80, 3, 8), {"cuda"}), cpu(grouped_scene(80, 3, 8), {"cpu"});
+  engine::Engine device(grouped_scene(80, 3, 8), {"cuda"}), cpu(grouped_scene(80, 3, 8), {"cpu"});
   Random random(9);
   QueryView q;
   q.fields = kAllFields;
   for (int round = 0; round < 4; ++round) {
     std::vector<BodyPose> poses;
     for (std::uint32_t b = 0; b < 80; ++b) poses.push_back({b, random.pose(3)});
-    for (Engine* e : {&device, &cpu}) {
+    for (engine::Engine* e : {&device, &cpu}) {
       e->set_poses(poses);
       if (round == 2) e->attach(5, 6);
     }
@@ -318,7 +318,7 @@ TEST_F(CudaBackend, FollowsPosesAndAttachments) {
 }
 
 TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
-  const Engine device(grouped_scene(900, 12, 10), {"cuda"}), cpu(grouped_scene(900, 12, 10), {"cpu"});
+  const engine::Engine device(grouped_scene(900, 12, 10), {"cuda"}), cpu(grouped_scene(900, 12, 10), {"cpu"});
   const Answer expected = evaluate(cpu, {});
   expect_same(evaluate(device, {}, std::chrono::nanoseconds(1)), expected, "in slices");
   const std::uint64_t allocations = counter(device, "cuda.allocations"), bytes = counter(device, "cuda.scene_bytes");
@@ -329,7 +329,7 @@ TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
 }
 
 TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
-  const Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
+  const engine::Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
   for (const auto& [name, q] : queries()) {
     const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
@@ -348,7 +348,7 @@ TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
 }
 
 TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
-  const Engine device(grouped_scene(400, 8, 12), {"cuda"}), cpu(grouped_scene(400, 8, 12), {"cpu"});
+  const engine::Engine device(grouped_scene(400, 8, 12), {"cuda"}), cpu(grouped_scene(400, 8, 12), {"cpu"});
   QueryView q;
   q.fields = kAllFields;
   const Answer expected = evaluate(cpu, q), room = evaluate(cpu, q);
@@ -364,16 +364,16 @@ TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
 }
 
 TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
-  const Engine free(grouped_scene(700, 12, 14), {"cuda"}), cpu(grouped_scene(700, 12, 14), {"cpu"});
+  const engine::Engine free(grouped_scene(700, 12, 14), {"cuda"}), cpu(grouped_scene(700, 12, 14), {"cpu"});
   const Answer expected = evaluate(cpu, {});
   expect_same(evaluate(free, {}), expected, "without a budget");
   const std::uint64_t scene = counter(free, "cuda.scene_bytes"), all = scene + counter(free, "cuda.query_bytes");
   ASSERT_GT(all, scene + 1'000'000);
-  Engine::Options options{"cuda"};
+  engine::Engine::Options options{"cuda"};
   for (const std::uint64_t budget : {scene / 2, scene + 1'000'000, all}) {
     options.device_memory = budget;
     options.device_fallback = true;
-    const Engine device(grouped_scene(700, 12, 14), options);
+    const engine::Engine device(grouped_scene(700, 12, 14), options);
     const Answer a = evaluate(device, {});
     expect_same(a, expected, "budget " + std::to_string(budget));
     EXPECT_EQ(a.info.backend, budget == all ? "cuda" : "cpu");
@@ -384,9 +384,9 @@ TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
         << device.device_error();
     options.device_fallback = false;
     if (budget < scene) {
-      EXPECT_THROW(Engine(grouped_scene(700, 12, 14), options), std::runtime_error);
+      EXPECT_THROW(engine::Engine(grouped_scene(700, 12, 14), options), std::runtime_error);
     } else {
-      EXPECT_THROW(evaluate(Engine(grouped_scene(700, 12, 14), options), {}), QueryError);
+      EXPECT_THROW(evaluate(engine::Engine(grouped_scene(700, 12, 14), options), {}), engine::QueryError);
     }
   }
 }
@@ -395,7 +395,7 @@ TEST(CudaBackendAbsent, SaysWhy) {
   if (cuda::device_info().present) GTEST_SKIP() << "there is a device: " << cuda::device_info().name;
   EXPECT_FALSE(cuda::device_info().reason.empty());
   try {
-    Engine engine(mixed_scene(4, 3, 1), {"cuda"});
+    engine::Engine engine(mixed_scene(4, 3, 1), {"cuda"});
     FAIL();
   } catch (const std::runtime_error& e) {
     EXPECT_EQ(e.what(),

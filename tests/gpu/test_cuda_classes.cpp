@@ -42,7 +42,7 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
   const CaseClass& c = case_classes()[GetParam()];
   const std::vector<Case> cases = cases_of(c, kCases, 22);
   const auto make_scene = [&] {
-    Scene scene;
+    engine::Scene scene;
     for (std::uint32_t i = 0; i < kCases; ++i)
       for (const bool is_b : {false, true}) {
         Body body;
@@ -54,7 +54,7 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
       }
     return scene;
   };
-  const Engine device(make_scene(), {"cuda"}), cpu(make_scene(), {"cpu"});
+  const engine::Engine device(make_scene(), {"cuda"}), cpu(make_scene(), {"cpu"});
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 0; i < kCases; ++i) {

@@ -15,9 +15,9 @@ namespace {
 constexpr std::uint32_t kBodies = 48, kBatch = 100;
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
-Scene bodies_of_all_kinds() {
+engine::Scene bodies_of_all_kinds() {
   Random random(31);
-  Scene scene;
+  engine::Scene scene;
   for (std::uint32_t i = 0; i < kBodies; ++i) {
     const std::string name = "b" + std::to_string(i);
     switch (i % 6) {
@@ -76,7 +76,7 @@ struct Exact {
 };
 
 /// The exact distance of every pair in every configuration, in the order of a query's rows.
-std::vector<Exact> exact_answer(const Scene& scene, const std::vector<BodyPair>& pairs,
+std::vector<Exact> exact_answer(const engine::Scene& scene, const std::vector<BodyPair>& pairs,
                                 const std::vector<Pose>& poses) {
   std::vector<Exact> rows(kBatch * pairs.size());
   std::atomic<std::size_t> next{0};
@@ -122,7 +122,7 @@ class ManyPairs : public testing::TestWithParam<std::string> {
 };
 
 TEST_P(ManyPairs, HaveTheirExactDistanceInTheInterval) {
-  Engine engine(bodies_of_all_kinds(), {GetParam()});
+  engine::Engine engine(bodies_of_all_kinds(), {GetParam()});
   std::vector<std::uint32_t> bodies(kBodies);
   std::iota(bodies.begin(), bodies.end(), 0u);
   Random random(32);

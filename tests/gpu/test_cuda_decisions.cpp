@@ -38,7 +38,8 @@ std::vector<std::pair<std::string, QueryView>> queries() {
 
 // Runs a query on both, also with a margin per pair.
 // \returns number of rows by status
-std::array<std::uint64_t, 16> compare(const Engine& device, const Engine& cpu, QueryView q, const std::string& what) {
+std::array<std::uint64_t, 16> compare(const engine::Engine& device, const engine::Engine& cpu, QueryView q,
+                                      const std::string& what) {
   std::array<std::uint64_t, 16> statuses{};
   const auto compare_one = [&](const std::string& with) {
     const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
@@ -62,7 +63,7 @@ std::uint64_t of(const std::array<std::uint64_t, 16>& statuses, Status status) {
 TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
   std::uint64_t beyond = 0, overlap = 0, near = 0, converged = 0;
   for (const double box : {1.0, 5.0, 20.0}) {
-    const Engine device(mixed_scene(80, box, 5), {"cuda"}), cpu(mixed_scene(80, box, 5), {"cpu"});
+    const engine::Engine device(mixed_scene(80, box, 5), {"cuda"}), cpu(mixed_scene(80, box, 5), {"cpu"});
     for (const std::uint32_t K : {0u, 1u, 300u}) {
       Random random(6);
       const std::vector<std::uint32_t> bodies{1, 2, 3, 17};
@@ -94,7 +95,7 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForUncertainBodies) {
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
     if (K > 5) c.positions[5 * c.joints.size()] = std::numeric_limits<double>::quiet_NaN();
-    const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
     const std::vector<BodyPair> all = c.pairs;
     for (const std::size_t step : {1u, 9u}) {  // fewer pairs have fewer overlaps
       std::vector<BodyPair> some;
@@ -119,9 +120,9 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForUncertainBodies) {
 // Robots with joints of every kind, one in the hand of the other, with all or some joints moving.
 TEST_F(CudaDecisions, PutLinksWhereTheCpuPutsThem) {
   const auto scene = [] {
-    Scene s;
+    engine::Scene s;
     s.add_box("floor", {4, 4, 0.1}, {.is_static = true, .pose = Pose{{0, 0, -0.6}}});
-    RobotOptions options;
+    engine::RobotOptions options;
     options.urdf = kEveryJoint;
     options.geometry_files.emplace();  // frames
     options.home = {{"lift", 0.7}};    // beyond its limits
@@ -135,7 +136,7 @@ TEST_F(CudaDecisions, PutLinksWhereTheCpuPutsThem) {
                   .pose = Pose{{0.1 * i, 0, 0.1}}});
     return s;
   };
-  const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
   const std::vector<SceneJoint>& all = cpu.scene().joints();
   for (const bool few : {false, true}) {
     std::vector<std::uint32_t> joints;

@@ -25,8 +25,8 @@ struct Found {
 // Runs a query on both. Intervals are as narrow as requested and contain the same distance, and decisions do not
 // contradict each other.
 // \param share of the pairs that may be left to the CPU
-void compare(const Engine& device, const Engine& cpu, const QueryView& q, const std::string& what, Found& found,
-             double share = 0.05) {
+void compare(const engine::Engine& device, const engine::Engine& cpu, const QueryView& q, const std::string& what,
+             Found& found, double share = 0.05) {
   const std::uint64_t before = counter(device, "cuda.pairs_finished_on_cpu");
   const Answer rows = evaluate(device, q), expected = evaluate(cpu, q);
   EXPECT_LE(static_cast<double>(counter(device, "cuda.pairs_finished_on_cpu") - before),
@@ -67,7 +67,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
       for (const double room : {0.6, 1.2, 3.0}) {
         ElementCase c(kind, size, room, 400, 3, room == 1.2, 0.05, room == 0.6);
         c.poses[7].translation.y = std::numeric_limits<double>::quiet_NaN();
-        const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+        const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
         const std::string name = "size " + std::to_string(size) + ", kind " + std::to_string(static_cast<int>(kind)) +
                                  ", room " + std::to_string(room);
         for (const Precision precision : {Precision::kF64, Precision::kF32}) {
@@ -109,7 +109,7 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
     for (const double room : {0.6, 1.5}) {
       MeshCase c(300, room, 5);
       c.request_about(all ? c.pairs_of_all() : c.pairs_of_meshes());
-      const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+      const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
       const std::string name = std::string(all ? "all" : "meshes") + ", room " + std::to_string(room);
       for (const double distance : {kInf, 0.1})
         for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kWithin}) {
@@ -135,8 +135,8 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
 }
 
 // The same query gives the same bits, regardless of thread order.
-void expect_repeated(Scene scene, QueryView q) {
-  const Engine device(std::move(scene), {"cuda"});
+void expect_repeated(engine::Scene scene, QueryView q) {
+  const engine::Engine device(std::move(scene), {"cuda"});
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kAny}) {
     q.reduce = reduce;
     q.margin = reduce == Reduce::kAny ? 0.05 : 0;
@@ -161,7 +161,7 @@ TEST_F(CudaElements, RepeatThemselvesOfMeshes) {
 // Points are replaced, in the memory of the previous ones and during a query of these; bodies are emptied.
 TEST_F(CudaElements, FollowTheirPoints) {
   ElementCase c(ElementKind::kPoints, 3000, 1.2, 200, 3, true);
-  Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   c.q.reduce = Reduce::kMin;
   Random random(5);
   Found found;
@@ -172,7 +172,7 @@ TEST_F(CudaElements, FollowTheirPoints) {
       const auto x = [&] { return static_cast<float>(random.uniform(-1, 1)); };
       points.push_back({shift + x(), x(), 0.3f * x()});
     }
-    for (Engine* engine : {&cpu, &device}) engine->set_points(0, points);
+    for (engine::Engine* engine : {&cpu, &device}) engine->set_points(0, points);
     for (int i = 0; i < 2; ++i) {
       if (count > 0) {
         compare(device, cpu, c.q, std::to_string(count) + " points", found);
@@ -194,7 +194,7 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
     for (const std::uint32_t other : {c.cloud, c.nothing, c.several}) pairs.push_back({other, link});
   c.request_about(pairs);
   c.q.reduce = Reduce::kMin;
-  const Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
   expect_same(evaluate(device, c.q), evaluate(cpu, c.q), "clouds before meshes", false);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }

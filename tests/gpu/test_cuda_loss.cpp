@@ -8,21 +8,21 @@ namespace {
 TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   SKIP_WITHOUT_DEVICE();
   const auto scene = [] {
-    Scene s;
+    engine::Scene s;
     Random random(3);
     for (int i = 0; i < 900; ++i) s.add_uv_sphere("s" + std::to_string(i), 0.5, 5, {.pose = random.pose(12)});
     return s;
   };
-  const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
-  Engine::Options strict{"cuda"};
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  engine::Engine::Options strict{"cuda"};
   strict.device_fallback = false;
-  const Engine rejecting(scene(), strict);
+  const engine::Engine rejecting(scene(), strict);
   const Answer expected = evaluate(cpu, {}), room = evaluate(device, {});
   expect_same(room, expected, "while all is well");
   Job job = device.start({}, room.view), doomed = rejecting.start({}, room.view);
   ASSERT_FALSE(job.advance(std::chrono::nanoseconds(1))) << "a chunk came, and there are more";
   break_device();
-  EXPECT_THROW(doomed.advance(), QueryError);
+  EXPECT_THROW(doomed.advance(), engine::QueryError);
   while (!job.advance()) {
   }
   EXPECT_EQ(job.info().backend, "cpu");
@@ -36,9 +36,9 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
   QueryView q;
   q.reduce = Reduce::kNearest;
   expect_same(evaluate(device, q), evaluate(cpu, q), "afterwards", true);
-  EXPECT_THROW(evaluate(rejecting, {}), QueryError);
-  EXPECT_THROW(Engine(scene(), strict), std::runtime_error);
-  EXPECT_EQ(Engine(scene(), {"cuda"}).backend(), "cpu");
+  EXPECT_THROW(evaluate(rejecting, {}), engine::QueryError);
+  EXPECT_THROW(engine::Engine(scene(), strict), std::runtime_error);
+  EXPECT_EQ(engine::Engine(scene(), {"cuda"}).backend(), "cpu");
 }
 
 }  // namespace

@@ -16,7 +16,8 @@ namespace {
 // A row for each of 20,000 edges.
 void request_both(double margin, double size, bool when) {
   const ArmEdges edges(11, 20000, size);
-  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda"}),
+      cpu(engine::Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(margin, when);
   const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
@@ -54,7 +55,8 @@ TEST(CudaMotions, FindLeastDistances) {
     for (const double size : {0.2, 1.5})
       for (const bool when : {false, true}) {
         const ArmEdges edges(13, 20000, size);
-        const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+        const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda"}),
+            cpu(engine::Scene(edges.scene), {.backend = "cpu"});
         const QueryView q = edges.least(margin, when);
         const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
         ASSERT_EQ(found.info.backend, "cuda");
@@ -74,7 +76,8 @@ TEST(CudaMotions, FindLeastDistances) {
 TEST(CudaMotions, OutOfStepsIsNeverFree) {
   SKIP_WITHOUT_DEVICE();
   const ArmEdges edges(17, 3000, 1.0);
-  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda"}),
+      cpu(engine::Scene(edges.scene), {.backend = "cpu"});
   const Answer exact_value = evaluate(cpu, edges.query(0, true));
   int free = 0, hits = 0, unconverged = 0, narrow = 0;
   for (std::uint32_t steps = 1; steps <= 256; steps = steps < 8 ? steps + 1 : 2 * steps)
@@ -113,7 +116,8 @@ TEST(CudaMotions, FlagEndsBeyondLimits) {
   SKIP_WITHOUT_DEVICE();
   ArmEdges edges(12, 4000, 0.8);
   edges.end_beyond_limits();
-  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda"}),
+      cpu(engine::Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);
   const Answer found = evaluate(device, q), wanted = evaluate(cpu, q);
   ASSERT_EQ(found.info.backend, "cuda");
@@ -133,7 +137,8 @@ TEST(CudaMotions, LeaveMeshesToTheCpu) {
   board.add_box({0.5, 0, 0.4}, {0.3, 0.02, 0.3}, 3, false);
   edges.scene.add_mesh("board", board.vertices, board.triangles, MeshAs::kSolid, {.is_static = true, .pose = Pose()});
   edges.motions.pairs = {{edges.scene.find_body("tool"), edges.scene.find_body("board")}};
-  const Engine device(Scene(edges.scene), {.backend = "cuda"}), cpu(Scene(edges.scene), {.backend = "cpu"});
+  const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda"}),
+      cpu(engine::Scene(edges.scene), {.backend = "cpu"});
   const QueryView q = edges.query(0, true);
   const MotionComparison v = compare_motions(evaluate(device, q), evaluate(cpu, q), q);
   EXPECT_GT(v.free, 20);

@@ -73,7 +73,7 @@ struct Requested {
   std::vector<Pose> poses;
   std::vector<double> positions;
 
-  Requested(const Scene& scene, bool by_joints, std::uint64_t seed) {
+  Requested(const engine::Scene& scene, bool by_joints, std::uint64_t seed) {
     for (const char* name : {"cup", "can", "box"}) bodies.push_back(scene.find_body(name));
     if (by_joints)
       for (std::uint32_t j = 0; j < scene.joints().size(); ++j) joints.push_back(j);
@@ -85,7 +85,7 @@ struct Requested {
 
 TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
   start(kScene);
-  const Engine engine(Scene::load(scene_, false), {"cuda"});
+  const engine::Engine engine(engine::Scene::load(scene_, false), {"cuda"});
   int compared = 0, unlike = 0;
   for (const std::string& url : daemon_->urls()) {
     Client client = patient(url);

@@ -7,12 +7,12 @@ namespace clearance::test {
 namespace {
 
 // Groups that share both hulls, ungrouped pairs, rounded bodies, and bodies of several convex parts.
-Scene scene_of_all_kinds(int count, double box) {
+engine::Scene scene_of_all_kinds(int count, double box) {
   Random random(23);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i) {
     const std::string name = "b" + std::to_string(i);
-    const Scene::BodyOptions options{.is_static = i % 6 == 5, .pose = random.pose(box)};
+    const engine::Scene::BodyOptions options{.is_static = i % 6 == 5, .pose = random.pose(box)};
     if (i % 30 == 7) {
       scene.add_hull(name, cloud_on_sphere(600, 0.6, 3), options);
     } else if (i % 20 == 13) {
@@ -47,7 +47,7 @@ struct Requested {
   std::vector<Pose> poses;
   QueryView q;
 
-  Requested(const Scene& scene, std::uint32_t configurations, double box) {
+  Requested(const engine::Scene& scene, std::uint32_t configurations, double box) {
     Random random(7);
     for (std::uint32_t b = 0; b < scene.bodies().size() && bodies.size() < 20; ++b)
       if (!scene.bodies()[b].is_static) bodies.push_back(b);
@@ -73,7 +73,7 @@ struct Running {
   ReplyView view;
   DeviceStream stream;
 
-  Running(const Engine& engine, const QueryView& q)
+  Running(const engine::Engine& engine, const QueryView& q)
       : plan(engine.plan_on_device(q)),
         poses(q.configurations.size_bytes()),
         positions(q.positions.size_bytes()),
@@ -152,7 +152,7 @@ const std::uint32_t kBounds = kFieldLower | kFieldUpper;
 
 TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
   for (const double box : {2.0, 12.0}) {
-    const Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
+    const engine::Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
     for (const std::uint32_t configurations : {0u, 1u, 50u})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
         for (const std::uint32_t fields : {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFloat32, kFloat32})
@@ -174,7 +174,7 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
 
 TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
   const auto scene = [] { return scene_of_all_kinds(60, 6); };
-  const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
   Requested requested(device.scene(), 6000, 6);
   requested.q.fields = kBounds;
   Running running(device, requested.q);
@@ -185,7 +185,7 @@ TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
 
 // Captured in a graph, a device query reads its input memory again on each launch.
 // \param plain a device query that was created with `others`
-void expect_captured(const Engine& device, Running& running, Running& plain, const QueryView& others) {
+void expect_captured(const engine::Engine& device, Running& running, Running& plain, const QueryView& others) {
   plain.run();
   const Answer expected = plain.answer();
   const std::uint64_t allocations = counter(device, "cuda.allocations");
@@ -203,7 +203,7 @@ void expect_captured(const Engine& device, Running& running, Running& plain, con
 }
 
 TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAgain) {
-  const Engine device(scene_of_all_kinds(80, 4), {"cuda"});
+  const engine::Engine device(scene_of_all_kinds(80, 4), {"cuda"});
   Requested requested(device.scene(), 64, 4), others(device.scene(), 64, 3);
   requested.q.fields = others.q.fields = kDefaultFields;
   Running running(device, requested.q), plain(device, others.q);
@@ -211,7 +211,7 @@ TEST_F(DevicePlans, AreCapturedInGraphsThatReadPosesAgain) {
 }
 
 TEST_F(DevicePlans, HaveMemoryOfTheirOwnForRows) {
-  const Engine device(scene_of_all_kinds(40, 4), {"cuda"});
+  const engine::Engine device(scene_of_all_kinds(40, 4), {"cuda"});
   Requested requested(device.scene(), 8, 4);
   requested.q.fields = kDefaultFields;
   Running running(device, requested.q);
@@ -239,7 +239,7 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const double max_distance : {std::numeric_limits<double>::infinity(), 0.2}) {
         JointRequested requested(200, 11);
-        const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+        const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
         requested.q.fields = fields;
         requested.q.precision = precision;
         requested.q.max_distance = max_distance;
@@ -312,7 +312,7 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
           std::size_t at = 0;
           std::erase_if(requested.pairs, [&](BodyPair) { return at++ % 12 != first; });
           requested.point();
-          const Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+          const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
           std::vector<double> margins(requested.pairs.size());
           Random random(8);
           for (double& margin : margins) margin = random.uniform(0, 0.05);
@@ -346,7 +346,7 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
       // With single and with several convex parts.
       for (const bool several : {false, true}) {
         const auto scene = [&] { return several ? scene_of_all_kinds(60, 9) : mixed_scene(60, 9, 5); };
-        const Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+        const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
         Requested requested(device.scene(), configurations, 9);
         requested.q.fields = kDefaultFields | kFieldPoints;
         requested.q.reduce = reduce;
@@ -365,11 +365,11 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
 
 // A box exactly on another: neither contact nor clearance can be proved, and the result must not be free.
 TEST_F(DevicePlans, CallNothingFreeThatTouches) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("floor", {4, 4, 1}, {.is_static = true, .pose = Pose()});
   scene.add_box("box", {1, 1, 1}, {});
   scene.add_capsule("capsule", 0.5, 1, {});
-  const Engine device(std::move(scene), {"cuda"});
+  const engine::Engine device(std::move(scene), {"cuda"});
   const std::vector<std::uint32_t> bodies{1, 2};
   const std::vector<Pose> poses{Pose{{0, 0, 1}},   Pose{{5, 0, 9}}, Pose{{0, 0, 3}},
                                 Pose{{1, 1, 1.5}}, Pose{{0, 0, 3}}, Pose{{3, 0, 3}}};
@@ -397,7 +397,7 @@ TEST_F(DevicePlans, CallNothingFreeThatTouches) {
 TEST_F(DevicePlans, ReducedFromJointsAreCapturedInGraphs) {
   for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
     JointRequested requested(64, 3), others(64, 4);
-    const Engine device(std::move(requested.scene), {"cuda"});
+    const engine::Engine device(std::move(requested.scene), {"cuda"});
     requested.q.fields = others.q.fields = kDefaultFields | kFieldGradientJoints;
     requested.q.reduce = others.q.reduce = reduce;
     Running running(device, requested.q), plain(device, others.q);
@@ -405,19 +405,19 @@ TEST_F(DevicePlans, ReducedFromJointsAreCapturedInGraphs) {
   }
 }
 
-std::string rejection(const Engine& engine, const QueryView& q) {
+std::string rejection(const engine::Engine& engine, const QueryView& q) {
   try {
     engine.plan_on_device(q);
-  } catch (const QueryError& e) {
+  } catch (const engine::QueryError& e) {
     return e.what();
   }
   return "";
 }
 
 TEST_F(DevicePlans, RejectByNameWhatOnlyTheCpuAnswers) {
-  Scene scene = scene_of_all_kinds(12, 4);
+  engine::Scene scene = scene_of_all_kinds(12, 4);
   scene.add_box("can", {0.2, 0.2, 0.5}, {.pose = Pose(), .max_speed = 1});
-  const Engine device(std::move(scene), {"cuda"});
+  const engine::Engine device(std::move(scene), {"cuda"});
   QueryView q;
   EXPECT_NE(rejection(device, q).find("'can' has slack that grows"), std::string::npos) << rejection(device, q);
   const std::vector<BodyPair> pairs{{0, 1}};
@@ -440,14 +440,14 @@ TEST_F(DevicePlans, RejectByNameWhatOnlyTheCpuAnswers) {
   DeviceMemory column(64);
   ReplyView view;
   view.distance = reinterpret_cast<double*>(column.data());
-  EXPECT_THROW(plan->run({}, view, nullptr), QueryError) << "a column that it was not made for";
+  EXPECT_THROW(plan->run({}, view, nullptr), engine::QueryError) << "a column that it was not made for";
   view = {};
   view.lower = reinterpret_cast<double*>(column.data() + 4);
-  EXPECT_THROW(plan->run({}, view, nullptr), QueryError) << "not aligned";
+  EXPECT_THROW(plan->run({}, view, nullptr), engine::QueryError) << "not aligned";
 }
 
 TEST(DevicePlansWithoutADevice, AreRejected) {
-  const Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
+  const engine::Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
   EXPECT_NE(rejection(cpu, {}).find("no device"), std::string::npos) << rejection(cpu, {});
 }
 

@@ -101,11 +101,11 @@ class SharedDeviceMemory : public testing::Test {
   fs::path folder_;
 };
 
-Scene some_bodies() {
-  Scene scene;
+engine::Scene some_bodies() {
+  engine::Scene scene;
   Random random(31);
   for (int i = 0; i < 60; ++i) {
-    const Scene::BodyOptions options{.is_static = i % 6 == 5, .pose = random.pose(4)};
+    const engine::Scene::BodyOptions options{.is_static = i % 6 == 5, .pose = random.pose(4)};
     const std::string name = "b" + std::to_string(i);
     if (i % 3 == 0)
       scene.add_box(name, {0.5, 1, 0.25}, options);
@@ -126,7 +126,7 @@ std::vector<char> chars_of(const std::vector<std::byte>& bytes) {
 constexpr std::uint32_t kConfigurations = 40;
 
 TEST_F(SharedDeviceMemory, GivesAnotherProcessTheBitsThatAPlanHasHere) {
-  const Engine engine(some_bodies(), {"cuda"});
+  const engine::Engine engine(some_bodies(), {"cuda"});
   const std::vector<std::uint32_t> moved{0, 1, 2, 9, 13};
   for (const Precision precision : {Precision::kF64, Precision::kF32})
     for (const std::uint32_t fields : {kDefaultFields | kFieldBounds, kFloat32}) {

@@ -43,7 +43,7 @@ std::string both_boxes() {
 class DecomposedMeshes : public testing::Test {
  protected:
   std::string write(const std::string& name, const std::string& text) { return folder_.write(name, text); }
-  static const Decomposition* convex_parts_of(const Scene& scene, std::uint32_t body = 0) {
+  static const Decomposition* convex_parts_of(const engine::Scene& scene, std::uint32_t body = 0) {
     const Surface* surface = surface_of(scene.bodies()[body]);
     return surface ? surface->decomposition() : nullptr;
   }
@@ -53,7 +53,7 @@ class DecomposedMeshes : public testing::Test {
 TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
   const std::string mesh = write("l.obj", kBracket);
   write("l.obj.pieces.obj", both_boxes());
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
   const Decomposition* parts = convex_parts_of(scene);
   ASSERT_TRUE(parts);
@@ -71,7 +71,7 @@ TEST_F(DecomposedMeshes, AreProvedWhenTheyAreRead) {
 }
 
 TEST_F(DecomposedMeshes, WithoutPartsAreSolidsAndSayWhatToRun) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("l", write("l.obj", kBracket), {1, 1, 1}, MeshAs::kDecompose, {});
   EXPECT_FALSE(convex_parts_of(scene));
   EXPECT_TRUE(surface_of(scene.bodies()[0])->is_solid());
@@ -88,7 +88,7 @@ TEST_F(DecomposedMeshes, WithoutPartsAreSolidsAndSayWhatToRun) {
 TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
   const std::string mesh = write("l.obj", kBracket);
   write("l.obj.pieces.obj", box("lying", 1, 0.25, 0));
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {});
   ASSERT_TRUE(convex_parts_of(scene));
   EXPECT_GE(convex_parts_of(scene)->inner, 0.75);
@@ -96,9 +96,9 @@ TEST_F(DecomposedMeshes, ThatLeaveAPartOutSaySo) {
 }
 
 TEST_F(DecomposedMeshes, RejectWhatEnclosesNothingOrIsNoConvexPart) {
-  Scene scene;
+  engine::Scene scene;
   const auto rejection = [&](const std::string& mesh) {
-    return error_text<SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {}); });
+    return error_text<engine::SceneError>([&] { scene.add_mesh("l", mesh, {1, 1, 1}, MeshAs::kDecompose, {}); });
   };
   const std::string open = write("open.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
   EXPECT_NE(rejection(open).find("mesh_as: decompose: the mesh encloses no volume: the edge from"), std::string::npos);

@@ -16,11 +16,11 @@
 namespace clearance {
 namespace {
 
-Scene load(const std::string& name) {
-  return Scene::load(source_file("scenes/" + name + "/scene.yaml"));
+engine::Scene load(const std::string& name) {
+  return engine::Scene::load(source_file("scenes/" + name + "/scene.yaml"));
 }
 
-const BodyReport& of(const Scene& scene, const SceneReport& report, const std::string& body) {
+const BodyReport& of(const engine::Scene& scene, const SceneReport& report, const std::string& body) {
   return report.bodies.at(scene.find_body(body));
 }
 
@@ -31,14 +31,14 @@ std::vector<Finding> findings(const SceneReport& report, Finding::Kind kind) {
   return some;
 }
 
-std::uint64_t enabled_pairs(const Scene& scene) {
-  for (const auto& [name, value] : Engine(scene).stats())
+std::uint64_t enabled_pairs(const engine::Scene& scene) {
+  for (const auto& [name, value] : engine::Engine(scene).stats())
     if (name == "engine.pairs") return value;
   return 0;
 }
 
 TEST(Inspect, NineteenBodiesOfEveryForm) {
-  const Scene scene = load("nineteen");
+  const engine::Scene scene = load("nineteen");
   const SceneReport report = inspect(scene, {});
   ASSERT_EQ(report.bodies.size(), 19u);
   EXPECT_EQ(report.pairs, 171u);
@@ -75,12 +75,12 @@ TEST(Inspect, NineteenBodiesOfEveryForm) {
 }
 
 TEST(Inspect, FramesOfARobotAreInNoPair) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("table", {1, 1, 0.1}, {.is_static = true});
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   const SceneReport report = inspect(scene, {.measure = false});
   std::vector<std::uint64_t> partners(scene.bodies().size(), 0);
-  for (const BodyPair pair : Engine(scene).pairs({})) ++partners[pair.a], ++partners[pair.b];
+  for (const BodyPair pair : engine::Engine(scene).pairs({})) ++partners[pair.a], ++partners[pair.b];
   for (std::uint32_t b = 0; b < partners.size(); ++b) EXPECT_EQ(report.bodies[b].partners, partners[b]) << b;
   EXPECT_EQ(report.bodies[scene.find_body("arm")].form, "frame");
   EXPECT_EQ(report.bodies[scene.find_body("arm/palm")].form, "sphere");
@@ -88,13 +88,13 @@ TEST(Inspect, FramesOfARobotAreInNoPair) {
 
 TEST(Inspect, PartnersAreThoseOfThePairTable) {
   for (const char* name : {"nineteen", "cell", "extremes"}) {
-    const Scene scene = load(name);
+    const engine::Scene scene = load(name);
     const SceneReport report = inspect(scene, {false, 0.01});
     EXPECT_EQ(report.pairs, enabled_pairs(scene)) << name;
     for (const BodyReport& body : report.bodies) EXPECT_FALSE(body.ns_per_pair);
     EXPECT_FALSE(report.ns_all_pairs);
   }
-  const Scene cell = load("cell");
+  const engine::Scene cell = load("cell");
   const SceneReport report = inspect(cell, {false, 0.01});
   EXPECT_EQ(of(cell, report, "wrist_2").ignored, 3u);
   EXPECT_EQ(of(cell, report, "floor").ignored, 13u);  // the other three static bodies, and ten that rest on it
@@ -103,7 +103,7 @@ TEST(Inspect, PartnersAreThoseOfThePairTable) {
 }
 
 TEST(Inspect, ExtremesHaveFormsAndOneBallThatCouldBeASphere) {
-  const Scene scene = load("extremes");
+  const engine::Scene scene = load("extremes");
   const SceneReport report = inspect(scene, {false, 0.01});
   EXPECT_EQ(of(scene, report, "point").form, "point");
   EXPECT_EQ(of(scene, report, "grown_point").form, "sphere");
@@ -135,7 +135,7 @@ TEST(Inspect, ASceneWhereThingsCanBeLeftOut) {
     first += 8;
   }
   folder.write("lump.obj", obj);
-  const Scene scene = Scene::load(folder.write("scene.yaml", R"(
+  const engine::Scene scene = engine::Scene::load(folder.write("scene.yaml", R"(
 bodies:
   - {name: shelf, box: [1, 0.3, 0.02], static: true}
   - {name: shelf_again, box: [1, 0.3, 0.02], static: true}
@@ -200,8 +200,8 @@ TEST(Inspect, BevelledBoxesAreBoxesToTheirBevel) {
         p[k] += p[k] > 0 ? -cut : cut;
         points.push_back(R * p + X.translation);
       }
-    Scene scene;
-    Scene::BodyOptions options;
+    engine::Scene scene;
+    engine::Scene::BodyOptions options;
     options.radius = radius;
     scene.add_hull("bevelled", points, options);
     const SceneReport report = inspect(scene, {false, 0.01});
@@ -232,7 +232,7 @@ TEST(Inspect, VerticesThatLieInTheSurfaceAreCounted) {
     }
     points.push_back(corners[0] * (1 - s - t) + corners[1] * s + corners[2] * t);
   }
-  Scene scene;
+  engine::Scene scene;
   scene.add_hull("rounded_face", points, {});
   const SceneReport report = inspect(scene, {false, 0.01});
   ASSERT_GT(report.bodies[0].vertices, 20u) << "rounding put no point outside: the test misses its case";
@@ -244,9 +244,9 @@ TEST(Inspect, VerticesThatLieInTheSurfaceAreCounted) {
 }
 
 TEST(Inspect, GeometryHeldTwiceIsNamedAndCounted) {
-  Scene scene;
+  engine::Scene scene;
   const Shape ball = make_uv_sphere(0.5, 12);
-  Scene::BodyOptions here, there;
+  engine::Scene::BodyOptions here, there;
   here.pose = Pose{};
   there.pose = Pose{{2, 0, 0}};
   scene.add_hull("one", ball.vertices, here);
@@ -270,7 +270,7 @@ TEST(Inspect, GeometryHeldTwiceIsNamedAndCounted) {
 }
 
 TEST(Inspect, BodiesWithoutAPoseAreNotTimed) {
-  Scene scene;
+  engine::Scene scene;
   for (const char* name : {"a", "b"}) scene.add_sphere(name, 1, {});
   const SceneReport report = inspect(scene, {});
   EXPECT_FALSE(report.bodies[0].ns_per_pair);
@@ -280,7 +280,7 @@ TEST(Inspect, BodiesWithoutAPoseAreNotTimed) {
 
 TEST(Inspect, ASolidIsItsTrianglesAndNoSphereOrBox) {
   const Shape globe = make_uv_sphere(0.5, 40);
-  Scene scene;
+  engine::Scene scene;
   for (const MeshAs how : {MeshAs::kHull, MeshAs::kSolid, MeshAs::kSurface})
     scene.add_mesh(std::string(word_of(how)), globe.vertices, globe.triangles, how, {.radius = 0});
   scene.add_mesh("again", globe.vertices, globe.triangles, MeshAs::kSolid, {.radius = 0});
@@ -306,7 +306,7 @@ TEST(Inspect, SaysWhatAMeshCouldBeAndWhatThatCosts) {
   const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2},
                                     {4, 6, 5}, {4, 5, 7}, {5, 6, 7}, {4, 7, 6}};
   const std::span<const Triangle> open = std::span(faces).first(7), one = std::span(faces).first(4);
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("closed", corners, faces, MeshAs::kAuto, {.pose = Pose{{0, 0, 0}}});
   scene.add_mesh("open", corners, open, MeshAs::kAuto, {.radius = 0.25, .pose = Pose{{0, 0, 9}}});
   scene.add_mesh("convex", std::span(corners).first(4), one, MeshAs::kAuto, {.pose = Pose{{0, 9, 0}}});

@@ -38,9 +38,9 @@ using clearance_lcm::status_t;
 inline constexpr int kMoving = 6;
 
 /// A static table and six balls; "arm" is the first three.
-inline Scene make_scene() {
-  Scene scene;
-  Scene::BodyOptions table;
+inline engine::Scene make_scene() {
+  engine::Scene scene;
+  engine::Scene::BodyOptions table;
   table.is_static = true;
   table.pose = Pose{{0, 0, -1}, 1, 0, 0, 0};
   scene.add_box("table", {4, 4, 0.5}, table);
@@ -63,8 +63,8 @@ struct Answer {
 
 class LcmTransportTest : public LcmTest {
  protected:
-  void start(const std::string& options = "", const LcmPoses& poses = {}, Scene scene = make_scene()) {
-    engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
+  void start(const std::string& options = "", const LcmPoses& poses = {}, engine::Scene scene = make_scene()) {
+    engine_.emplace(std::move(scene), engine::Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
     loop_->add(make_lcm_transport(url(options), poses));
     bus_.emplace(address_);
@@ -163,7 +163,7 @@ class LcmTransportTest : public LcmTest {
     EXPECT_EQ(reply->distance.size(), 1u);
   }
 
-  std::optional<Engine> engine_;
+  std::optional<engine::Engine> engine_;
   std::optional<Loop> loop_;
   std::optional<LcmBus> bus_;
   std::map<std::int64_t, Answer> answers_;

@@ -23,12 +23,12 @@ class LcmClientTest : public LcmTest {
   void SetUp() override {
     LcmTest::SetUp();
     if (IsSkipped()) return;
-    Scene scene;
+    engine::Scene scene;
     for (std::uint32_t i = 0; i < kBodies; ++i)
       scene.add_box("box" + std::to_string(i), {0.2, 0.3, 0.1 + 0.01 * i}, {});
     const std::vector<std::string> pair{"box0", "box1"};
     scene.add_group("pair", pair);
-    engine_.emplace(std::move(scene), Engine::Options{.threads = 1});
+    engine_.emplace(std::move(scene), engine::Engine::Options{.threads = 1});
     loop_.emplace(*engine_);
     loop_->add(make_lcm_transport(url("&prefix=test/")));
     thread_ = std::thread([this] { loop_->run(); });
@@ -50,13 +50,13 @@ class LcmClientTest : public LcmTest {
     const UpdateResult done = client.set_poses(poses, 77, 4);
     EXPECT_EQ(done.applied, kBodies);
   }
-  std::optional<Engine> engine_;
+  std::optional<engine::Engine> engine_;
   std::optional<Loop> loop_;
   std::thread thread_;
 };
 
 /// Checks that distance, lower and upper of `reply` equal the engine's, bit for bit.
-void expect_same_bits(const Reply& reply, const Engine& engine, const QueryView& query) {
+void expect_same_bits(const Reply& reply, const engine::Engine& engine, const QueryView& query) {
   const std::uint64_t rows = engine.size(query).rows;
   std::vector<double> distance(rows), lower(rows), upper(rows);
   ReplyView view;

@@ -250,11 +250,11 @@ TEST_F(LcmFreshness, ADaemonThatRestartsWithAnotherSceneHasAllPosesAfterTwoRepea
 
   // Another daemon with other ids: a box precedes the balls.
   loop_.reset();
-  Scene other;
+  engine::Scene other;
   other.add_box("crate", {1, 1, 1}, {});
-  const Scene same = make_scene();
+  const engine::Scene same = make_scene();
   for (const Body& body : same.bodies()) other.add_body(body);
-  engine_.emplace(std::move(other), Engine::Options{.threads = 1});
+  engine_.emplace(std::move(other), engine::Engine::Options{.threads = 1});
   loop_.emplace(*engine_);
   loop_->add(make_lcm_transport(url()));
   while (bus_->handle()) {  // messages of the old daemon

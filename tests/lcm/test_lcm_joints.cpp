@@ -12,8 +12,8 @@ using clearance_lcm::joint_query_t;
 using clearance_lcm::joint_update_t;
 using clearance_lcm::named_joint_update_t;
 
-Scene arm_scene() {
-  Scene scene = make_scene();
+engine::Scene arm_scene() {
+  engine::Scene scene = make_scene();
   scene.add_robot("arm0", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   return scene;
 }

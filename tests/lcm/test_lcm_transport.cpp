@@ -7,7 +7,7 @@ namespace {
 // --- queries
 
 /// Compares each column with the engine's own, bit for bit.
-void expect_same(const reply_t& reply, const Engine& engine, QueryView query, std::uint32_t fields) {
+void expect_same(const reply_t& reply, const engine::Engine& engine, QueryView query, std::uint32_t fields) {
   query.fields = fields;
   const QuerySize size = engine.size(query);
   std::uint64_t bytes = 0;
@@ -338,7 +338,7 @@ TEST_F(LcmTransportTest, StatusHasTheCounters) {
 
 TEST_F(LcmTransportTest, AnotherDaemonIsNoticed) {
   start();
-  Engine engine(make_scene(), Engine::Options{.threads = 1});
+  engine::Engine engine(make_scene(), engine::Engine::Options{.threads = 1});
   Loop other(engine);
   other.add(make_lcm_transport(url()));
   ASSERT_TRUE(until([&] {

@@ -124,7 +124,7 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
                               std::uint64_t number, Count& count) {
   constexpr std::size_t kMostPairs = 4;
   Random random(o.seed * 1'000'003 + 10 * number + static_cast<std::uint64_t>(kind));
-  Scene scene(made.scene);
+  engine::Scene scene(made.scene);
   std::vector<Vec3d> places;
   for (const Body& body : scene.bodies())
     if (body.robot == kNone && body.parent == kNone && body.pose) places.push_back(body.pose->translation);
@@ -132,7 +132,7 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
   Pose X = random.rotation();
   X.translation = places[static_cast<std::size_t>(random.integer(0, static_cast<int>(places.size()) - 1))];
   const std::uint32_t plane = scene.add_half_space("plane", {.radius = random.chance(0.5) ? 0 : 0.01, .pose = X});
-  const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
   test::Motions requested = made.motions;
   requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
@@ -159,7 +159,7 @@ void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   std::filesystem::create_directories(folder);
   const test::MotionCase made(random, kind, kAtOnce, folder);
   check_motions_over_plane(o, made, kind, number, count);
-  const Engine engine(Scene(made.scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(engine::Scene(made.scene), {.backend = "cpu", .threads = 1});
   test::Motions requested = made.motions;
   requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))

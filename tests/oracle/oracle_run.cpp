@@ -25,7 +25,7 @@ ConvexPartPtr part_of(const Solid& s) {
 
 Bench::Bench(std::span<const Case> cases, const std::string& backend, int threads, const Surgery& surgery)
     : count_(cases.size()) {
-  Scene scene;
+  engine::Scene scene;
   std::map<const Solid*, ConvexPartPtr> parts;  // shared shapes are made once
   const auto add = [&](std::size_t i, bool is_b, const SolidPtr& solid, const Pose& X) {
     ConvexPartPtr& part = parts[solid.get()];
@@ -40,11 +40,11 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
     add(i, false, cases[i].a, cases[i].X_wa);
     add(i, true, cases[i].b, cases[i].X_wb);
   }
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = backend;
   options.threads = threads;
   options.self_test = false;  // the oracle also tests wrong builds
-  engine_ = std::make_unique<Engine>(std::move(scene), options);
+  engine_ = std::make_unique<engine::Engine>(std::move(scene), options);
 }
 Bench::~Bench() = default;
 Bench::Bench(Bench&&) noexcept = default;

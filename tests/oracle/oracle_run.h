@@ -12,8 +12,10 @@
 #include "tests/oracle/check_result.h"
 
 namespace clearance {
+namespace engine {
 class Engine;
 }
+}  // namespace clearance
 
 namespace clearance::exact {
 
@@ -36,14 +38,14 @@ class Bench {
   std::vector<Answer> evaluate(const Setting& setting) const;
   /// The certificate of all pairs. Throws QueryError.
   std::string certificate(const Setting& setting) const;
-  const Engine& engine() const { return *engine_; }
+  const engine::Engine& engine() const { return *engine_; }
 
  private:
   std::vector<BodyPair> pairs() const;
   static QueryView query(const Setting& setting, std::span<const BodyPair> pairs);
 
   std::size_t count_;
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<engine::Engine> engine_;
 };
 
 /// Published results of one class under one setting.

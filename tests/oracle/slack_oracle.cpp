@@ -20,9 +20,9 @@ struct Row {
 
 // Lanes take a single pair only if they are few, so that all their code is tested on every machine. The bits are the
 // same.
-const Engine::Options kFewLanes{.instruction_set = "baseline"};
+const engine::Engine::Options kFewLanes{.instruction_set = "baseline"};
 
-std::vector<Row> evaluate(const Engine& engine, QueryView query) {
+std::vector<Row> evaluate(const engine::Engine& engine, QueryView query) {
   query.fields = kDefaultFields | kFieldFlags;
   const QuerySize size = engine.size(query);
   std::vector<double> distance(size.rows), lower(size.rows), upper(size.rows);
@@ -40,7 +40,8 @@ std::vector<Row> evaluate(const Engine& engine, QueryView query) {
   return rows;
 }
 
-Row request_one(const Engine& engine, double max_distance = kInf, bool depth = false, Reduce reduce = Reduce::kNone) {
+Row request_one(const engine::Engine& engine, double max_distance = kInf, bool depth = false,
+                Reduce reduce = Reduce::kNone) {
   QueryView query;
   query.max_distance = max_distance;
   query.signed_distance = depth;
@@ -94,8 +95,8 @@ Pose allowed(Random& random, const Pose& X, const Uncertainty& u, const Vec3d& t
   return Y;
 }
 
-Scene scene_of(const Case& c, const Uncertainty& of_a, const Uncertainty& of_b, double padding) {
-  Scene scene;
+engine::Scene scene_of(const Case& c, const Uncertainty& of_a, const Uncertainty& of_b, double padding) {
+  engine::Scene scene;
   Body a = body_of("a", c.a, c.X_wa), b = body_of("b", c.b, c.X_wb);
   a.uncertainty = of_a, b.uncertainty = of_b;
   a.padding = padding;
@@ -112,7 +113,7 @@ void try_uncertain(Random& random, Findings& findings) {
   const double padding = random.chance(0.3) ? 0.015625 : 0;  // exact in all sums
   Case c{cloud(random, 12, 0.5), cloud(random, 20, 0.4), random.rotation({0, 0, 0}), {}};
   c.X_wb = random.rotation(random.direction() * random.uniform(0.5, 2.0));
-  const Engine engine(scene_of(c, of_a, of_b, padding), kFewLanes);
+  const engine::Engine engine(scene_of(c, of_a, of_b, padding), kFewLanes);
   const Row row = request_one(engine);
   // The nominal placement is allowed, and the free position and padding are the radius': the exact distance of the
   // grown nominal parts bounds the least from above.
@@ -162,7 +163,7 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
   exact_value.X_wb = random.rotation({0, 0, 0});
   exact_value.X_wb.translation = random.direction();
   set_gap(exact_value, h * random.uniform(-4, 6));
-  Scene scene;
+  engine::Scene scene;
   const auto add = [&](const char* name, const Solid& solid, const Pose& X) {
     Body body;
     body.name = name;
@@ -175,7 +176,7 @@ void try_shapes(Random& random, bool depth, Findings& findings) {
   };
   add("a", *exact_value.a, exact_value.X_wa);
   add("b", *exact_value.b, exact_value.X_wb);
-  const Engine engine(std::move(scene), kFewLanes);
+  const engine::Engine engine(std::move(scene), kFewLanes);
   const Value exact = exact_answer(exact_value).distance;
   for (const double max_distance : {kInf, 2 * h}) {
     const Row row = request_one(engine, max_distance, depth);
@@ -210,9 +211,9 @@ Vec3l into(const Pose& X, const Vec3d& p) {
 }
 
 // A cylinder as a robot's link, or as a scene's body.
-std::uint32_t add_cylinder(Scene& scene, CylinderAs as, const std::string& name, double r, double length,
+std::uint32_t add_cylinder(engine::Scene& scene, CylinderAs as, const std::string& name, double r, double length,
                            const Pose& pose) {
-  Scene::BodyOptions at;
+  engine::Scene::BodyOptions at;
   at.pose = pose;
   if (as == CylinderAs::kItself) return scene.add_cylinder(name, r, length, at);
   const Geometry prism = geometry_of_shape(make_cylinder(r, length), 0, "cylinder");
@@ -232,13 +233,13 @@ bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
   const Pose X = random.rotation(random.direction() * 3.0);
   Pose Y;
   Y.translation = X.translation + random.direction() * random.uniform(0.1 * r, 3 * (r + half));
-  Scene scene;
+  engine::Scene scene;
   const std::uint32_t cylinder = add_cylinder(scene, as, "cylinder", r, 2 * half, X);
-  Scene::BodyOptions at;
+  engine::Scene::BodyOptions at;
   at.pose = Y;
   scene.add_sphere("ball", ball, at);
   const double outer = scene.bodies()[cylinder].model_error;
-  const Engine engine(std::move(scene), kFewLanes);
+  const engine::Engine engine(std::move(scene), kFewLanes);
   const Vec3l p = into(X, Y.translation);
   const Real side = std::sqrt(p.x * p.x + p.y * p.y) - Real(r), end = std::abs(p.z) - Real(half);
   const Real apart = side > 0 && end > 0 ? std::sqrt(side * side + end * end) : std::max(side, end);
@@ -255,18 +256,18 @@ bool try_cylinder(Random& random, CylinderAs as, Findings& findings) {
 }
 
 void try_crossed_cylinders(Random& random, CylinderAs as, Findings& findings) {
-  Scene scene;
+  engine::Scene scene;
   add_cylinder(scene, as, "a", 0.3, 1, random.rotation());
   add_cylinder(scene, as, "b", 0.3, 1, random.rotation(random.direction() * random.uniform(0.05, 0.2)));
-  const Engine engine(std::move(scene), kFewLanes);
+  const engine::Engine engine(std::move(scene), kFewLanes);
   ++findings.requested;
   findings.unresolved += request_one(engine).status != Status::kOverlap;
 }
 
 void try_age(Random& random, Findings& findings) {
   const double speed = random.uniform(1, 10);
-  Scene scene;
-  Scene::BodyOptions options;
+  engine::Scene scene;
+  engine::Scene::BodyOptions options;
   options.pose = Pose{};
   options.is_static = true;
   options.max_speed = speed;  // a body that never moves has no age
@@ -278,7 +279,7 @@ void try_age(Random& random, Findings& findings) {
   options.max_speed = 0;
   options.pose = Pose{{0, 5, 0}};
   scene.add_box("cup", {1, 1, 1}, options);  // moves as its parent does
-  Engine engine(std::move(scene), kFewLanes);
+  engine::Engine engine(std::move(scene), kFewLanes);
   findings.untrue += request_one(engine).status != Status::kNoPose;
   const BodyPose poses[] = {{box, Pose{{3, 0, 0}}}};
   const std::int64_t before_set = monotonic_ns();

@@ -14,11 +14,11 @@ namespace clearance::fuzz {
 /// A loop over a scene on one CPU thread, without a device.
 class Conversation {
  public:
-  explicit Conversation(Scene scene) {
-    Engine::Options options;
+  explicit Conversation(engine::Scene scene) {
+    engine::Engine::Options options;
     options.backend = "cpu";
     options.threads = 1;
-    engine_ = std::make_unique<Engine>(std::move(scene), options);
+    engine_ = std::make_unique<engine::Engine>(std::move(scene), options);
     loop_ = std::make_unique<Loop>(*engine_, on_one_thread());
     serve_changing_scenes(*loop_);
     auto transport = std::make_unique<MemoryTransport>();
@@ -39,7 +39,7 @@ class Conversation {
 
  private:
   MemoryClient client_;
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<engine::Engine> engine_;
   std::unique_ptr<Loop> loop_;
   MemoryTransport* transport_ = nullptr;
 };

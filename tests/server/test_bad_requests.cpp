@@ -50,7 +50,7 @@ TEST(BadRequests, ThereAreEnough) {
 }
 
 TEST(BadRequests, AreRejectedByTheLoop) {
-  Engine engine(small_scene());
+  engine::Engine engine(small_scene());
   Loop loop(engine, on_one_thread());
   auto made = std::make_unique<MemoryTransport>();
   MemoryTransport& transport = *made;

@@ -22,13 +22,13 @@ using wire::FrameType;
 
 class Bodies : public LoopTest {
  protected:
-  void start_editable(Scene scene, Loop::Options options = {}) {
+  void start_editable(engine::Scene scene, Loop::Options options = {}) {
     start(std::move(scene), options);
-    loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); },
-                     [this](Scene next) {
+    loop_->reload_by([] { return std::make_unique<engine::Engine>(small_scene()); },
+                     [this](engine::Scene next) {
                        ++built_;
                        while (hold_) std::this_thread::yield();
-                       return std::make_unique<Engine>(std::move(next), Engine::Options{.threads = 1});
+                       return std::make_unique<engine::Engine>(std::move(next), engine::Engine::Options{.threads = 1});
                      });
   }
   std::unique_ptr<MemoryFrame> request_scene(MemoryClient& client, std::vector<std::byte> frame) {
@@ -73,8 +73,8 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   TestQuery every;
   const Reply answer = evaluate(b_, every);
 
-  Scene whole = small_scene();
-  Scene::BodyOptions options = at(3, 0, 0);
+  engine::Scene whole = small_scene();
+  engine::Scene::BodyOptions options = at(3, 0, 0);
   options.parent = "link1";
   whole.add_box("crate", {0.2, 0.2, 0.2}, options);
   start(std::move(whole));
@@ -181,13 +181,13 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   query.pairs = {{0, 4}};
   const Reply answer = evaluate(b_, query);
 
-  Scene whole = small_scene();
-  Scene::BodyOptions options = at(3, 0, 0);
+  engine::Scene whole = small_scene();
+  engine::Scene::BodyOptions options = at(3, 0, 0);
   options.uncertainty = {0.1, 0.02};
   options.padding = 0.3;
   options.max_speed = 0.5;
   whole.add_box("crate", {0.2, 0.2, 0.2}, options);
-  const Engine engine(std::move(whole), {.threads = 1});
+  const engine::Engine engine(std::move(whole), {.threads = 1});
   EXPECT_EQ(loop_->engine().scene().revision(), engine.scene().revision());
   ASSERT_EQ(answer.rows(), 1u);
   const double known = 3 - 1 - 0.1 - 0.4;
@@ -206,7 +206,7 @@ TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
   EXPECT_TRUE(surface_of(bodies()[4])->is_solid());
   EXPECT_EQ(triangle_count(bodies()[5]), 3u);
   EXPECT_FALSE(surface_of(bodies()[6]));
-  Scene whole = small_scene();
+  engine::Scene whole = small_scene();
   const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const std::vector<Triangle> triangles{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
   whole.add_mesh("solid", corners, triangles, MeshAs::kSolid, at(3, 0, 0));
@@ -416,8 +416,10 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
       EXPECT_TRUE(rejected([&] { client.submit(query).get(); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.pairs(query); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
-          << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] {
+        client.set_poses(std::array{std::pair{pair[1], elsewhere}});
+      })) << url
+          << ", time " << i;
     }
     EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
     EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";

@@ -10,16 +10,16 @@
 
 namespace clearance {
 
-inline Scene::BodyOptions at(double x, double y, double z) {
-  Scene::BodyOptions options;
+inline engine::Scene::BodyOptions at(double x, double y, double z) {
+  engine::Scene::BodyOptions options;
   options.pose = Pose{{x, y, z}};
   return options;
 }
 
 /// 0 table (static), 1 cup, 2 link1, 3 link2 (no pose); group 0 is arm (2, 3).
-inline Scene small_scene() {
-  Scene scene;
-  Scene::BodyOptions table = at(0, 0, 0);
+inline engine::Scene small_scene() {
+  engine::Scene scene;
+  engine::Scene::BodyOptions table = at(0, 0, 0);
   table.is_static = true;
   scene.add_box("table", {2, 1, 0.1}, table);
   scene.add_sphere("cup", 0.1, at(0, 0, 0.3));
@@ -31,10 +31,10 @@ inline Scene small_scene() {
 }
 
 /// `count` scattered bodies of 40 random vertices each, for queries that take a while.
-inline Scene scattered_scene(int count) {
+inline engine::Scene scattered_scene(int count) {
   std::mt19937 random(7);
   std::uniform_real_distribution<double> unit(-1, 1);
-  Scene scene;
+  engine::Scene scene;
   for (int b = 0; b < count; ++b) {
     std::vector<Vec3d> vertices(40);
     for (Vec3d& v : vertices) v = {unit(random), unit(random), unit(random)};

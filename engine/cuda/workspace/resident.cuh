@@ -17,7 +17,7 @@ class ResidentHulls {
  public:
   /// On the calling thread's device.
   /// \param most_shared bytes of a block's shared memory that two hulls may use
-  ResidentHulls(const Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
+  ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
     check(cudaGetDevice(&device_), "getting the device");
     HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
     Upload& m = memory_;

@@ -22,7 +22,7 @@ std::uint32_t tiles(std::uint64_t pairs, std::uint64_t configurations) {
 
 class ChunkPlanner {
  public:
-  ChunkPlanner(const Scene& scene, const Device& device, const Plan& plan, ChunkPlan& chunk_plan)
+  ChunkPlanner(const engine::Scene& scene, const Device& device, const Plan& plan, ChunkPlan& chunk_plan)
       : scene_(scene),
         device_(device),
         plan_(plan),
@@ -138,7 +138,7 @@ class ChunkPlanner {
     return g;
   }
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   const Device& device_;
   const Plan& plan_;
   ChunkPlan& chunk_plan_;
@@ -153,7 +153,7 @@ class ChunkPlanner {
 // Kind of a body for reductions on a device. kLeft is a cloud or mesh that the device cannot evaluate. kUnknown has no
 // box on the device either.
 enum class BodyKind : std::uint8_t { kHull, kPoints, kMesh, kLeft, kUnknown };
-BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
+BodyKind kind_of(const engine::Scene& scene, const Device& device, std::uint32_t body) {
   if (body >= scene.bodies().size()) return BodyKind::kUnknown;
   if (device.hull_of(body) != kNone) return BodyKind::kHull;
   const Body& of = scene.bodies()[body];
@@ -163,7 +163,7 @@ BodyKind kind_of(const Scene& scene, const Device& device, std::uint32_t body) {
 }
 
 // The kernel for pairs of two such bodies, one of which is not a hull. Null if the CPU answers them.
-bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
+bool ElementKinds::*kernel_for(BodyKind a, BodyKind b) {
   if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
   if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
   switch (a == BodyKind::kHull ? b : a) {
@@ -177,7 +177,7 @@ bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
 }
 
 // Lists the pairs in their order. Lists none if the device can evaluate none of them or lacks the pose of a body.
-void list_in_order(const Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
+void list_in_order(const engine::Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
                    PairListOnDevice& list) {
   std::vector<std::uint32_t> ref(scene.bodies().size());
   std::iota(ref.begin(), ref.end(), 0u);
@@ -195,7 +195,7 @@ void list_in_order(const Scene& scene, const Device& device, const Plan& plan, s
       refs.push_back({ref[a], ref[b]});
       if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
       is_listed[a] = is_listed[b] = 1;
-      if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
+      if (bool ElementKinds::*const kernel = kernel_for(of_a, of_b))
         list.kinds.*kernel = true;
       else
         ++left;
@@ -260,7 +260,7 @@ std::shared_ptr<const PairListOnDevice> DeviceBackend::list(const Plan& plan) {
   return next;
 }
 
-std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const Scene& scene,
+std::shared_ptr<const ElementsOnDevice> DeviceBackend::elements(const engine::Scene& scene,
                                                                 std::span<const std::uint32_t> bodies) {
   auto all = std::make_shared<ElementsOnDevice>();
   const std::lock_guard lock(elements_mutex_);

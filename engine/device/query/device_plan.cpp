@@ -16,11 +16,11 @@ namespace {
 constexpr std::uint64_t kMostPlanRows = 1u << 22;
 
 [[noreturn]] void reject(const std::string& why) {
-  throw QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
+  throw engine::QueryError(QueryErrorCode::kNotSupported, "a plan on a device: " + why);
 }
 
 // Reason why no device query can be made of this query, or empty.
-std::string beyond_plans(const Scene& scene, const Plan& plan) {
+std::string beyond_plans(const engine::Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
   if (q.max_evaluations > 0) return "max_evaluations: motions are not for plans yet";

@@ -133,7 +133,7 @@ class DeviceQuery : public ParallelJob {
 };
 
 /// Whether teams of threads decide a query's configurations (decide_kernel.cuh).
-bool is_for_teams(const Scene& scene, const Plan& plan);
+bool is_for_teams(const engine::Scene& scene, const Plan& plan);
 
 std::unique_ptr<DeviceQuery> make_dense_device_query(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// Null, with the plan untouched, if the device does not hold all bodies.

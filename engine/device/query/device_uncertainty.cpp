@@ -9,7 +9,7 @@ namespace {
 
 // The body of the query's pairs with the least id that satisfies `is_so`.
 template <class IsSo>
-std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so) {
+std::uint32_t first_body(const engine::Scene& scene, const Plan& plan, const IsSo& is_so) {
   std::uint32_t found = kNone;
   const auto add = [&](std::uint32_t body) {
     if (body < scene.bodies().size() && body < found && is_so(body)) found = body;
@@ -23,7 +23,7 @@ std::uint32_t first_body(const Scene& scene, const Plan& plan, const IsSo& is_so
 
 }  // namespace
 
-std::uint32_t uncertain_body(const Scene& scene, const Plan& plan) {
+std::uint32_t uncertain_body(const engine::Scene& scene, const Plan& plan) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   if (!scene.has_uncertainties() && !snapshot.has_followers) return kNone;
   return first_body(scene, plan, [&](std::uint32_t body) {
@@ -31,7 +31,7 @@ std::uint32_t uncertain_body(const Scene& scene, const Plan& plan) {
   });
 }
 
-std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
+std::uint32_t ageing_body(const engine::Scene& scene, const Plan& plan) {
   if (!scene.has_uncertainties()) return kNone;
   return first_body(scene, plan, [&](std::uint32_t body) {
     for (; body != kNone; body = plan.snapshot->parent[body])
@@ -40,7 +40,7 @@ std::uint32_t ageing_body(const Scene& scene, const Plan& plan) {
   });
 }
 
-DeviceUncertainty::DeviceUncertainty(const Scene& scene, const Plan& plan) {
+DeviceUncertainty::DeviceUncertainty(const engine::Scene& scene, const Plan& plan) {
   assert(plan.uncertainties.size() == scene.bodies().size());
   for (const PoseUncertainty& uncertainty : plan.uncertainties)
     fixed_.push_back({uncertainty.slack, uncertainty.relative, uncertainty.link.travel});
@@ -48,7 +48,7 @@ DeviceUncertainty::DeviceUncertainty(const Scene& scene, const Plan& plan) {
   if (plan.query.configuration_count > 0) take_moved(scene, plan);
 }
 
-void DeviceUncertainty::take_links(const Scene& scene) {
+void DeviceUncertainty::take_links(const engine::Scene& scene) {
   std::vector<std::uint64_t> first;
   for (const auto& robot : scene.robots()) {
     const auto pairs = robot->errors.pairs();
@@ -64,7 +64,7 @@ void DeviceUncertainty::take_links(const Scene& scene) {
   }
 }
 
-void DeviceUncertainty::take_moved(const Scene& scene, const Plan& plan) {
+void DeviceUncertainty::take_moved(const engine::Scene& scene, const Plan& plan) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   constexpr std::uint32_t kGiven = kNone - 1;                          // placed by the query, not by a joint
   std::vector<std::uint32_t> placed_by(scene.bodies().size(), kNone);  // kGiven, or the index of the motion

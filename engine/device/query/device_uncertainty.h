@@ -10,21 +10,21 @@
 namespace clearance::cuda {
 
 /// The uncertain body with the least id in the query's pairs (docs/bounds_bodies.md, "Slack"), or kNone.
-std::uint32_t uncertain_body(const Scene& scene, const Plan& plan);
+std::uint32_t uncertain_body(const engine::Scene& scene, const Plan& plan);
 
 /// The same for bodies whose uncertainty grows with time: their pose, or that of a parent, ages.
-std::uint32_t ageing_body(const Scene& scene, const Plan& plan);
+std::uint32_t ageing_body(const engine::Scene& scene, const Plan& plan);
 
 /// Built from a plan and its uncertainty. Owns the arrays that kernels get.
 class DeviceUncertainty {
  public:
-  DeviceUncertainty(const Scene& scene, const Plan& plan);
+  DeviceUncertainty(const engine::Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
   void fill(QuerySetup& setup) const;
 
  private:
-  void take_links(const Scene& scene);
-  void take_moved(const Scene& scene, const Plan& plan);
+  void take_links(const engine::Scene& scene);
+  void take_moved(const engine::Scene& scene, const Plan& plan);
 
   std::vector<BodySlack> fixed_;
   std::vector<LinkPlace> links_;

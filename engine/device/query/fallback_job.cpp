@@ -12,7 +12,8 @@ namespace clearance::cuda {
 namespace {
 
 [[noreturn]] void reject(const std::string& error) {
-  throw QueryError(QueryErrorCode::kNotSupported, "the device cannot answer, and the CPU may not take over: " + error);
+  throw engine::QueryError(QueryErrorCode::kNotSupported,
+                           "the device cannot answer, and the CPU may not take over: " + error);
 }
 
 std::unique_ptr<DeviceQuery> make_device_query(const JobContext& context, Plan& plan, const ReplyView& reply) {

@@ -4,7 +4,7 @@
 
 namespace clearance::cuda {
 
-MovedChains::MovedChains(const Scene& scene, const Plan& plan)
+MovedChains::MovedChains(const engine::Scene& scene, const Plan& plan)
     : moved_(plan.moved), links_(plan), given_count_(static_cast<std::uint32_t>(plan.given_bodies)) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::uint32_t> slot_of(scene.bodies().size(), kNone);
@@ -29,7 +29,7 @@ MovedChains::MovedChains(const Scene& scene, const Plan& plan)
 }
 
 // The state that BodyPoses::configure() derives for a body in addition to its pose.
-std::uint8_t MovedChains::state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const {
+std::uint8_t MovedChains::state_of(const engine::Scene& scene, const Plan& plan, std::uint32_t slot) const {
   const PoseSnapshot& snapshot = *plan.snapshot;
   const std::uint32_t body = moved_[slot];
   const bool by_query = source_[slot] != kNone;

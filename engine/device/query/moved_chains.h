@@ -12,12 +12,12 @@ namespace clearance::cuda {
 /// Owns the arrays that kernels get.
 class MovedChains {
  public:
-  MovedChains(const Scene& scene, const Plan& plan);
+  MovedChains(const engine::Scene& scene, const Plan& plan);
   /// Points a setup to the arrays.
   void fill(QuerySetup& setup) const;
 
  private:
-  std::uint8_t state_of(const Scene& scene, const Plan& plan, std::uint32_t slot) const;
+  std::uint8_t state_of(const engine::Scene& scene, const Plan& plan, std::uint32_t slot) const;
 
   const std::vector<std::uint32_t>& moved_;
   MovedLinks links_;

@@ -17,7 +17,7 @@ constexpr std::uint64_t kMostMembers = 4096;     // pairs of a configuration for
 }  // namespace
 
 // Teams are not used if the device could not resolve any pair and the CPU would finish all of them.
-bool is_for_teams(const Scene& scene, const Plan& plan) {
+bool is_for_teams(const engine::Scene& scene, const Plan& plan) {
   const QueryView& q = plan.query;
   return q.reduce == Reduce::kMin && plan.size.pairs <= kMostMembers && !q.signed_distance &&
          q.precision == Precision::kF64 && (q.rel_tol > 0 || q.abs_tol > 0) && !(q.fields & kFieldPairLower) &&

@@ -25,8 +25,8 @@ Mesh ring(int sides, double radius, double thick) {
 }
 
 /// Solids, surfaces and clouds, small and large, hollow and of several components, and convex bodies to pair them with.
-Scene zoo() {
-  Scene scene;
+engine::Scene zoo() {
+  engine::Scene scene;
   exact::Random shapes(5);
   test::Random random(7);
   const auto add = [&](const char* name, const Mesh& mesh, MeshAs mesh_as, double radius = 0) {
@@ -63,11 +63,11 @@ void every_row_is_as_alone() {
   for (int k = 0; k < 30; ++k)
     for (std::size_t i = 0; i < moved.size(); ++i) poses.push_back(random.pose(0.3 + 0.4 * (k % 3)));
   std::array<std::uint64_t, 8> seen{};
-  for (const std::string& set : Engine::instruction_sets()) {
-    Engine::Options options;
+  for (const std::string& set : engine::Engine::instruction_sets()) {
+    engine::Engine::Options options;
     options.backend = "cpu";
     options.instruction_set = set;
-    const Engine engine(zoo(), options);
+    const engine::Engine engine(zoo(), options);
     for (const double abs_tol : {1e-9, 1e-2})
       for (const double max_distance : {0.3, std::numeric_limits<double>::infinity()}) {
         QueryView query;

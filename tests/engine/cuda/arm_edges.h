@@ -12,12 +12,12 @@ namespace clearance::test {
 
 /// Edges of an arm that holds a tool of two convex parts, over a table with some boxes.
 struct ArmEdges {
-  Scene scene;
+  engine::Scene scene;
   Motions motions;
 
   explicit ArmEdges(std::uint64_t seed, int count, double size) {
     Random random(seed);
-    RobotOptions options = at_home();
+    engine::RobotOptions options = at_home();
     options.base = Pose{{0, 0, 0}, 1, 0, 0, 0.2};
     scene.add_box("table", {2, 2, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
     for (int i = 0; i < 6; ++i)
@@ -42,7 +42,7 @@ struct ArmEdges {
   }
   // Excludes pairs that are near at half or more of the ends, since they would decide nearly every edge.
   void leave_out_neighbours() {
-    const Engine cpu(Scene(scene), {.backend = "cpu", .threads = 2});
+    const engine::Engine cpu(engine::Scene(scene), {.backend = "cpu", .threads = 2});
     QueryView ends;
     ends.joints = motions.joints;
     ends.positions = motions.positions;

@@ -12,7 +12,7 @@ inline constexpr std::uint32_t kLinks = 7, kArms = 2, kObstacles = 10;
 /// A body whose convex parts are hulls of points on ellipsoids.
 /// \param middles of each
 /// \param sizes of each
-inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
+inline void add_ellipsoids(engine::Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
                            const std::vector<Vec3d>& sizes, std::optional<Pose> pose, bool is_static, Random& random) {
   Body body;
   body.name = name;
@@ -29,7 +29,7 @@ inline void add_ellipsoids(Scene& scene, const std::string& name, const std::vec
   scene.add_body(std::move(body));
 }
 
-inline void add_boxes(Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
+inline void add_boxes(engine::Scene& scene, const std::string& name, const std::vector<Vec3d>& middles,
                       const std::vector<Vec3d>& sizes, const Pose& pose) {
   Body body;
   body.name = name;
@@ -49,9 +49,9 @@ inline void add_boxes(Scene& scene, const std::string& name, const std::vector<V
 
 /// Links of five convex parts with 16 to 48 vertices; a table of five boxes, three shelves of six, six objects of eight
 /// hulls.
-inline Scene arms_scene() {
+inline engine::Scene arms_scene() {
   Random random(23);
-  Scene scene;
+  engine::Scene scene;
   for (std::uint32_t arm = 0; arm < kArms; ++arm)
     for (std::uint32_t link = 0; link < kLinks; ++link) {
       std::vector<Vec3d> middles, sizes;

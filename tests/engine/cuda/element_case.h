@@ -59,7 +59,7 @@ struct ElementCase {
     const double voxel = kind == ElementKind::kVoxels ? edge : 0;
     const auto points = is_mesh(kind) ? std::vector<CloudPoint>() : points_of_case(random, size, voxel);
     const auto add_elements = [&] {
-      Scene::BodyOptions options{.is_static = !elements_move, .pose = random.pose(0.2)};
+      engine::Scene::BodyOptions options{.is_static = !elements_move, .pose = random.pose(0.2)};
       if (kind == ElementKind::kGrown || kind == ElementKind::kGrownSolid) options.radius = 0.03;
       if (!is_mesh(kind)) {
         scene.add_points("elements", points, voxel, options);
@@ -107,7 +107,7 @@ struct ElementCase {
     }
   }
 
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;

@@ -42,7 +42,7 @@ struct HostChunk {
   Answer rows;
   ChunkView view{};
 
-  HostChunk(const Engine& engine, const QueryView& q)
+  HostChunk(const engine::Engine& engine, const QueryView& q)
       : hulls(engine.scene(), kMostShared),
         bodies(engine.scene(), hulls.view(), q),
         pairs(bodies.refs()),
@@ -97,7 +97,8 @@ struct HostChunk {
   }
 
   // Expects the CPU's rows, except for rows left to the CPU, which must be few and listed once each.
-  void expect_the_cpus(const Engine& cpu, const QueryView& q, const std::string& what, double most_left = 0.02) {
+  void expect_the_cpus(const engine::Engine& cpu, const QueryView& q, const std::string& what,
+                       double most_left = 0.02) {
     Answer expected = evaluate(cpu, q);
     const std::set<std::uint32_t> left(rest.begin(), rest.begin() + host_counts[kRest]);
     EXPECT_EQ(left.size(), host_counts[kRest]) << what << ": each once";

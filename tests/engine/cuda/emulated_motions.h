@@ -24,8 +24,8 @@ class HostMotions {
   /// \param pair_capacity capacity of lists of pairs; 0 for a device's
   /// \param span_capacity likewise for spans
   /// \param hit_capacity likewise for hits
-  HostMotions(const Scene& scene, const QueryView& q, std::uint32_t pair_capacity = 0, std::uint32_t span_capacity = 0,
-              std::uint32_t hit_capacity = 0)
+  HostMotions(const engine::Scene& scene, const QueryView& q, std::uint32_t pair_capacity = 0,
+              std::uint32_t span_capacity = 0, std::uint32_t hit_capacity = 0)
       : scene_(scene), hulls_(scene, kMostShared), bodies_(scene, hulls_.view(), q), pairs_(bodies_.refs()) {
     const Plan& plan = bodies_.plan;
     const MotionBounds bounds(scene, plan);
@@ -170,7 +170,7 @@ class HostMotions {
     view.uncertainties.moved = allocate<BodySlack>(S * M);
   }
 
-  const Scene& scene_;
+  const engine::Scene& scene_;
   HullArrays hulls_;
   HostBodies bodies_;
   std::vector<PairRef> pairs_;

@@ -28,7 +28,7 @@ inline constexpr std::uint64_t kNoKey = ~std::uint64_t{0};
 /// The clouds and meshes of a scene in the layout of kernels.
 class HostElements {
  public:
-  explicit HostElements(const Scene& scene) : of_body_(scene.bodies().size(), kNone) {
+  explicit HostElements(const engine::Scene& scene) : of_body_(scene.bodies().size(), kNone) {
     for (std::uint32_t b = 0; b < scene.bodies().size(); ++b) {
       const Body& body = scene.bodies()[b];
       if (!is_cloud(body) && !has_surface(body)) continue;
@@ -76,7 +76,7 @@ class HostElements {
 /// A reduced query as one chunk in host memory.
 class HostReduction {
  public:
-  HostReduction(const Engine& cpu, const QueryView& q)
+  HostReduction(const engine::Engine& cpu, const QueryView& q)
       : cpu_(cpu),
         q_(q),
         hulls_(cpu.scene(), kMostShared),
@@ -180,7 +180,7 @@ class HostReduction {
     EmulatedGrid::one().launch(static_cast<unsigned>(threads / block + 1), block, kernel);
   }
 
-  const Engine& cpu_;
+  const engine::Engine& cpu_;
   const QueryView& q_;
   HullArrays hulls_;
   HostBodies bodies_;

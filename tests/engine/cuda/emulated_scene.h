@@ -44,7 +44,7 @@ void for_each_thread(std::size_t threads, const Kernel& kernel) {
 }
 
 // A query at the scene's current poses, resolved as by the engine.
-inline Plan plan_of(const Scene& scene, const QueryView& q) {
+inline Plan plan_of(const engine::Scene& scene, const QueryView& q) {
   const PoseStore poses(scene, std::chrono::nanoseconds(0));
   Plan plan = make_plan(q, scene, poses.snapshot(), ~std::uint64_t{0}, true);
   plan.begun_ns = monotonic_ns();
@@ -69,7 +69,7 @@ struct HostBodies {
   BodiesView view{};
   MovesView moves{};
 
-  HostBodies(const Scene& scene, const HullsView& hulls, const QueryView& q)
+  HostBodies(const engine::Scene& scene, const HullsView& hulls, const QueryView& q)
       : plan(plan_of(scene, q)),
         chains(scene, plan),
         uncertainties(uncertainties_for(scene)),
@@ -115,7 +115,7 @@ struct HostBodies {
   }
 
  private:
-  DeviceUncertainty uncertainties_for(const Scene& scene) {
+  DeviceUncertainty uncertainties_for(const engine::Scene& scene) {
     if (plan.uncertainties.empty()) plan.uncertainties.resize(scene.bodies().size());
     return {scene, plan};
   }
@@ -183,7 +183,7 @@ struct EmulatedCase {
     Random random(seed);
     const auto stays = [](std::uint32_t b) { return b % 5 == 3; };
     for (std::uint32_t b = 0; b < count; ++b) {
-      const Scene::BodyOptions options{.is_static = stays(b), .pose = random.pose(room)};
+      const engine::Scene::BodyOptions options{.is_static = stays(b), .pose = random.pose(room)};
       const std::string name = "b" + std::to_string(b);
       switch (b % 4) {
         case 0:
@@ -216,7 +216,7 @@ struct EmulatedCase {
     q.configurations = poses;
   }
 
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;

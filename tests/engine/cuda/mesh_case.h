@@ -17,7 +17,7 @@ struct MeshCase {
     Random random(seed);
     exact::Random shapes(seed);
     const auto add = [&](const std::string& name, exact::Mesh mesh, double size, bool is_solid,
-                         const Scene::BodyOptions& options) {
+                         const engine::Scene::BodyOptions& options) {
       mesh = exact::scaled(std::move(mesh), {size, size, size});
       scene.add_mesh(name, mesh.vertices, mesh.triangles, is_solid ? MeshAs::kSolid : MeshAs::kSurface, options);
       return static_cast<std::uint32_t>(scene.bodies().size() - 1);
@@ -70,7 +70,7 @@ struct MeshCase {
     q.configurations = poses;
   }
 
-  Scene scene;
+  engine::Scene scene;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
   QueryView q;

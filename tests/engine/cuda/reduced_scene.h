@@ -10,11 +10,11 @@ namespace clearance::test {
 inline constexpr Reduce kReductions[] = {Reduce::kNearest, Reduce::kMin, Reduce::kWithin};
 
 /// Bodies that the device supports: few shapes, some rounded, some static.
-inline Scene simple_scene(int count, double box, std::uint64_t seed) {
+inline engine::Scene simple_scene(int count, double box, std::uint64_t seed) {
   Random random(seed);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = random.pose(box);
     options.is_static = i % 7 == 3;
     const std::string name = "body" + std::to_string(i);

@@ -58,7 +58,7 @@ inline std::vector<Vec3d> cloud_on_sphere(int count, double radius, std::uint64_
   return v;
 }
 
-inline std::uint64_t counter(const Engine& engine, const std::string& name) {
+inline std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [key, value] : engine.stats())
     if (key == name) return value;
   ADD_FAILURE() << "no counter " << name;

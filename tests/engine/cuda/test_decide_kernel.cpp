@@ -20,7 +20,7 @@ struct Decided {
   std::uint32_t looks = 0;
 };
 
-Decided decide(const Engine& engine, const QueryView& q) {
+Decided decide(const engine::Engine& engine, const QueryView& q) {
   const std::uint32_t K = q.configuration_count, P = static_cast<std::uint32_t>(q.pairs.size());
   const HullArrays hulls(engine.scene(), kMostShared);
   const HostBodies bodies(engine.scene(), hulls.view(), q);
@@ -70,7 +70,7 @@ Decided decide(const Engine& engine, const QueryView& q) {
 struct Case : EmulatedCase {
   Case(double room, std::uint32_t configurations)
       : EmulatedCase(24, configurations, room, 3,
-                     [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+                     [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
                        to.add_capsule(name, 0.2, 0.5, options);
                      }) {
     q.reduce = Reduce::kMin;
@@ -82,7 +82,8 @@ struct Case : EmulatedCase {
 
 // Expects the CPU's values in answered rows.
 // \returns number of answered rows
-std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const Decided& d, const std::string& what) {
+std::size_t expect_the_cpus_rows(const engine::Engine& cpu, const QueryView& q, const Decided& d,
+                                 const std::string& what) {
   Answer expected = evaluate(cpu, q);
   std::size_t answered = 0;
   for (std::uint32_t k = 0; k < q.configuration_count; ++k) {
@@ -102,7 +103,7 @@ std::size_t expect_the_cpus_rows(const Engine& cpu, const QueryView& q, const De
 TEST(DecideKernel, GivesTheBitsOfTheCpu) {
   for (const double room : {1.0, 2.5, 8.0}) {
     Case c(room, 41);
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     std::size_t answered = 0;
     const auto compare = [&](const std::string& what) {
       answered += expect_the_cpus_rows(cpu, c.q, decide(cpu, c.q), what + ", room " + std::to_string(room));
@@ -135,7 +136,7 @@ TEST(DecideKernel, GivesTheBitsOfTheCpu) {
 
 TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
   Case c(1.0, 41);
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   const Answer least = evaluate(cpu, c.q);
   ASSERT_TRUE(std::all_of(least.view.status, least.view.status + 41,
                           [](std::uint8_t s) { return s == static_cast<std::uint8_t>(Status::kOverlap); }));
@@ -148,11 +149,11 @@ TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
 
 // Configurations it cannot resolve stay open, with all pairs listed that may be the nearest.
 TEST(DecideKernel, LeavesOpenWhatTouches) {
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < 64; ++i)
     scene.add_box("b" + std::to_string(i), {1, 1, 1},
                   {.pose = Pose{{1.0 * (i % 4), 1.0 * (i / 4 % 4), 1.0 * (i / 16)}}});
-  const Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {"cpu"});
   const std::vector<std::uint32_t> bodies{7};
   std::vector<BodyPair> pairs;
   for (std::uint32_t b = 0; b < 64; ++b)

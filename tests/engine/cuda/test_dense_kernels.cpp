@@ -13,7 +13,7 @@ struct Case : EmulatedCase {
 
   explicit Case(Precision precision, std::uint32_t configurations = kConfigurations)
       : EmulatedCase(12, configurations, 1.2, 5,
-                     [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
+                     [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
                        to.add_hull(name, cloud_on_sphere(150, 0.4, 9), options);
                      }) {
     poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
@@ -23,7 +23,7 @@ struct Case : EmulatedCase {
 
 TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
@@ -33,7 +33,7 @@ TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
 
 TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   chunk.view.enclosed = nullptr;
@@ -45,7 +45,7 @@ TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
 
 TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   Case c(Precision::kF32);
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
   chunk.launch(tiles, [&] { answer_groups<float>(chunk.view); });
@@ -66,7 +66,7 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
       c.q.signed_distance = true;
       c.q.fields = fields;
       c.q.rel_tol = rel_tol;
-      const Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {"cpu"});
       HostChunk chunk(cpu, c.q);
       chunk.view.pair_limits.rel_tol = rel_tol;
       chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
@@ -84,7 +84,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);
   const bool points = (fields & kFieldPoints32) != 0, f32 = c.q.precision == Precision::kF32;
   c.q.fields = fields;
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.view.pair_limits.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
@@ -135,7 +135,7 @@ TEST(DenseKernels, LeanOnesOfOneConfigurationGiveTheBitsOfTheCpu) {
 // CPU.
 struct TouchingCase {
   static constexpr std::uint32_t kConfigurations = 96;
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;
@@ -167,7 +167,7 @@ struct TouchingCase {
 
 TEST(DenseKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   TouchingCase c;
-  const Engine reference(std::move(c.scene), {"reference"});
+  const engine::Engine reference(std::move(c.scene), {"reference"});
   HostChunk chunk(reference, c.q);
   chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   chunk.launch(kFewBlocks, [&] { prove_overlaps(chunk.view, 5); });

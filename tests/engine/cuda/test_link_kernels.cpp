@@ -21,10 +21,10 @@ const std::string kEveryJoint = source_file("tests/engine/robot/every_joint.urdf
 
 // Two robots with joints of every kind, the second with positions only from queries; an arm in the hand of the first,
 // which holds a ball; and a box on that hand.
-Scene robots() {
-  Scene scene;
+engine::Scene robots() {
+  engine::Scene scene;
   scene.add_sphere("cart", 0.2, {.pose = Pose{{0.1, -0.3, 0.2}, 0.9, 0.1, -0.3, 0.2}});
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = kEveryJoint;
   options.geometry_files.emplace();  // frames
   options.parent = "cart";
@@ -48,7 +48,7 @@ struct Seen {
 // Moves these joints, and the cart.
 class Moved {
  public:
-  Moved(Scene s, std::vector<std::uint32_t> moving, std::uint32_t configurations, std::uint64_t seed)
+  Moved(engine::Scene s, std::vector<std::uint32_t> moving, std::uint32_t configurations, std::uint64_t seed)
       : scene_(std::move(s)), joints_(std::move(moving)), K_(configurations) {
     Random random(seed);
     bodies_.push_back(scene_.find_body("cart"));
@@ -58,7 +58,7 @@ class Moved {
     }
   }
   double& at(std::uint32_t k, std::size_t joint) { return positions_[k * joints_.size() + joint]; }
-  const Scene& scene() const { return scene_; }
+  const engine::Scene& scene() const { return scene_; }
 
   Seen compare() const {
     QueryView q;
@@ -135,14 +135,15 @@ class Moved {
     }
   }
 
-  Scene scene_;
+  engine::Scene scene_;
   std::vector<std::uint32_t> joints_, bodies_;
   std::uint32_t K_;
   std::vector<Pose> poses_;
   std::vector<double> positions_;
 };
 
-std::vector<std::uint32_t> joints_where(const Scene& scene, const std::function<bool(const std::string&)>& wanted) {
+std::vector<std::uint32_t> joints_where(const engine::Scene& scene,
+                                        const std::function<bool(const std::string&)>& wanted) {
   std::vector<std::uint32_t> joints;
   for (std::uint32_t j = 0; j < scene.joints().size(); ++j)
     if (wanted(scene.joints()[j].name)) joints.insert(joints.begin() + (j % 3 ? 0 : joints.size() / 2), j);

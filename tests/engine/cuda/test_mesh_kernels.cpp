@@ -73,7 +73,7 @@ struct CheckedCases {
 
 TEST(MeshKernels, HoldTheExactDistance) {
   const CheckedCases of;
-  Scene scene;
+  engine::Scene scene;
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 0; i < of.cases.size(); ++i) {
     const exact::Case& one = of.cases[i];
@@ -86,7 +86,7 @@ TEST(MeshKernels, HoldTheExactDistance) {
     }
     pairs.push_back({2 * i, 2 * i + 1});
   }
-  const Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {"cpu"});
   QueryView q;
   q.all_pairs = false;
   q.pairs = pairs;
@@ -137,7 +137,7 @@ TEST(MeshKernels, HoldTheExactDistance) {
 
 // Runs every reduction.
 // \returns number of pairs left to the CPU
-std::uint64_t compare_all(const Engine& cpu, QueryView q, const std::string& what) {
+std::uint64_t compare_all(const engine::Engine& cpu, QueryView q, const std::string& what) {
   std::uint64_t left = 0;
   for (const double distance : {kInf, 0.1})
     for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kWithin}) {
@@ -159,7 +159,7 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
     MeshCase c(6, room, 5);
     c.request_about(c.pairs_of_meshes());
     c.poses[5].translation.x = std::numeric_limits<double>::quiet_NaN();
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     EXPECT_LT(compare_all(cpu, c.q, "room " + std::to_string(room)), 4u);
   }
 }
@@ -168,18 +168,18 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
 TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
   MeshCase c(4, 0.8, 7);
   c.request_about(c.pairs_of_all());
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   EXPECT_GT(compare_all(cpu, c.q, "left"), 60u);
 }
 
 // Without a cutoff no bound excludes any of two large meshes at first; the stack must still suffice.
 TEST(MeshKernels, HoldEnoughForLargeTrees) {
-  Scene scene;
+  engine::Scene scene;
   const MeshOfCase mesh(24);
   Random random(3);
   for (const char* name : {"a", "b"})
     scene.add_mesh(name, mesh.vertices, mesh.triangles, MeshAs::kSurface, {.pose = random.pose(0)});
-  const Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {"cpu"});
   const std::vector<std::uint32_t> moved{1};
   const std::vector<Pose> poses{random.pose(6)};
   const std::vector<BodyPair> pairs{{0, 1}};

@@ -18,7 +18,7 @@ namespace clearance::test {
 namespace {
 
 // Answer for a single pair at one time of a motion.
-Answer request_at(const Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time,
+Answer request_at(const engine::Engine& engine, const ArmEdges& edges, std::uint32_t motion, double time,
                   const BodyPair& pair) {
   const Samples there(edges.motions, motion, time);
   const std::vector<BodyPair> pairs{pair};
@@ -45,7 +45,7 @@ struct Found {
 
 // Results never contradict the CPU's, and hits are confirmed.
 Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
-  const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const engine::Engine cpu(engine::Scene(edges.scene), {.backend = "cpu", .threads = 2});
   const Answer wanted = evaluate(cpu, q);
   host.run();
   Found found;
@@ -108,7 +108,7 @@ struct Least {
   int apart = 0, touching = 0, hits = 0, open = 0;
 };
 Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
-  const Engine cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const engine::Engine cpu(engine::Scene(edges.scene), {.backend = "cpu", .threads = 2});
   const Answer wanted = evaluate(cpu, q);
   host.run();
   Least found;
@@ -257,7 +257,7 @@ TEST(MotionKernels, LeaveStrangeMotionsToTheCpu) {
 }
 
 // The kernels' result for a single motion.
-MotionDecision decision_of(const Scene& scene, const QueryView& q) {
+MotionDecision decision_of(const engine::Scene& scene, const QueryView& q) {
   HostMotions host(scene, q);
   MotionDecision found;
   if (!host.fits()) return found;
@@ -298,7 +298,7 @@ INSTANTIATE_TEST_SUITE_P(Kinds, CheckedMotionKernels, ::testing::Range(0, kMotio
 
 // A device whose workspace runs the emulated kernels on the engine's chunks.
 struct EmulatedWork {
-  const Scene* scene = nullptr;
+  const engine::Scene* scene = nullptr;
   QueryView q;
   int launches = 0;
 };
@@ -360,11 +360,11 @@ struct EmulatedAnswer {
   EmulatedAnswer(const ArmEdges& edges, const QueryView& q) {
     Fault fault;
     EmulatedWork work{&edges.scene, q};
-    const cuda::FakeDevice fake_device({true, "emulated", "", 1}, [&](const Scene&, int, std::uint64_t) {
+    const cuda::FakeDevice fake_device({true, "emulated", "", 1}, [&](const engine::Scene&, int, std::uint64_t) {
       return std::make_shared<EmulatedDevice>(fault, work);
     });
-    const Engine device(Scene(edges.scene), {.backend = "cuda", .threads = 2}),
-        cpu(Scene(edges.scene), {.backend = "cpu", .threads = 2});
+    const engine::Engine device(engine::Scene(edges.scene), {.backend = "cuda", .threads = 2}),
+        cpu(engine::Scene(edges.scene), {.backend = "cpu", .threads = 2});
     found = evaluate(device, q);
     wanted = evaluate(cpu, q);
     on_cpu = counter(device, "cuda.motions_finished_on_cpu");

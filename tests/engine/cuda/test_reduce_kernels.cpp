@@ -11,11 +11,12 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
   for (const double room : {1.0, 2.5, 8.0}) {
-    EmulatedCase c(20, 13, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
-      to.add_capsule(name, 0.2, 0.5, options);
-    });
+    EmulatedCase c(20, 13, room, 3,
+                   [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
+                     to.add_capsule(name, 0.2, 0.5, options);
+                   });
     c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     c.q.fields = kAllFields | kFieldPairLower;
     for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
       for (const double distance : {kInf, 0.3}) {
@@ -32,7 +33,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     UncertainCase c(30, 9);
     c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     c.q.precision = precision;
     for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
       for (const double distance : {kInf, 0.02, 0.3}) {
@@ -71,7 +72,7 @@ struct MarginCounts {
 };
 
 // Compares with one margin for all pairs, and with a margin per pair.
-void compare_margins(const Engine& cpu, QueryView q, const std::string& what, MarginCounts& outcomes) {
+void compare_margins(const engine::Engine& cpu, QueryView q, const std::string& what, MarginCounts& outcomes) {
   const auto compare = [&](const std::string& with) {
     HostReduction reduction(cpu, q);
     outcomes.left += reduction.compare(what + with);
@@ -95,14 +96,15 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     MarginCounts outcomes;
     for (const double room : {1.0, 4.0, 12.0}) {
-      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
-        to.add_capsule(name, 0.2, 0.5, options);
-      });
+      EmulatedCase c(20, 29, room, 3,
+                     [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
+                       to.add_capsule(name, 0.2, 0.5, options);
+                     });
       c.q.fields = kAllFields | kFieldPairLower;
       c.q.precision = precision;
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
-      const Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {"cpu"});
       compare_margins(cpu, c.q, "room " + std::to_string(room), outcomes);
     }
     EXPECT_GT(outcomes.near, 20u);
@@ -122,7 +124,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoesUncertainBodies) {
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
     // Few of the pairs at a time, since otherwise every configuration has an overlap.
     const std::vector<BodyPair> all = c.pairs;
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     MarginCounts outcomes;
     for (std::size_t first = 0; first < 12; ++first) {
       std::vector<BodyPair> some;
@@ -142,7 +144,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoesUncertainBodies) {
 // Device queries have no CPU to finish them.
 TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
   std::uint64_t left = 0, others = 0, rows = 0, unproved = 0;
-  const auto run = [&](const Engine& cpu, const QueryView& q, const std::string& what) {
+  const auto run = [&](const engine::Engine& cpu, const QueryView& q, const std::string& what) {
     HostReduction reduction(cpu, q);
     left += reduction.compare_alone(what);
     others += reduction.others();
@@ -153,19 +155,20 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
   for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
     const std::string what = "reduce " + std::to_string(static_cast<int>(reduce));
     for (const double room : {1.0, 4.0, 12.0}) {
-      EmulatedCase c(20, 29, room, 3, [](Scene& to, const std::string& name, const Scene::BodyOptions& options) {
-        to.add_capsule(name, 0.2, 0.5, options);
-      });
+      EmulatedCase c(20, 29, room, 3,
+                     [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
+                       to.add_capsule(name, 0.2, 0.5, options);
+                     });
       // Configuration 2: every body exactly on another, where nothing can be resolved.
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
       c.q.reduce = reduce;
-      const Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {"cpu"});
       run(cpu, c.q, what + ", room " + std::to_string(room));
     }
     UncertainCase c(30, 9);
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
     const std::vector<BodyPair> all = c.pairs;
-    const Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {"cpu"});
     c.q.reduce = reduce;
     for (std::size_t first = 0; first < 12; ++first) {
       std::vector<BodyPair> some;
@@ -182,7 +185,7 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
 
 // Slack raises the upper bound of the pair with the nearest boxes above that of its convex parts, so another pair wins.
 TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
-  Scene scene;
+  engine::Scene scene;
   Body rough;
   rough.name = "rough";
   rough.is_static = true;
@@ -204,7 +207,7 @@ TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
   const std::vector<std::uint32_t> bodies{1, 3};
   const std::vector<BodyPair> pairs{{0, 1}, {2, 3}};
   const std::vector<Pose> poses{{{0.8, 0.8, 0.8}}, {{50 + 0.5 + 0.1 + far + 0.005, 0, 0}}};
-  const Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {"cpu"});
   QueryView q;
   q.all_pairs = false;
   q.pairs = pairs;

@@ -20,7 +20,7 @@ bool same_slack(const Slack& a, const Slack& b) {
 struct Comparison {
   std::uint64_t uncertain = 0, between_links = 0, grown = 0;
 
-  void run(const Scene& scene, const QueryView& q) {
+  void run(const engine::Scene& scene, const QueryView& q) {
     const HullArrays hulls(scene, kMostShared);
     const HostBodies bodies(scene, hulls.view(), q);
     const Plan& plan = bodies.plan;
@@ -50,7 +50,7 @@ struct Comparison {
   }
 
  private:
-  void compare_body(const Scene& scene, const ChunkView& view, const BodyPoses& placement, std::uint32_t slot,
+  void compare_body(const engine::Scene& scene, const ChunkView& view, const BodyPoses& placement, std::uint32_t slot,
                     std::uint32_t k) {
     const std::uint32_t body = view.bodies.moved_body[slot];
     const BodyPoseRef at(view.bodies, view.configurations, slot | kMovedBit, k);
@@ -123,7 +123,7 @@ struct Seen {
   std::uint64_t slack = 0, contact = 0, overlap = 0, beyond = 0, left = 0, beyond_limits = 0;
 };
 template <bool kF32>
-Seen expect_rows_of_the_cpu(const Engine& cpu, const QueryView& q, const std::string& what) {
+Seen expect_rows_of_the_cpu(const engine::Engine& cpu, const QueryView& q, const std::string& what) {
   HostChunk chunk(cpu, q);
   chunk.view.pair_limits.cull = q.max_distance < kInf;
   chunk.view.prove_at_once = true;
@@ -151,7 +151,7 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   UncertainCase c(50, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   const Seen all = expect_rows_of_the_cpu<false>(cpu, c.q, "float64");
   EXPECT_GT(all.slack, 500u);
   EXPECT_GT(all.contact, 50u) << "slack alone makes them touch";
@@ -174,7 +174,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   c.q.fields = kAllFields | kFieldGradientJoints;
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   for (const double distance : {kInf, 0.1}) {
     c.q.max_distance = distance;
     HostChunk chunk(cpu, c.q);
@@ -203,7 +203,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
 
 // A box that overlaps, or may overlap, the prism around a can by about the excess of the prism.
 struct CanCase {
-  Scene scene;
+  engine::Scene scene;
   std::vector<Pose> poses;
   const std::vector<std::uint32_t> bodies{1};
   const std::vector<BodyPair> pairs{{0, 1}};
@@ -236,7 +236,7 @@ struct CanCase {
 // Convex parts that overlap by less than `outer` prove nothing about the exact bodies; an overlap by more does.
 TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
   CanCase c;
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   ASSERT_TRUE(chunk.bodies.uncertain);
   chunk.view.prove_at_once = true;
@@ -263,7 +263,7 @@ TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
 // Rows that no CPU finishes have bounds that contain the CPU's distances, including slack.
 TEST(SlackKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   CanCase c;
-  const Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {"cpu"});
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};

@@ -25,7 +25,7 @@ class TableReduction : private HostReduction {
  public:
   /// \param ordered whether bodies are sorted along the curve
   /// \param capacity of the list, which selects how it is sorted
-  TableReduction(const Engine& cpu, const QueryView& q, bool ordered, std::uint32_t capacity)
+  TableReduction(const engine::Engine& cpu, const QueryView& q, bool ordered, std::uint32_t capacity)
       : HostReduction(cpu, q), table_(*bodies_.plan.snapshot->pairs), ordered_(ordered) {
     const auto n = static_cast<std::uint32_t>(cpu.scene().bodies().size());
     const PairTable::Arrays a = table_.arrays();
@@ -131,11 +131,11 @@ class TableReduction : private HostReduction {
 };
 
 TEST(TableKernels, ListThePairsThatAreNear) {
-  Scene scene = mixed_scene(150, 3, 11);
+  engine::Scene scene = mixed_scene(150, 3, 11);
   scene.set_requires_pose("body" + std::to_string(kNowhere));
   scene.ignore("body0", "body1");
   for (int i = 20; i < 60; i += 2) scene.ignore("body" + std::to_string(i), "body" + std::to_string(i + 31));
-  const Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {"cpu"});
   QueryView q;
   q.reduce = Reduce::kWithin;
   q.fields = kAllFields;

@@ -12,7 +12,8 @@
 namespace clearance::test {
 
 /// A cylinder as in robots: the prism around it, with its excess as uncertainty.
-inline void add_prism(Scene& scene, const std::string& name, double radius, double length, Scene::BodyOptions options) {
+inline void add_prism(engine::Scene& scene, const std::string& name, double radius, double length,
+                      engine::Scene::BodyOptions options) {
   const Shape prism = make_cylinder(radius, length);
   Body body;
   body.name = name;
@@ -25,11 +26,11 @@ inline void add_prism(Scene& scene, const std::string& name, double radius, doub
 }
 
 /// \param with_age some bodies have a max_speed, so their slack grows with time
-inline Scene uncertain_robot_scene(bool with_age) {
+inline engine::Scene uncertain_robot_scene(bool with_age) {
   Random random(31);
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("cart", 0.2, {.pose = random.pose(0.3), .uncertainty = {0.01, 0.05}});
-  RobotOptions options = at_home();
+  engine::RobotOptions options = at_home();
   options.parent = "cart";
   scene.add_robot("arm", options);
   scene.add_hull("tool", cloud_on_sphere(40, 0.1, 3), {.parent = "arm/flange", .pose = random.pose(0.1)});
@@ -57,7 +58,7 @@ inline Scene uncertain_robot_scene(bool with_age) {
 
 /// The robot's joints and some bodies move; all pairs except those of two fixed bodies.
 struct UncertainCase {
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::uint32_t> bodies, joints;
   std::vector<BodyPair> pairs;
   std::vector<Pose> poses;

@@ -28,8 +28,8 @@ struct Fault {
 };
 
 // Small bodies at random poses.
-inline Scene spheres(int count) {
-  Scene s;
+inline engine::Scene spheres(int count) {
+  engine::Scene s;
   Random random(7);
   for (int i = 0; i < count; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
   return s;
@@ -54,7 +54,7 @@ struct DeviceTestQuery {
 };
 
 // Runs a query twice; the device has memory only for the second one.
-inline void expect_memory_for_the_second(const Engine& device, const DeviceTestQuery& device_query,
+inline void expect_memory_for_the_second(const engine::Engine& device, const DeviceTestQuery& device_query,
                                          const Answer& expected) {
   const Answer first = evaluate(device, device_query.q), second = evaluate(device, device_query.q);
   expect_same(first, expected, "without memory");

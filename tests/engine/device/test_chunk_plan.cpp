@@ -38,7 +38,7 @@ class NotingDense final : public IdleDense {
 
 class NotingDevice final : public IdleDevice {
  public:
-  NotingDevice(const Scene& scene, Fault& fault, NotedChunks& noted)
+  NotingDevice(const engine::Scene& scene, Fault& fault, NotedChunks& noted)
       : IdleDevice(fault), scene_(scene), fault_(fault), noted_(noted) {}
   std::uint32_t hull_of(std::uint32_t body) const override {
     return body == kUnheld ? kNone : scene_.bodies()[body].parts.size() > 1 ? cuda::kSeveral : body % 3;
@@ -53,7 +53,7 @@ class NotingDevice final : public IdleDevice {
   std::shared_ptr<cuda::Workspace> borrow() override { return std::make_shared<NotingDense>(fault_, noted_); }
 
  private:
-  const Scene& scene_;
+  const engine::Scene& scene_;
   Fault& fault_;
   NotedChunks& noted_;
 };
@@ -64,10 +64,10 @@ TEST(ChunkPlan, PutsPairsOfSeveralPartsBehindTheOthers) {
   for (const std::uint32_t configurations : {0u, 90u}) {
     Fault fault;
     NotedChunks noted;
-    const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+    const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const engine::Scene& s, int, std::uint64_t) {
       return std::make_shared<NotingDevice>(s, fault, noted);
     });
-    const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
+    const engine::Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
     std::vector<Pose> poses;
     for (std::size_t i = 0; i < configurations * kMoved.size(); ++i) poses.push_back(random.pose(3));
     QueryView q;
@@ -111,17 +111,17 @@ TEST(ChunkPlan, PutsPairsOfSeveralPartsBehindTheOthers) {
 
 TEST(ChunkPlan, MakesFewChunksThatGrow) {
   const auto scene = [] {
-    Scene s;
+    engine::Scene s;
     Random random(3);
     for (int i = 0; i < 800; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(10)});
     return s;
   };
   Fault fault;
   NotedChunks noted;
-  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const engine::Scene& s, int, std::uint64_t) {
     return std::make_shared<NotingDevice>(s, fault, noted);
   });
-  const Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
+  const engine::Engine device(scene(), {"cuda", 2}), cpu(scene(), {"cpu", 2});
   expect_same(evaluate(device, {}), evaluate(cpu, {}), "800 bodies", true);
   ASSERT_EQ(noted.chunks.size(), std::size_t{cuda::kChunksUnderWay});
   std::uint64_t rows = 0;
@@ -139,10 +139,10 @@ TEST(ChunkPlan, GivesEachChunkItsPosesOnceTheyAreWaitedFor) {
   const auto scene = [] { return mixed_scene(31, 3, 1); };
   Fault fault;
   NotedChunks noted;
-  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene& s, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const engine::Scene& s, int, std::uint64_t) {
     return std::make_shared<NotingDevice>(s, fault, noted);
   });
-  const Engine device(scene(), {"cuda", 4});
+  const engine::Engine device(scene(), {"cuda", 4});
   Random random(4);
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < 5000 * kMoved.size(); ++i) poses.push_back(random.pose(3));

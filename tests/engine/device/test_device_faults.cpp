@@ -11,15 +11,16 @@ using cuda::DeviceError;
 class DeviceFaults : public testing::Test {
  protected:
   Fault fault_;
-  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t memory_limit) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""},
+                                [this](const engine::Scene&, int, std::uint64_t memory_limit) {
                                   fault_.call("opening");
                                   if (memory_limit < 1000)
                                     throw DeviceError(DeviceError::kNoMemory, "1000 bytes would be needed");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};
 
-  static Engine::Options options(bool fallback = true) {
-    Engine::Options o;
+  static engine::Engine::Options options(bool fallback = true) {
+    engine::Engine::Options o;
     o.backend = "cuda";
     o.threads = 2;
     o.device_fallback = fallback;
@@ -39,12 +40,12 @@ DeviceTestQuery query_of_table(Reduce reduce) {
   device_query.q.max_distance = 0.5;
   return device_query;
 }
-Scene scene() {
+engine::Scene scene() {
   return spheres(80);
 }
 
 TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
-  const Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
+  const engine::Engine device(scene(), options()), cpu(scene(), {"cpu", 2});
   const DeviceTestQuery dense = query_about(Reduce::kNone);
   const Answer a = evaluate(device, dense.q);
   expect_same(a, evaluate(cpu, dense.q), "all rows left to the CPU");
@@ -54,14 +55,14 @@ TEST_F(DeviceFaults, OfNoneTheDeviceAnswers) {
 }
 
 TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
-  const Engine cpu(scene(), {"cpu", 2});
+  const engine::Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery device_query = query_about(Reduce::kNone);
   const Answer expected = evaluate(cpu, device_query.q);
   bool failed = true;
   int tried = 0;
   for (int at = 0; failed; ++at, ++tried) {
     fault_ = {at};
-    const Engine device(scene(), options());
+    const engine::Engine device(scene(), options());
     const Answer a = evaluate(device, device_query.q, std::chrono::nanoseconds(1));
     failed = fault_.calls > at;  // else there is no such call
     expect_same(a, expected, "fault at call " + std::to_string(at));
@@ -79,15 +80,15 @@ TEST_F(DeviceFaults, AnywhereInAQueryLeaveItToTheCpu) {
 }
 
 TEST_F(DeviceFaults, AnywhereInAReductionLeaveItToTheCpu) {
-  const Engine cpu(scene(), {"cpu", 2});
+  const engine::Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery queries[] = {query_about(Reduce::kNearest), query_about(Reduce::kMin),
-                                       query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
+                                     query_about(Reduce::kWithin), query_of_table(Reduce::kWithin)};
   for (const DeviceTestQuery& device_query : queries) {
     const Answer expected = evaluate(cpu, device_query.q);
     int at = 0;
     for (bool failed = true; failed; ++at) {
       fault_ = {at};
-      const Engine device(scene(), options());
+      const engine::Engine device(scene(), options());
       const Answer a = evaluate(device, device_query.q);
       failed = fault_.calls > at;
       expect_same(a, expected, "fault at call " + std::to_string(at), true);
@@ -103,16 +104,16 @@ TEST_F(DeviceFaults, AreRejectionsWhereTheCpuMayNotTakeOver) {
   for (int at = 0;; ++at) {
     fault_ = {at};
     try {
-      const Engine device(scene(), options(false));
+      const engine::Engine device(scene(), options(false));
       try {
         evaluate(device, device_query.q);
         break;  // no such call
-      } catch (const QueryError& e) {
+      } catch (const engine::QueryError& e) {
         EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
         EXPECT_NE(std::string(e.what()).find("a planted fault while "), std::string::npos) << e.what();
         ++rejected;
       }
-      EXPECT_THROW(evaluate(device, device_query.q), QueryError) << "the device is lost";
+      EXPECT_THROW(evaluate(device, device_query.q), engine::QueryError) << "the device is lost";
     } catch (const DeviceError& e) {
       EXPECT_EQ(at, 0) << "where it is opened: " << e.what();
     }
@@ -121,25 +122,25 @@ TEST_F(DeviceFaults, AreRejectionsWhereTheCpuMayNotTakeOver) {
 }
 
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
-  const Engine cpu(scene(), {"cpu", 2});
+  const engine::Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery device_query = query_about(Reduce::kNone);
   const Answer expected = evaluate(cpu, device_query.q);
   fault_ = {5, DeviceError::kNoMemory};
-  const Engine device(scene(), options());
+  const engine::Engine device(scene(), options());
   expect_memory_for_the_second(device, device_query, expected);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
   EXPECT_EQ(counter(device, "cuda.usable"), 1u);
 }
 
 TEST_F(DeviceFaults, SceneThatDoesNotFitGoesToTheCpuOrIsRejected) {
-  Engine::Options small = options();
+  engine::Engine::Options small = options();
   small.device_memory = 999;
-  const Engine device(scene(), small), cpu(scene(), {"cpu", 2});
+  const engine::Engine device(scene(), small), cpu(scene(), {"cpu", 2});
   EXPECT_EQ(device.backend(), "cpu");
   EXPECT_EQ(device.device_error(), "1000 bytes would be needed");
   expect_same(evaluate(device, {}), evaluate(cpu, {}), "on the CPU");
   small.device_fallback = false;
-  EXPECT_THROW(Engine(scene(), small), DeviceError);
+  EXPECT_THROW(engine::Engine(scene(), small), DeviceError);
 }
 
 }  // namespace

@@ -23,7 +23,7 @@ using DeviceModuleDeathTest = DeviceModule;
 [[noreturn]] void request_for_cuda(const std::string& library) {
   setenv("CLEARANCE_CUDA_MODULE", library.c_str(), 1);
   try {
-    const Engine engine(Scene(), {"cuda"});
+    const engine::Engine engine(engine::Scene(), {"cuda"});
   } catch (const std::runtime_error& error) {
     std::fprintf(stderr, "%s\n", error.what());
     std::exit(3);
@@ -62,7 +62,7 @@ TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
       {
         setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
         setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
-        const Engine engine(Scene(), {"cpu"});
+        const engine::Engine engine(engine::Scene(), {"cpu"});
         std::exit(0);
       },
       testing::ExitedWithCode(0), "");
@@ -70,8 +70,8 @@ TEST_F(DeviceModuleDeathTest, IsNotOpenedForTheCpuAlone) {
       {
         setenv("CLEARANCE_CUDA_MODULE", CLEARANCE_FAKE_MODULE, 1);
         setenv("CLEARANCE_TEST_END_WHEN_OPENED", "1", 1);
-        const Engine engine(Scene(), {"auto"});
-        Engine::backends();
+        const engine::Engine engine(engine::Scene(), {"auto"});
+        engine::Engine::backends();
         std::exit(0);
       },
       testing::ExitedWithCode(4), "");

@@ -36,7 +36,7 @@ class LyingDevice final : public IdleDevice {
 
 template <class Device>
 SelfTest test_of(Fault fault) {
-  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const Scene&, int, std::uint64_t) {
+  const cuda::FakeDevice fake_device({true, "a stand-in", ""}, [&](const engine::Scene&, int, std::uint64_t) {
     fault.call("opening");
     return std::make_shared<Device>(fault);
   });

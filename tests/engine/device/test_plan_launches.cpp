@@ -76,14 +76,14 @@ class PlanLaunches : public testing::Test {
  protected:
   Fault fault_;
   Told told_;
-  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const engine::Scene&, int, std::uint64_t) {
                                   return std::make_shared<ScribesDevice>(fault_, told_);
                                 }};
 
-  std::string rejection(const Engine& engine, const QueryView& q) const {
+  std::string rejection(const engine::Engine& engine, const QueryView& q) const {
     try {
       engine.plan_on_device(q);
-    } catch (const QueryError& e) {
+    } catch (const engine::QueryError& e) {
       EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
       return e.what();
     }
@@ -100,7 +100,7 @@ const T* somewhere(std::uintptr_t at) {
 TEST_F(PlanLaunches, GiveEachConfigurationToOneChunk) {
   constexpr std::uint32_t kConfigurations = 200000;
   UncertainCase c(2, 3);
-  const Engine engine(std::move(c.scene), {"cuda", 2});
+  const engine::Engine engine(std::move(c.scene), {"cuda", 2});
   const std::uint64_t P = c.pairs.size(), M = c.bodies.size(), J = c.joints.size();
   c.q.configuration_count = kConfigurations;
   c.q.fields = kFieldLower | kFieldGradientJoints;
@@ -147,17 +147,17 @@ TEST_F(PlanLaunches, GiveEachConfigurationToOneChunk) {
     }
     EXPECT_EQ(next, kConfigurations);
     EXPECT_EQ(all, kConfigurations * P);
-    EXPECT_THROW(plan->run({given.poses, nullptr}, rows, nullptr), QueryError) << "no positions";
-    EXPECT_THROW(plan->run({nullptr, given.positions}, rows, nullptr), QueryError) << "no poses";
+    EXPECT_THROW(plan->run({given.poses, nullptr}, rows, nullptr), engine::QueryError) << "no positions";
+    EXPECT_THROW(plan->run({nullptr, given.positions}, rows, nullptr), engine::QueryError) << "no poses";
     rows.joints = 1;
-    EXPECT_THROW(plan->run(given, rows, nullptr), QueryError) << "gradients of another number of joints";
+    EXPECT_THROW(plan->run(given, rows, nullptr), engine::QueryError) << "gradients of another number of joints";
     const ReplyView own = plan->own_rows();
     EXPECT_TRUE(own.lower && own.gradient_joints && own.joints == J && !own.upper);
   }
 }
 
 TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
-  const Engine engine(spheres(20), {"cuda", 2});
+  const engine::Engine engine(spheres(20), {"cuda", 2});
   const std::vector<std::uint32_t> bodies{3, 10};
   QueryView q;
   q.reduce = Reduce::kMin;
@@ -172,11 +172,11 @@ TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
 }
 
 TEST_F(PlanLaunches, AreRejectedByName) {
-  Scene scene = uncertain_robot_scene(false);
+  engine::Scene scene = uncertain_robot_scene(false);
   scene.add_box("mover", {0.1, 0.1, 0.1}, {.pose = Pose(), .max_speed = 1});
   scene.add_box("rider of it", {0.1, 0.1, 0.1}, {.parent = "mover", .pose = Pose()});
   scene.add_box("stands", {0.1, 0.1, 0.1}, {.is_static = true, .pose = Pose(), .max_speed = 1});
-  const Engine engine(std::move(scene), {"cuda", 2});
+  const engine::Engine engine(std::move(scene), {"cuda", 2});
   const auto id = [&](const char* name) { return engine.scene().find_body(name); };
   const std::vector<std::uint32_t> joints{0, 1};
   std::vector<BodyPair> pairs{{id("known"), id("arm/flange")}};

@@ -127,27 +127,27 @@ TEST(Router, DistinguishesKindsByTheirOptions) {
 
 class RoutedEngine : public testing::Test {
  protected:
-  static Scene scene(int bodies) {
-    Scene s;
+  static engine::Scene scene(int bodies) {
+    engine::Scene s;
     Random random(7);
     for (int i = 0; i < bodies; ++i) s.add_sphere("s" + std::to_string(i), 0.3, {.pose = random.pose(3)});
     return s;
   }
-  static Engine::Options options() {
-    Engine::Options o;
+  static engine::Engine::Options options() {
+    engine::Engine::Options o;
     o.threads = 2;
     return o;
   }
 
   Fault fault_;
-  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const Scene&, int, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", ""}, [this](const engine::Scene&, int, std::uint64_t) {
                                   fault_.call("opening");
                                   return std::make_shared<IdleDevice>(fault_);
                                 }};
 };
 
 TEST_F(RoutedEngine, AnswersTheSameOnEachBackend) {
-  const Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
+  const engine::Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
   EXPECT_EQ(engine.backend(), "auto");
   const std::vector<BodyPair> all = engine.pairs({});
   for (const std::size_t count : {std::size_t{1}, all.size()})
@@ -169,7 +169,7 @@ TEST_F(RoutedEngine, AnswersTheSameOnEachBackend) {
 
 TEST_F(RoutedEngine, GoesOnWithTheCpuWhereTheDeviceFails) {
   fault_ = {3};
-  const Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
+  const engine::Engine engine(scene(60), options()), cpu(scene(60), {"cpu", 2});
   EXPECT_EQ(engine.backend(), "auto");
   Answer a;
   for (int i = 0; i < 20; ++i) {

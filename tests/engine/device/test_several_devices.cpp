@@ -15,14 +15,14 @@ constexpr std::uint32_t kConfigurations = 1300;  // of 157 pairs: four chunks
 class SeveralDevices : public testing::Test {
  protected:
   std::array<Fault, 3> faults_;
-  cuda::FakeDevice fake_device_{{true, "a stand-in", "", 3}, [this](const Scene&, int number, std::uint64_t) {
+  cuda::FakeDevice fake_device_{{true, "a stand-in", "", 3}, [this](const engine::Scene&, int number, std::uint64_t) {
                                   Fault& fault = faults_[static_cast<std::size_t>(number)];
                                   fault.call("opening");
                                   return std::make_shared<IdleDevice>(fault);
                                 }};
 
-  static Engine::Options options(std::vector<int> devices, bool fallback = true) {
-    Engine::Options o;
+  static engine::Engine::Options options(std::vector<int> devices, bool fallback = true) {
+    engine::Engine::Options o;
     o.backend = "cuda";
     o.threads = 2;
     o.device_fallback = fallback;
@@ -32,7 +32,7 @@ class SeveralDevices : public testing::Test {
 };
 
 TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
-  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
+  const engine::Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({2, 0}));
   DeviceTestQuery device_query(30'000);  // more chunks than two devices have in flight
   device_query.q.fields = kDefaultFields;
   const Answer expected = evaluate(cpu, device_query.q);
@@ -53,14 +53,14 @@ TEST_F(SeveralDevices, ShareAQueryOutAndAnswerAsOne) {
 }
 
 TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
-  const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1, 2}));
+  const engine::Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1, 2}));
   for (Fault& fault : faults_) fault.launches = 0;
   for (int i = 0; i < 6; ++i) expect_same(evaluate(device, {}), evaluate(cpu, {}), "one chunk");
   for (const Fault& fault : faults_) EXPECT_EQ(fault.launches, 2);
 }
 
 TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
-  const Engine cpu(spheres(80), {"cpu", 2});
+  const engine::Engine cpu(spheres(80), {"cpu", 2});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin}) {
     const DeviceTestQuery device_query(kConfigurations, reduce);
     const Answer expected = evaluate(cpu, device_query.q);
@@ -68,7 +68,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
     for (bool failed = true; failed; ++at) {
       faults_ = {};
       faults_[1].at = at;
-      const Engine device(spheres(80), options({0, 1}, reduce != Reduce::kNone));
+      const engine::Engine device(spheres(80), options({0, 1}, reduce != Reduce::kNone));
       const Answer a = evaluate(device, device_query.q, std::chrono::nanoseconds(1));
       failed = faults_[1].calls > at;
       expect_same(a, expected, "fault at call " + std::to_string(at), reduce != Reduce::kNone);
@@ -89,7 +89,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
 }
 
 TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
-  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
+  const engine::Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
       strict(spheres(80), options({0, 1, 2}, false));
   const DeviceTestQuery device_query(kConfigurations);
   const Answer expected = evaluate(cpu, device_query.q);
@@ -100,12 +100,12 @@ TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   EXPECT_EQ(a.info.backend, "cpu");
   EXPECT_EQ(counter(device, "cuda.usable"), 0u);
   EXPECT_EQ(device.backend(), "cpu");
-  EXPECT_THROW(evaluate(strict, device_query.q), QueryError);
-  EXPECT_THROW(evaluate(strict, device_query.q), QueryError) << "again";
+  EXPECT_THROW(evaluate(strict, device_query.q), engine::QueryError);
+  EXPECT_THROW(evaluate(strict, device_query.q), engine::QueryError) << "again";
 }
 
 TEST_F(SeveralDevices, WithoutMemoryLeaveOneQueryToTheCpu) {
-  const Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
+  const engine::Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
   const DeviceTestQuery device_query(kConfigurations);
   const Answer expected = evaluate(cpu, device_query.q);
   faults_[1] = {6, DeviceError::kNoMemory, faults_[1].calls};
@@ -115,18 +115,18 @@ TEST_F(SeveralDevices, WithoutMemoryLeaveOneQueryToTheCpu) {
 
 TEST_F(SeveralDevices, OneThatCannotBeOpenedIsLeftOutOrRejected) {
   faults_[1].at = 0;
-  const Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1}));
+  const engine::Engine cpu(spheres(20), {"cpu", 2}), device(spheres(20), options({0, 1}));
   expect_same(evaluate(device, {}), evaluate(cpu, {}), "with the one that is left");
   EXPECT_EQ(device.backend(), "cuda");
   EXPECT_EQ(device.device_error(), "device 1: a planted fault while opening");
   EXPECT_EQ(counter(device, "cuda.1.usable"), 0u);
-  EXPECT_THROW(Engine(spheres(20), options({0, 1}, false)), DeviceError);
+  EXPECT_THROW(engine::Engine(spheres(20), options({0, 1}, false)), DeviceError);
 }
 
 TEST_F(SeveralDevices, AreNamedOnceAndAreThere) {
-  const auto rejection = [](const Engine::Options& o) -> std::string {
+  const auto rejection = [](const engine::Engine::Options& o) -> std::string {
     try {
-      Engine engine(spheres(2), o);
+      engine::Engine engine(spheres(2), o);
     } catch (const std::exception& e) {
       return e.what();
     }
@@ -135,7 +135,7 @@ TEST_F(SeveralDevices, AreNamedOnceAndAreThere) {
   EXPECT_EQ(rejection(options({0, 3})), "devices: 3 is not there; there are 3, 0 to 2");
   EXPECT_EQ(rejection(options({-1})), "devices: -1 is not there; there are 3, 0 to 2");
   EXPECT_EQ(rejection(options({2, 1, 2})), "devices: 2 is named twice");
-  Engine::Options on_cpu = options({0});
+  engine::Engine::Options on_cpu = options({0});
   on_cpu.backend = "cpu";
   EXPECT_EQ(rejection(on_cpu), "devices: backend 'cpu' uses none");
   for (const Fault& fault : faults_) EXPECT_EQ(fault.calls, 0);
@@ -147,16 +147,16 @@ TEST(RealDevices, AnswerWithTheBitsOfTheCpuHoweverManyThereAre) {
   SKIP_WITHOUT_DEVICE();
   const int count = cuda::device_info().count;
   if (count < 2) GTEST_SKIP() << "there is one CUDA device alone";
-  Engine::Options all{"cuda"}, last{"cuda"};
+  engine::Engine::Options all{"cuda"}, last{"cuda"};
   for (int i = 0; i < count; ++i) all.devices.push_back(i);
   last.devices = {count - 1};
   const auto scene = [] {
-    Scene s;
+    engine::Scene s;
     Random random(3);
     for (int i = 0; i < 900; ++i) s.add_uv_sphere("s" + std::to_string(i), 0.5, 5, {.pose = random.pose(12)});
     return s;
   };
-  const Engine cpu(scene(), {"cpu"}), several(scene(), all), other(scene(), last);
+  const engine::Engine cpu(scene(), {"cpu"}), several(scene(), all), other(scene(), last);
   DeviceTestQuery with_poses(kConfigurations);
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
     QueryView q, posed = with_poses.q;

@@ -195,7 +195,7 @@ TEST(HullExcess, BodiesPublishItAndWarn) {
                                      mesh.triangles.begin() + static_cast<std::ptrdiff_t>(i) + 12}});
     return text;
   }());
-  const Scene scene = Scene::load(folder.write("scene.yaml", R"(
+  const engine::Scene scene = engine::Scene::load(folder.write("scene.yaml", R"(
 bodies:
   - {name: shelf, mesh: shelf.obj, mesh_as: hull}
   - {name: twice, mesh: shelf.stl, scale: [2, 2, -2], mesh_as: hull}
@@ -222,7 +222,7 @@ bodies:
 TEST(MeshWarnings, NameMeshesInMillimetres) {
   const TemporaryFolder folder;
   folder.write("part.obj", "v 0 0 0\nv 137 0 0\nv 0 40 0\nv 0 0 12\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
-  const Scene scene = Scene::load(folder.write("scene.yaml", R"(
+  const engine::Scene scene = engine::Scene::load(folder.write("scene.yaml", R"(
 bodies:
   - {name: metres, mesh: part.obj}
   - {name: mm, mesh: part.obj, scale: 0.001}

@@ -20,7 +20,7 @@ namespace {
 // Seconds are printed, not tested, since they depend on the machine.
 void load_and_check(const std::string& path) {
   const auto begin = std::chrono::steady_clock::now();
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("ball", path, {1, 1, 1}, MeshAs::kHull, {});
   const double seconds = std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count();
   rusage own{}, loader{};

@@ -43,7 +43,7 @@ struct ExactScene {
   };
   using Moment = std::map<std::uint32_t, Placed>;
 
-  const Scene* scene = nullptr;
+  const engine::Scene* scene = nullptr;
   std::vector<RealFrame> origins;             ///< real_origins() of the robot
   std::map<std::uint32_t, Shape> shapes;      ///< by body
   std::map<std::uint32_t, Pose> poses;        ///< of bodies that nothing moves, X_wb or X_pb

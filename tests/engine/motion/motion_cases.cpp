@@ -100,7 +100,7 @@ void MotionCase::add_robot(const std::string& folder) {
   std::ofstream file(path);
   file << random_urdf(random_, kind_ == MotionKind::kPlate, &balls);
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = path;
   options.home.emplace();
   options.base = random_.pose(0.2);
@@ -125,7 +125,7 @@ void MotionCase::add_bodies() {
 
 // Its pose may be uncertain.
 void MotionCase::add_ball(const std::string& name, const std::string& parent) {
-  Scene::BodyOptions options;
+  engine::Scene::BodyOptions options;
   options.pose = random_.pose(parent.empty() ? 1 : 0.2);
   if (parent.empty()) options.pose->translation.x += far_;
   options.parent = parent;
@@ -225,7 +225,7 @@ void MotionCase::add_obstacle(std::uint32_t motion) {
 }
 
 void MotionCase::put(const std::string& name, const ExactScene::Shape& shape, const Pose& X) {
-  Scene::BodyOptions options;
+  engine::Scene::BodyOptions options;
   options.pose = X;
   const std::uint32_t body =
       shape.is_box ? scene.add_box(name, shape.half * 2, options) : scene.add_sphere(name, shape.radius, options);

@@ -27,7 +27,7 @@ class MotionCase {
   MotionCase(const MotionCase&) = delete;
   MotionCase& operator=(const MotionCase&) = delete;
 
-  Scene scene;
+  engine::Scene scene;
   ExactScene exact;
   Motions motions;
   std::vector<double> named;  ///< for each motion: a time at which two bodies are near by construction

@@ -25,7 +25,10 @@ struct Look {
 class MotionOracle {
  public:
   MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
-      : case_(c), random_(random), findings_(findings), engine_(Scene(c.scene), {.backend = backend, .threads = 1}) {
+      : case_(c),
+        random_(random),
+        findings_(findings),
+        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1}) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
@@ -244,7 +247,7 @@ class MotionOracle {
   const MotionCase& case_;
   Random& random_;
   MotionFindings& findings_;
-  Engine engine_;
+  engine::Engine engine_;
   std::vector<BodyPair> pairs_;
   std::vector<ExactScene::Moment> chance_;
   std::uint32_t motion_ = 0;

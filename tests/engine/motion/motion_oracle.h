@@ -48,7 +48,7 @@ struct MotionDecision {
   double contact = 0;     ///< if requested: the time at which a pair is within its margin, or inf
   bool by_slack = false;  ///< the interval exceeds the tolerance because of uncertain bodies
 };
-using MotionDecider = std::function<MotionDecision(const Scene&, const QueryView&)>;
+using MotionDecider = std::function<MotionDecision(const engine::Scene&, const QueryView&)>;
 /// Checks only decisions and least distances of motions of joints, with and without first contact, for the cases of
 /// check_many(). Unresolved motions count as undecided.
 MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);

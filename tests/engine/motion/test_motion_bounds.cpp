@@ -111,7 +111,7 @@ TEST(MotionRates, AccelerationsAreAttained) {
 // --- Bounds proved from the middle of a motion, compared with the distance at its end.
 
 // A plate whose face points along `axis` (0 is x, 1 is y) from `at`.
-void add_plate(Scene& scene, const std::string& name, int axis, double at, const std::string& parent = {}) {
+void add_plate(engine::Scene& scene, const std::string& name, int axis, double at, const std::string& parent = {}) {
   const double thick = 0.1, wide = 10;
   Pose X;
   X.translation[axis] = at - 0.5 * thick;
@@ -120,9 +120,9 @@ void add_plate(Scene& scene, const std::string& name, int axis, double at, const
   scene.add_box(name, size, {.parent = parent, .pose = X});
 }
 
-void add_robot(Scene& scene, const std::string& joints) {
+void add_robot(engine::Scene& scene, const std::string& joints) {
   const TemporaryFolder folder;
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = folder.write("r.urdf", "<robot name='r'>" + joints + "</robot>");
   options.home.emplace();
   scene.add_robot("r", options);
@@ -142,14 +142,14 @@ std::string joint(const std::string& name, const std::string& type, const std::s
 
 // A motion of two bodies that are nearest at one end.
 struct Approach {
-  Scene scene;
+  engine::Scene scene;
   Motions motion;
   BodyPair pair;
 
   /// \param term contribution of the tested term, in metres
   void expect_bound(double term) {
     motion.pairs = {pair};
-    const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+    const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
     QueryView query = motion.view(Reduce::kMin, 1);
     query.abs_tol = 1e-9;
     const Answer bound = evaluate(engine, query);
@@ -285,7 +285,7 @@ TEST(MotionBounds, WhatIsNotKnownGrowsOnTheWay) {
 
 // A direction fixed to a rotating reference body: the body's own rotation is subtracted.
 TEST(HalfSpans, AlongADirection) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 0.1, {});
   scene.add_sphere("b", 0.1, {});
   const Vec3d corner[] = {{0, 1, 0}, {0, 1, 1e-9}};

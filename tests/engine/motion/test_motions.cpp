@@ -7,13 +7,13 @@
 namespace clearance::test {
 namespace {
 
-Engine engine_of(Scene scene, int threads = 2) {
-  return Engine(std::move(scene), {.backend = "cpu", .threads = threads});
+engine::Engine engine_of(engine::Scene scene, int threads = 2) {
+  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads});
 }
 
 // A ball that flies past another at a known distance.
 struct Flight {
-  Scene scene;
+  engine::Scene scene;
   Motions motions;
 
   Flight() {
@@ -39,7 +39,7 @@ TEST(Motions, LeastDistanceOfABallThatFliesPast) {
     times.push_back(t);
     exact.push_back(norm(from + d * t) - 0.15);
   }
-  const Engine engine = engine_of(std::move(flight.scene));
+  const engine::Engine engine = engine_of(std::move(flight.scene));
   const Answer min = evaluate(engine, flight.motions.view(Reduce::kMin, 100000));
   const Answer any = evaluate(engine, flight.motions.view(Reduce::kAny));
   const Answer none = evaluate(engine, flight.motions.view(Reduce::kNone, 100000));
@@ -89,7 +89,7 @@ TEST(Motions, FirstContactIsNarrowed) {
     flight.add(from, to);
     exact.push_back(t);
   }
-  const Engine engine = engine_of(std::move(flight.scene));
+  const engine::Engine engine = engine_of(std::move(flight.scene));
   for (const Reduce reduce : {Reduce::kAny, Reduce::kMin, Reduce::kNone}) {
     QueryView query = flight.motions.view(reduce, 1000);
     query.margin = kMargin;
@@ -122,7 +122,7 @@ std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
 TEST(Motions, OutOfStepsIsNeverFree) {
   Flight flight;
   const std::vector<double> gaps = add_flights_by_gap(flight, 60);
-  const Engine engine = engine_of(std::move(flight.scene));
+  const engine::Engine engine = engine_of(std::move(flight.scene));
   int free = 0, hits = 0, unconverged = 0;
   for (const double margin : {0.0, 1e-9, 1e-3})
     for (const double abs_tol : {0.0, 1e-3})
@@ -156,7 +156,7 @@ TEST(Motions, OutOfStepsIsNeverFree) {
 TEST(Motions, AMotionThatIsProvedFreeIsNoContact) {
   Flight flight;
   const std::vector<double> gaps = add_flights_by_gap(flight, 60);
-  const Engine engine = engine_of(std::move(flight.scene));
+  const engine::Engine engine = engine_of(std::move(flight.scene));
   for (const Reduce reduce : {Reduce::kMin, Reduce::kNone}) {
     const Answer answer = evaluate(engine, flight.motions.view(reduce));
     int narrow = 0, contacts = 0;
@@ -182,7 +182,7 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
   flight.add({-1, 1, 0}, {1, 1, 0});
   flight.add({-1, 0, 0}, {1, 0, 0});
   const std::uint32_t person = flight.scene.add_sphere("person", 0.3, {});
-  Engine engine = engine_of(std::move(flight.scene));
+  engine::Engine engine = engine_of(std::move(flight.scene));
   const auto expect_status = [&](Status expected) {
     for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
       QueryView query = flight.motions.view(reduce);
@@ -212,13 +212,13 @@ TEST(Motions, ABodyWithoutAPoseIsNotPassedOver) {
 
 // A rod that rotates by nearly half a turn sweeps over a peg that it touches neither at the ends nor in the middle.
 TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("peg", 0.01, {.is_static = true, .pose = Pose{{0.3, 0.3, 0}}});
   Motions motions;
   motions.bodies = {scene.add_box("rod", {1, 0.002, 0.002}, {.pose = Pose{}})};
   const auto turned = [](double angle) { return Pose{{0, 0, 0}, std::cos(angle / 2), 0, 0, std::sin(angle / 2)}; };
   motions.poses = {turned(0), turned(3.1), turned(0), turned(-3.1 + 2 * M_PI), turned(0), turned(0.7)};
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   const Answer answer = evaluate(engine, motions.view(Reduce::kAny));
   EXPECT_EQ(answer.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_NEAR(answer.view.time[0] * 3.1, M_PI / 4, 0.06);
@@ -228,7 +228,7 @@ TEST(Motions, ARodThatTurnsSweepsOverAPeg) {
   EXPECT_EQ(answer.view.status[2], static_cast<std::uint8_t>(Status::kBeyond));
 }
 
-Motions random_edges(const Scene& scene, const std::vector<std::uint32_t>& joints, int count, double longest,
+Motions random_edges(const engine::Scene& scene, const std::vector<std::uint32_t>& joints, int count, double longest,
                      std::uint64_t seed) {
   Random random(seed);
   Motions motions;
@@ -248,7 +248,7 @@ Motions random_edges(const Scene& scene, const std::vector<std::uint32_t>& joint
 }
 
 // Pairs of the arm's links with the world and each other that are not always in contact.
-std::vector<BodyPair> pairs_of(const Scene& scene) {
+std::vector<BodyPair> pairs_of(const engine::Scene& scene) {
   const std::uint32_t arm = scene.find_group("arm") | kGroupBit;
   std::vector<BodyPair> pairs = {{scene.find_body("table"), arm}, {scene.find_body("ball"), arm}};
   const auto add = [&](const char* a, const char* b) {
@@ -266,10 +266,10 @@ constexpr double kRounding = 1e-12;  // of samples' times and kinematics
 // Edges of an arm, including its own links: no sample is nearer than the lower bound, and witnesses are found at the
 // reported times.
 TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 60, 1.0, 2);
   motions.pairs = pairs_of(scene);
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   const std::uint32_t rows = motions.count();
   QueryView decides = motions.view(Reduce::kAny);
   decides.margin = 0.005;
@@ -308,10 +308,10 @@ TEST(Motions, EdgesOfAnArmHoldAtEachSample) {
 
 // Rows of single pairs agree with the row of all pairs.
 TEST(Motions, PairsByThemselvesAndAllTogetherAgree) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 5, 0.5, 3);
   motions.pairs = pairs_of(scene);
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   const Answer none = evaluate(engine, motions.view(Reduce::kNone, 100000)),
                min = evaluate(engine, motions.view(Reduce::kMin, 100000));
   const std::uint64_t pairs = none.size.pairs;
@@ -327,10 +327,10 @@ TEST(Motions, PairsByThemselvesAndAllTogetherAgree) {
 
 // Slices of any size and any number of threads give the same rows.
 TEST(Motions, SlicesAndThreadsChangeNothing) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 150, 0.6, 4);
   motions.pairs = pairs_of(scene);
-  const Engine one = engine_of(arm_scene(at_home()), 1), three = engine_of(std::move(scene), 3);
+  const engine::Engine one = engine_of(arm_scene(at_home()), 1), three = engine_of(std::move(scene), 3);
   for (const Reduce reduce : {Reduce::kAny, Reduce::kMin}) {
     const QueryView query = motions.view(reduce, 64);
     const Answer whole = evaluate(one, query), sliced = evaluate(three, query, std::chrono::nanoseconds(1));
@@ -344,13 +344,13 @@ TEST(Motions, SlicesAndThreadsChangeNothing) {
 }
 
 TEST(Motions, AMotionThatGoesNowhereIsAConfiguration) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   Motions motions = random_edges(scene, joints_of(scene, "arm"), 20, 0.5, 5);
   motions.pairs = pairs_of(scene);
   const std::size_t joints = motions.joints.size();
   for (std::uint32_t i = 0; i < motions.count(); ++i)
     std::copy_n(motions.positions.begin() + 2 * i * joints, joints, motions.positions.begin() + (2 * i + 1) * joints);
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   const Answer min = evaluate(engine, motions.view(Reduce::kMin)), any = evaluate(engine, motions.view(Reduce::kAny));
   for (std::uint32_t i = 0; i < motions.count(); ++i) {
     const Answer at = evaluate(engine, Samples(motions, i, 0.0).view(motions, Reduce::kMin));
@@ -368,7 +368,7 @@ TEST(Motions, ContactAtEitherEndIsFound) {
   flight.add({1, 0, 0}, {0.1499, 0, 0});
   flight.add({0.1499, 0, 0}, {1, 0, 0});
   flight.add({1, 0, 0}, {0.1501, 0, 0});
-  const Engine engine = engine_of(std::move(flight.scene));
+  const engine::Engine engine = engine_of(std::move(flight.scene));
   const Answer any = evaluate(engine, flight.motions.view(Reduce::kAny));
   EXPECT_EQ(any.view.status[0], static_cast<std::uint8_t>(Status::kOverlap));
   EXPECT_EQ(any.view.status[1], static_cast<std::uint8_t>(Status::kOverlap));
@@ -379,35 +379,35 @@ TEST(Motions, ContactAtEitherEndIsFound) {
 
 // One evaluation of all pairs is not divided into slices.
 TEST(Motions, TooManyPairsAreRejectedByName) {
-  Scene scene;
+  engine::Scene scene;
   Motions motions;
   for (int i = 0; i < 364; ++i)
     motions.bodies.push_back(scene.add_sphere("s" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}}));
   motions.poses.assign(2 * motions.bodies.size(), Pose{});
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   try {
     evaluate(engine, motions.view(Reduce::kAny));
     FAIL() << "66,066 pairs were answered";
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kTooLarge);
     EXPECT_NE(std::string(error.what()).find("66066 pairs"), std::string::npos) << error.what();
   }
 }
 
 TEST(Motions, NoPoseAndBadPositionsAreReported) {
-  RobotOptions options;
+  engine::RobotOptions options;
   options.urdf = kArm;  // without a home
-  Scene scene = arm_scene(options);
+  engine::Scene scene = arm_scene(options);
   Motions motions;
   motions.joints = {0};
   motions.positions = {0, 1};
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   EXPECT_EQ(evaluate(engine, motions.view(Reduce::kAny)).view.status[0], static_cast<std::uint8_t>(Status::kNoPose));
-  Scene placed = arm_scene(at_home());
+  engine::Scene placed = arm_scene(at_home());
   Motions bad = random_edges(placed, joints_of(placed, "arm"), 3, 0.3, 6);
   bad.positions[0] = std::nan("");
   bad.positions[bad.joints.size() * 3] = 2e6;
-  const Engine other = engine_of(std::move(placed));
+  const engine::Engine other = engine_of(std::move(placed));
   const Answer any = evaluate(other, bad.view(Reduce::kAny)), min = evaluate(other, bad.view(Reduce::kMin));
   for (const Answer* answer : {&any, &min}) {
     EXPECT_EQ(answer->view.status[0], static_cast<std::uint8_t>(Status::kBadPose));
@@ -418,7 +418,7 @@ TEST(Motions, NoPoseAndBadPositionsAreReported) {
 
 // Planes along the axes and oblique, which are unbounded: bounds for bodies moving above them hold as for any body.
 TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> planes{
       scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.05}}}),
       scene.add_half_space("wall", {.pose = Pose{{-0.6, 0, 0}, 0.9, 0.1, 0.8, 0.05}})};
@@ -426,7 +426,7 @@ TEST(Motions, EdgesOfAnArmHoldAboveHalfSpaces) {
   for (const std::uint32_t plane : planes)
     for (const char* link : {"upper", "wrist", "palm", "flange", "left_finger"})
       motions.pairs.push_back({plane, scene.find_body(std::string("arm/") + link)});
-  const Engine engine = engine_of(std::move(scene));
+  const engine::Engine engine = engine_of(std::move(scene));
   const Answer any = evaluate(engine, motions.view(Reduce::kAny, 4096)),
                min = evaluate(engine, motions.view(Reduce::kMin, 4096));
   int free = 0, hits = 0;

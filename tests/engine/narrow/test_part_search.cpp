@@ -63,7 +63,7 @@ TEST(PartSearch, FindsPartPairsInTheirOrder) {
 
 // The engine answers the pairs of a round in parallel lanes, and sorts all gaps at once.
 TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
-  const Scene scene = test::decomposed_scene(60, 1.2, 2);
+  const engine::Scene scene = test::decomposed_scene(60, 1.2, 2);
   std::vector<BodyPlacement> placed;
   std::vector<std::vector<Aabb>> boxes;
   for (const Body& body : scene.bodies()) {
@@ -72,7 +72,7 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
     for (const ConvexPartPtr& part : body.parts)
       boxes.back().push_back(certify_box(*part, placed.back().pose.R_wb, placed.back().pose.t_w));
   }
-  const Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
+  const engine::Engine engine(test::decomposed_scene(60, 1.2, 2), {"cpu"});
   std::set<std::uint8_t> statuses;
   std::size_t searched = 0, long_searches = 0;
   for (const double max_distance : {kInf, 0.3}) {
@@ -118,7 +118,7 @@ TEST(PartSearch, EndsAsTheEnginesRoundsDo) {
 }
 
 ConvexPartPtr box_of(const Vec3d& size) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("box", size, {});
   return scene.bodies()[0].parts[0];
 }
@@ -129,7 +129,7 @@ double gap_of(const ConvexPart& a, const PoseMatrix& at_a, const ConvexPart& b, 
 
 // The bound by which rounds drop part pairs, near the origin and far from it.
 TEST(PartSearch, BoundOfPartsIsBelowTheirDistance) {
-  const Scene scene = test::decomposed_scene(60, 1.2, 2);
+  const engine::Scene scene = test::decomposed_scene(60, 1.2, 2);
   std::vector<ConvexPartPtr> parts{make_primitive_part({Primitive::Kind::kCylinder, {0.2, 0.2, 0.5}}, 0.1),
                                    make_primitive_part({Primitive::Kind::kEllipsoid, {0.1, 0.3, 0.6}}),
                                    make_primitive_part({Primitive::Kind::kCone, {0.3, 0.3, 0.2}}),

@@ -15,7 +15,7 @@
 namespace clearance::test {
 namespace {
 
-std::uint64_t cache_hits(const Engine& engine) {
+std::uint64_t cache_hits(const engine::Engine& engine) {
   for (const auto& [name, value] : engine.stats())
     if (name == "engine.queries_from_cache") return value;
   ADD_FAILURE() << "no such counter";
@@ -34,7 +34,7 @@ void expect_same(const Answer& a, const Answer& b) {
 }
 
 /// Answers a query without a cached job, by publishing the same poses once more.
-Answer request_anew(Engine& engine, std::uint32_t body, const QueryView& query) {
+Answer request_anew(engine::Engine& engine, std::uint32_t body, const QueryView& query) {
   const BodyPose same{body, engine.body_state(body).X_wb};
   engine.set_poses({&same, 1});
   return evaluate(engine, query);
@@ -73,11 +73,11 @@ std::vector<Named> reductions() {
 
 /// Runs each query in turn for configuration after configuration. Returns the number of rows by status.
 /// \param query returns the query for a configuration number
-std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const Scene& scene, std::uint32_t body, int count,
+std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene, std::uint32_t body, int count,
                                                      const std::function<QueryView(int)>& query) {
   std::array<std::uint64_t, 8> seen{};
-  const Engine kept(scene, {.backend = "cpu", .threads = 2});
-  Engine anew(scene, {.backend = "cpu", .threads = 2});
+  const engine::Engine kept(scene, {.backend = "cpu", .threads = 2});
+  engine::Engine anew(scene, {.backend = "cpu", .threads = 2});
   for (const Precision precision : {Precision::kF64, Precision::kF32})
     for (const Named& reduction : reductions()) {
       SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
@@ -101,8 +101,8 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
   return seen[static_cast<std::size_t>(status)];
 }
 
-Scene uncertain(const Scene& known) {
-  Scene scene;
+engine::Scene uncertain(const engine::Scene& known) {
+  engine::Scene scene;
   for (Body body : known.bodies()) {
     body.uncertainty = {0.01, 0.1};
     scene.add_body(std::move(body));
@@ -123,7 +123,7 @@ TEST(JobCache, PosesAreAnsweredWithTheBitsOfNewJobs) {
     q.configurations = std::span(poses).subspan(static_cast<std::size_t>(k) * 4, configurations * 4);
     return q;
   };
-  const Scene scene = decomposed_scene(30, 1.5, 7);
+  const engine::Scene scene = decomposed_scene(30, 1.5, 7);
   expect_bits_of_new_jobs(scene, 1, 8, [&](int k) { return query(k, 1); });
   expect_bits_of_new_jobs(uncertain(scene), 1, 4, [&](int k) { return query(k, 1); });
   expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // in parallel
@@ -140,7 +140,7 @@ TEST(JobCache, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
 
 /// The arm, and rows of positions for its joints, some beyond their limits and some not finite.
 struct Arm {
-  Scene scene = arm_scene(at_home());
+  engine::Scene scene = arm_scene(at_home());
   std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   std::vector<double> positions;
 
@@ -176,22 +176,22 @@ TEST(JobCache, JointsAreAnsweredWithTheBitsOfNewJobs) {
 // A job's results about a scene and its poses are valid for these alone.
 TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
   const Arm arm(1);
-  Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
   const std::uint32_t ball = arm.scene.find_body("ball"), table = arm.scene.find_body("table"),
                       tool = arm.scene.robots()[0]->bodies.back();
-  const std::vector<std::function<void(Engine&)>> changes{
-      [&](Engine& e) {
+  const std::vector<std::function<void(engine::Engine&)>> changes{
+      [&](engine::Engine& e) {
         const BodyPose moved{ball, Pose{{0.3, 0.1, 0.4}}};
         e.set_poses({&moved, 1});
       },
-      [&](Engine& e) {
+      [&](engine::Engine& e) {
         const JointPosition moved{arm.joints.back(), 0.4};
         e.set_joints({&moved, 1});
       },
-      [&](Engine& e) { e.attach(ball, tool); },
-      [&](Engine& e) { e.attach(ball, kNone); },
-      [&](Engine& e) { e.allow(table, arm.scene.find_group("arm") | kGroupBit); },
-      [&](Engine& e) {
+      [&](engine::Engine& e) { e.attach(ball, tool); },
+      [&](engine::Engine& e) { e.attach(ball, kNone); },
+      [&](engine::Engine& e) { e.allow(table, arm.scene.find_group("arm") | kGroupBit); },
+      [&](engine::Engine& e) {
         const BodyPose bad{ball, Pose{{std::nan(""), 0, 0}}};
         e.set_poses({&bad, 1});
       }};
@@ -204,7 +204,7 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
     evaluate(engine, q);
   }
   for (std::size_t done = 1; done <= changes.size(); ++done) {
-    Engine other(arm.scene, {.backend = "cpu", .threads = 1});
+    engine::Engine other(arm.scene, {.backend = "cpu", .threads = 1});
     for (std::size_t i = 0; i < done; ++i) changes[i](other);
     changes[done - 1](engine);
     for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
@@ -260,7 +260,7 @@ TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
                                    }}};
   for (const Named& other : others) {
     SCOPED_TRACE(other.name);
-    const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+    const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
     QueryView q = arm.query();
     q.reduce = Reduce::kMin;
     evaluate(engine, q);
@@ -283,19 +283,19 @@ TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
   const Arm two(2);
   for (const Named& question : questions) {
     SCOPED_TRACE(question.name);
-    const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+    const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
     QueryView q = two.query();
     question.set(q);
     q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
     for (int i = 0; i < 3; ++i) evaluate(engine, q);
     EXPECT_EQ(cache_hits(engine), 0u);
   }
-  Scene moving = arm.scene;
+  engine::Scene moving = arm.scene;
   Body fast = moving.bodies()[moving.find_body("ball")];
   fast.name = "fast";
   fast.max_speed = 1;
   moving.add_body(std::move(fast));
-  const Engine engine(moving, {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(moving, {.backend = "cpu", .threads = 1});
   for (int i = 0; i < 3; ++i) evaluate(engine, arm.query());
   EXPECT_EQ(cache_hits(engine), 0u);
 }
@@ -303,7 +303,7 @@ TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
 // A job abandoned in the middle is not reused, and a query that never started loses nothing.
 TEST(JobCache, OnlyWholeJobsComeBack) {
   const Arm arm(64);  // more than the fewest lanes answer at once
-  const Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
+  const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
   const QueryView q = arm.query();
   const Answer wanted = evaluate(engine, q);
   for (int i = 0; i < 2; ++i) {
@@ -321,7 +321,7 @@ TEST(JobCache, OnlyWholeJobsComeBack) {
   EXPECT_EQ(cache_hits(engine), 4u);
   QueryView few = q;
   few.positions = few.positions.first(1);
-  EXPECT_THROW(engine.prepare(few), QueryError);
+  EXPECT_THROW(engine.prepare(few), engine::QueryError);
   expect_same(evaluate(engine, q), wanted);
   EXPECT_EQ(cache_hits(engine), 6u);
 }
@@ -329,8 +329,8 @@ TEST(JobCache, OnlyWholeJobsComeBack) {
 TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   constexpr int kThreads = 4, kRounds = 50;
   const Arm arm(kRounds);
-  const Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
-  Engine anew(arm.scene, {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  engine::Engine anew(arm.scene, {.backend = "cpu", .threads = 1});
   const std::uint32_t ball = arm.scene.find_body("ball");
   std::vector<Answer> wanted;
   const auto query = [&](int k) {

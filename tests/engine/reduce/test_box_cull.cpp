@@ -47,7 +47,7 @@ TEST(BoxColumns, GapsSideBySideHaveTheBitsOfOneAlone) {
 }
 
 // The same query for few pairs at a time, for which no block is made.
-void expect_rows_of_few(const Engine& engine, const QueryView& query, const std::vector<BodyPair>& pairs,
+void expect_rows_of_few(const engine::Engine& engine, const QueryView& query, const std::vector<BodyPair>& pairs,
                         std::array<std::uint64_t, 8>& seen) {
   const Answer all = evaluate(engine, query);
   ASSERT_EQ(all.size.pairs, pairs.size());
@@ -78,7 +78,7 @@ void expect_rows_of_few(const Engine& engine, const QueryView& query, const std:
 
 TEST(BoxCull, RowsAreThoseOfPairsOneByOne) {
   Random random(2);
-  Engine engine(mixed_scene(60, 6, 4));
+  engine::Engine engine(mixed_scene(60, 6, 4));
   const double nan = std::numeric_limits<double>::quiet_NaN();
   const BodyPose bad[] = {{7, {{nan, 0, 0}}}, {23, {{1, 2, 3}, 2, 0.5, 0, 0}}};  // one unusable, one renormalised
   engine.set_poses(bad);

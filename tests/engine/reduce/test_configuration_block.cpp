@@ -37,8 +37,8 @@ struct Moves {
 };
 
 /// The same bodies with uncertainty.
-Scene uncertain(const Scene& known) {
-  Scene scene;
+engine::Scene uncertain(const engine::Scene& known) {
+  engine::Scene scene;
   for (Body body : known.bodies()) {
     body.uncertainty = {0.01, 0.1};
     scene.add_body(std::move(body));
@@ -66,9 +66,9 @@ std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) 
 // Pairs that the parts' boxes skip change neither the rows of near pairs nor their selection.
 TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   const Moves moves({0, 3, 7, 13}, 60, 1.5, 1);
-  const Scene scene = decomposed_scene(30, 1.5, 7);
+  const engine::Scene scene = decomposed_scene(30, 1.5, 7);
   for (const bool uncertainties : {false, true}) {
-    const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
+    const engine::Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     q.max_distance = 0.25;
     const Answer dense = evaluate(engine, q);
@@ -93,9 +93,9 @@ TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
 // The same for cut-offs that shrink while candidates are answered.
 TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   const Moves moves({0, 3, 7, 13}, 80, 4, 2);
-  const Scene scene = decomposed_scene(30, 4, 8);
+  const engine::Scene scene = decomposed_scene(30, 4, 8);
   for (const bool uncertainties : {false, true}) {
-    const Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
+    const engine::Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     const Answer dense = evaluate(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;
@@ -125,7 +125,7 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
   moves.poses[3 * 11 + 1].translation.x = std::nan("");  // of configurations among good ones
   moves.poses[3 * 69 + 2].qw = kInf;
   for (const int threads : {1, 3}) {
-    const Engine engine(decomposed_scene(25, 3, 9), {.threads = threads});
+    const engine::Engine engine(decomposed_scene(25, 3, 9), {.threads = threads});
     for (const Reduce reduce : {Reduce::kMin, Reduce::kWithin, Reduce::kNearest})
       for (const double max_distance : {0.3, kInf}) {
         QueryView q = moves.query();
@@ -155,13 +155,13 @@ TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
 // them shows that the others need not be evaluated.
 TEST(ConfigurationBlock, MinEndsWhereBoxesAreFartherThanWhatWasFound) {
   constexpr int kBalls = 40;
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("moved", 0.1, {.pose = Pose{}});
   const double s = std::sin(std::atan(1) / 2);
   scene.add_box("rod", {12, 0.02, 0.02}, {.pose = Pose{{4.4, 4.4, 0}, std::sqrt(1 - s * s), 0, 0, -s}});
   for (int i = 0; i < kBalls; ++i)
     scene.add_sphere("ball" + std::to_string(i), 0.1, {.pose = Pose{{-1.0 - 0.1 * i, 0, 0}}});
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   Moves moves({0}, 20, 0.01, 4);
   QueryView q = moves.query();
   const Answer dense = evaluate(engine, q);
@@ -179,7 +179,7 @@ TEST(ConfigurationBlock, MinEndsWhereBoxesAreFartherThanWhatWasFound) {
 }
 
 TEST(ConfigurationBlock, HasAsManyConfigurationsAsItsMemoryAllows) {
-  const Scene scene = decomposed_scene(10, 3, 9);
+  const engine::Scene scene = decomposed_scene(10, 3, 9);
   const auto most = [&](std::uint64_t configurations, std::uint64_t pairs, std::vector<std::uint32_t> moved,
                         int workers, bool by_tree = false, bool with_boxes = true) {
     Plan plan;

@@ -142,7 +142,7 @@ TEST(HollowMesh, IsNoSolid) {
 
 TEST(HollowMesh, IsWarnedAboutWithAPlace) {
   const Source mesh = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}).turned();
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("it", mesh.vertices, mesh.triangles, MeshAs::kAuto, {});
   scene.add_mesh("both", (ell() + ell().turned()).vertices, (ell() + ell().turned()).triangles, MeshAs::kAuto, {});
   const std::vector<MeshWarning> warnings = mesh_warnings(scene);

@@ -63,7 +63,7 @@ class MeshGeometryTest : public testing::Test {
   }
   static Body body(const std::string& path, Vec3d scale = {1, 1, 1}, MeshAs mesh_as = MeshAs::kHull,
                    double radius = 0) {
-    Scene scene;
+    engine::Scene scene;
     scene.add_mesh("it", path, scale, mesh_as, {.radius = radius});
     return scene.bodies()[0];
   }
@@ -158,7 +158,7 @@ TEST_F(MeshGeometryTest, WhateverItDependsOnMakesAnotherEntry) {
 TEST_F(MeshGeometryTest, NothingNextToAMeshIsBelieved) {
   const Shape sphere = make_uv_sphere(2, 75);
   const std::string mesh = write("ball.off", sphere);
-  Scene first;
+  engine::Scene first;
   first.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
   const ConvexPart& part = *first.bodies()[0].parts[0];
   ASSERT_GE(part.vertices.size(), 10'000u);
@@ -196,11 +196,11 @@ TEST_F(MeshGeometryTest, NothingNextToAMeshIsBelieved) {
 
   for (const char* cache : {"off", cache_.c_str()}) {
     ::setenv("CLEARANCE_CACHE", cache, 1);
-    Scene scene;
+    engine::Scene scene;
     scene.add_mesh("ball", mesh, {1, 1, 1}, MeshAs::kHull, {.is_static = true});
     EXPECT_EQ(scene.bodies()[0].parts[0]->table->lists, part.table->lists);
     scene.add_sphere("probe", 0.25, {.pose = Pose{{0, 0, 2.39}, 1, 0, 0, 0}});
-    const Engine engine(scene);
+    const engine::Engine engine(scene);
     const test::Answer answer = test::evaluate(engine, {});
     ASSERT_EQ(answer.info.rows, 1u);
     const double lower = answer.view.lower[0], upper = answer.view.upper[0];
@@ -289,7 +289,7 @@ TEST_F(MeshGeometryTest, OfFilesThatNameOthersNothingIsKept) {
   EXPECT_NEAR(body(mesh).parts[0]->half.x, 0.5, 1e-9);
   folder_.write("vertices.bin", buffer(3));
   EXPECT_NEAR(body(mesh).parts[0]->half.x, 1.5, 1e-9);
-  const Scene scene = Scene::load(
+  const engine::Scene scene = engine::Scene::load(
       folder_.write("scene.yaml", "bodies:\n  - {name: a, mesh: a.gltf}\n  - {name: b, mesh: elsewhere/a.gltf}\n"));
   EXPECT_NEAR(scene.bodies()[0].parts[0]->half.x, 1.5, 1e-9);
   EXPECT_NEAR(scene.bodies()[1].parts[0]->half.x, 2.5, 1e-9) << "the same bytes, and another shape";
@@ -302,12 +302,12 @@ TEST_F(MeshGeometryTest, EqualFilesOfASceneAreMadeOnceAndShared) {
     text += print("  - {name: b%d, mesh: m%d.off}\n", i, i);
   }
   const std::string file = folder_.write("scene.yaml", text);
-  const Scene scene = Scene::load(file);
+  const engine::Scene scene = engine::Scene::load(file);
   EXPECT_EQ(starts(), 2u);
   EXPECT_EQ(scene.bodies()[0].parts[0], scene.bodies()[3].parts[0]);
   EXPECT_NE(scene.bodies()[0].parts[0], scene.bodies()[4].parts[0]);
   EXPECT_EQ(scene.bodies()[3].source, "m3.off (hull)");
-  EXPECT_EQ(Scene::load(file).revision(), scene.revision());
+  EXPECT_EQ(engine::Scene::load(file).revision(), scene.revision());
   EXPECT_EQ(starts(), 2u);
 }
 
@@ -321,10 +321,11 @@ TEST_F(MeshGeometryTest, TheFirstErrorOfASceneIsTheOneReported) {
     text += print("  - {name: b%d, mesh: m%d.off}\n", i, i);
   }
   const std::string file = folder_.write("scene.yaml", text);
-  const std::string error = error_text<SceneError>([&] { Scene::load(file); });
+  const std::string error = error_text<engine::SceneError>([&] { engine::Scene::load(file); });
   EXPECT_NE(error.find("scene.yaml:5: "), std::string::npos) << error;
   EXPECT_NE(error.find("m3.off"), std::string::npos) << error;
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(file); }), error) << "with the others in the cache";
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(file); }), error)
+      << "with the others in the cache";
 }
 
 }  // namespace

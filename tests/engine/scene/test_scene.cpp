@@ -15,16 +15,16 @@
 namespace clearance {
 namespace {
 
-using Options = Scene::BodyOptions;
+using Options = engine::Scene::BodyOptions;
 
-Scene three_boxes() {
-  Scene scene;
+engine::Scene three_boxes() {
+  engine::Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_box(name, {1, 1, 1}, {});
   return scene;
 }
 
 TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
-  Scene scene;
+  engine::Scene scene;
   EXPECT_EQ(scene.add_box("box", {1, 2, 3}, {}), 0u);
   EXPECT_EQ(scene.add_sphere("ball", 0.5, {}), 1u);
   EXPECT_EQ(scene.add_capsule("capsule", 0.5, 2, {}), 2u);
@@ -48,7 +48,7 @@ TEST(Scene, BodiesHaveIdsInOrderOfArrival) {
 }
 
 TEST(Scene, PrimitivesArePartsOfTheirOwn) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_cone("cone", 0.5, 2, {});
   scene.add_ellipsoid("egg", {1, 2, 3}, {.radius = 0.25});
   scene.add_ellipsoid("same", {1, 2, 3}, {.radius = 0.25});
@@ -69,35 +69,41 @@ TEST(Scene, PrimitivesArePartsOfTheirOwn) {
     EXPECT_EQ(body.model_error, 0);
     EXPECT_TRUE(body.display && !body.display->triangles.empty()) << body.name;
   }
-  EXPECT_NE(error_text<SceneError>([&] { scene.add_cone("flat", 1, 0, {}); }).find("cone length: expected a number"),
-            std::string::npos);
-  EXPECT_NE(error_text<SceneError>([&] { scene.add_ellipsoid("flat", {1, 0, 1}, {}); }).find("half axis: expected"),
+  EXPECT_NE(
+      error_text<engine::SceneError>([&] { scene.add_cone("flat", 1, 0, {}); }).find("cone length: expected a number"),
+      std::string::npos);
+  EXPECT_NE(error_text<engine::SceneError>([&] {
+              scene.add_ellipsoid("flat", {1, 0, 1}, {});
+            }).find("half axis: expected"),
             std::string::npos);
 }
 
 TEST(Scene, HalfSpacesStandStill) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("box", {1, 1, 1}, {.is_static = true});
   EXPECT_EQ(scene.add_half_space("floor", {}), 1u);
   EXPECT_TRUE(scene.bodies()[1].is_static);
   EXPECT_EQ(scene.bodies()[1].pose->qw, 1);
-  const auto rejected = [&](const Scene::BodyOptions& options, const char* why) {
-    const std::string text = error_text<SceneError>([&] { scene.add_half_space("other", options); });
+  const auto rejected = [&](const engine::Scene::BodyOptions& options, const char* why) {
+    const std::string text = error_text<engine::SceneError>([&] { scene.add_half_space("other", options); });
     EXPECT_NE(text.find(why), std::string::npos) << text;
   };
   rejected({.parent = "box"}, "parent: a half_space cannot follow a body");
   rejected({.requires_pose = true}, "requires_pose: a static body");
   rejected({.uncertainty = {0, 0.1}}, "uncertainty.angle: expected 0");
-  EXPECT_NE(error_text<SceneError>([&] { scene.set_parent("floor", "box"); }).find("a half_space cannot follow a body"),
+  EXPECT_NE(error_text<engine::SceneError>([&] {
+              scene.set_parent("floor", "box");
+            }).find("a half_space cannot follow a body"),
             std::string::npos);
   Body both;
   both.name = "both";
   both.parts = {scene.bodies()[0].parts[0], scene.bodies()[1].parts[0]};
-  EXPECT_NE(error_text<SceneError>([&] { scene.add_body(both); }).find("the only part of its body"), std::string::npos);
+  EXPECT_NE(error_text<engine::SceneError>([&] { scene.add_body(both); }).find("the only part of its body"),
+            std::string::npos);
 }
 
 TEST(Scene, RadiusGrowsTheParts) {
-  Scene scene;
+  engine::Scene scene;
   Options grown;
   grown.radius = 0.25;
   scene.add_sphere("ball", 0.5, grown);
@@ -107,7 +113,7 @@ TEST(Scene, RadiusGrowsTheParts) {
 }
 
 TEST(Scene, ChildrenAndStaticBodiesStayAtTheIdentityWithoutAPose) {
-  Scene scene;
+  engine::Scene scene;
   Options fixed, child;
   fixed.is_static = true;
   child.parent = "table";
@@ -119,7 +125,7 @@ TEST(Scene, ChildrenAndStaticBodiesStayAtTheIdentityWithoutAPose) {
 }
 
 TEST(Scene, IgnoredPairsAreSortedAndDistinct) {
-  Scene scene = three_boxes();
+  engine::Scene scene = three_boxes();
   scene.add_group("ab", std::vector<std::string>{"b", "a", "b"});
   EXPECT_EQ(scene.groups()[0].bodies, (std::vector<std::uint32_t>{0, 1}));
   scene.ignore("c", "ab");
@@ -127,7 +133,7 @@ TEST(Scene, IgnoredPairsAreSortedAndDistinct) {
   scene.ignore("a", "c");
   using Pairs = std::vector<std::pair<std::uint32_t, std::uint32_t>>;
   EXPECT_EQ(scene.ignored(), (Pairs{{0, 1}, {0, 2}, {1, 2}}));
-  Scene all = three_boxes();
+  engine::Scene all = three_boxes();
   all.ignore("b", "*");
   EXPECT_EQ(all.ignored(), (Pairs{{0, 1}, {1, 2}}));
 }
@@ -136,93 +142,113 @@ TEST(Scene, RevisionDistinguishesScenesAndIsRepeatable) {
   const std::uint64_t plain = three_boxes().revision();
   EXPECT_EQ(plain, three_boxes().revision());
   std::vector<std::uint64_t> seen = {plain, 0};
-  const auto expect_new = [&](const char* what, const std::function<void(Scene&)>& change) {
-    Scene scene = three_boxes();
+  const auto expect_new = [&](const char* what, const std::function<void(engine::Scene&)>& change) {
+    engine::Scene scene = three_boxes();
     change(scene);
     EXPECT_EQ(std::count(seen.begin(), seen.end(), scene.revision()), 0) << what;
     seen.push_back(scene.revision());
   };
-  expect_new("a body", [](Scene& s) { s.add_box("d", {1, 1, 1}, {}); });
-  expect_new("its name", [](Scene& s) { s.add_box("e", {1, 1, 1}, {}); });
-  expect_new("its size", [](Scene& s) { s.add_box("d", {1, 1, 1.0000000000000002}, {}); });
-  expect_new("its radius",
-             [](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 1, .parent = "", .is_static = false, .pose = {}}); });
-  expect_new("its pose", [](Scene& s) {
+  expect_new("a body", [](engine::Scene& s) { s.add_box("d", {1, 1, 1}, {}); });
+  expect_new("its name", [](engine::Scene& s) { s.add_box("e", {1, 1, 1}, {}); });
+  expect_new("its size", [](engine::Scene& s) { s.add_box("d", {1, 1, 1.0000000000000002}, {}); });
+  expect_new("its radius", [](engine::Scene& s) {
+    s.add_box("d", {1, 1, 1}, {.radius = 1, .parent = "", .is_static = false, .pose = {}});
+  });
+  expect_new("its pose", [](engine::Scene& s) {
     s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "", .is_static = false, .pose = Pose{}});
   });
-  expect_new("static", [](Scene& s) {
+  expect_new("static", [](engine::Scene& s) {
     s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "", .is_static = true, .pose = Pose{}});
   });
-  expect_new("parent", [](Scene& s) {
+  expect_new("parent", [](engine::Scene& s) {
     s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "a", .is_static = false, .pose = Pose{}});
   });
-  expect_new("a group", [](Scene& s) { s.add_group("g", std::vector<std::string>{"a"}); });
-  expect_new("its members", [](Scene& s) { s.add_group("g", std::vector<std::string>{"b"}); });
-  expect_new("ignore", [](Scene& s) { s.ignore("a", "b"); });
-  expect_new("ignore another", [](Scene& s) { s.ignore("a", "c"); });
+  expect_new("a group", [](engine::Scene& s) { s.add_group("g", std::vector<std::string>{"a"}); });
+  expect_new("its members", [](engine::Scene& s) { s.add_group("g", std::vector<std::string>{"b"}); });
+  expect_new("ignore", [](engine::Scene& s) { s.ignore("a", "b"); });
+  expect_new("ignore another", [](engine::Scene& s) { s.ignore("a", "c"); });
 }
 
 TEST(Scene, BadInputIsRejectedWithTheReason) {
   const double nan = std::numeric_limits<double>::quiet_NaN();
-  const auto text = [](const std::function<void(Scene&)>& f) {
-    Scene scene = three_boxes();
+  const auto text = [](const std::function<void(engine::Scene&)>& f) {
+    engine::Scene scene = three_boxes();
     scene.add_group("g", std::vector<std::string>{"a", "b"});
-    return error_text<SceneError>([&] { f(scene); });
+    return error_text<engine::SceneError>([&] { f(scene); });
   };
-  EXPECT_EQ(text([](Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("g", {1, 1, 1}, {}); }), "body name \"g\" is already that of a group");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("*", {1, 1, 1}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("g", {1, 1, 1}, {});
+            }),
+            "body name \"g\" is already that of a group");
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("*", {1, 1, 1}, {});
+            }),
             "body name \"*\" is reserved: it selects every body");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("x\ny", {1, 1, 1}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("x\ny", {1, 1, 1}, {});
+            }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("x\xff", {1, 1, 1}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("x\xff", {1, 1, 1}, {});
+            }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](Scene& s) { s.add_box(std::string(64, 'n'), {1, 1, 1}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box(std::string(64, 'n'), {1, 1, 1}, {});
+            }),
             "body name has 64 bytes, expected at most 63: \"" + std::string(40, 'n') + "\"...");
-  EXPECT_EQ(text([](Scene& s) { s.add_box(std::string(63, 'n'), {1, 1, 1}, {}); }), "");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("Gl\xc3\xa4ser", {1, 1, 1}, {}); }), "");
-  EXPECT_EQ(text([](Scene& s) { s.add_box("d", {1, 0, 1}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box(std::string(63, 'n'), {1, 1, 1}, {}); }), "");
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("Gl\xc3\xa4ser", {1, 1, 1}, {}); }), "");
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("d", {1, 0, 1}, {});
+            }),
             "body \"d\": box edge: expected a number of metres > 0, got 0");
-  EXPECT_EQ(text([&](Scene& s) { s.add_sphere("d", nan, {}); }),
+  EXPECT_EQ(text([&](engine::Scene& s) { s.add_sphere("d", nan, {}); }),
             "body \"d\": sphere radius: expected a number of metres > 0, got nan");
-  EXPECT_EQ(text([](Scene& s) { s.add_capsule("d", 1, -1, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_capsule("d", 1, -1, {}); }),
             "body \"d\": capsule length: expected a number of metres >= 0, got -1");
-  EXPECT_EQ(text([](Scene& s) { s.add_uv_sphere("d", 1, 1, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_uv_sphere("d", 1, 1, {}); }),
             "body \"d\": uv_sphere resolution: expected an integer from 2 to 2000, got 1");
-  EXPECT_EQ(text([](Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a piece needs at least one vertex");
-  EXPECT_EQ(text([&](Scene& s) { s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a piece needs at least one vertex");
+  EXPECT_EQ(text([&](engine::Scene& s) {
+              s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {});
+            }),
             "body \"d\": vertex 1 has the coordinate nan; expected a finite number up to 1e60 m");
-  EXPECT_EQ(
-      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = -1, .parent = "", .is_static = false, .pose = {}}); }),
-      "body \"d\": radius: expected a number of metres >= 0, got -1");
-  EXPECT_EQ(
-      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "z", .is_static = false, .pose = {}}); }),
-      "body \"d\": parent: there is no body \"z\"");
-  EXPECT_EQ(text([](Scene& s) {
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("d", {1, 1, 1}, {.radius = -1, .parent = "", .is_static = false, .pose = {}});
+            }),
+            "body \"d\": radius: expected a number of metres >= 0, got -1");
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "z", .is_static = false, .pose = {}});
+            }),
+            "body \"d\": parent: there is no body \"z\"");
+  EXPECT_EQ(text([](engine::Scene& s) {
               Pose bad;
               bad.qw = 0;
               s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "", .is_static = false, .pose = bad});
             }),
             "body \"d\": pose: expected finite numbers and a quaternion of norm 1e-6 to 1e6");
-  EXPECT_EQ(
-      text([](Scene& s) { s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "a", .is_static = true, .pose = {}}); }),
-      "body \"d\": a static body cannot follow the movable body \"a\"");
-  EXPECT_EQ(text([](Scene& s) {
+  EXPECT_EQ(text([](engine::Scene& s) {
+              s.add_box("d", {1, 1, 1}, {.radius = 0, .parent = "a", .is_static = true, .pose = {}});
+            }),
+            "body \"d\": a static body cannot follow the movable body \"a\"");
+  EXPECT_EQ(text([](engine::Scene& s) {
               s.set_parent("b", "a");
               s.set_parent("c", "b");
               s.set_parent("a", "c");
             }),
             "body \"a\": parent: \"c\" follows \"a\" itself");
-  EXPECT_EQ(text([](Scene& s) { s.set_parent("a", "a"); }), "body \"a\": parent: \"a\" follows \"a\" itself");
-  EXPECT_EQ(text([](Scene& s) { s.add_group("h", std::vector<std::string>{"z"}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.set_parent("a", "a"); }), "body \"a\": parent: \"a\" follows \"a\" itself");
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_group("h", std::vector<std::string>{"z"}); }),
             "group \"h\": there is no body \"z\"");
-  EXPECT_EQ(text([](Scene& s) { s.add_group("a", std::vector<std::string>{"b"}); }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_group("a", std::vector<std::string>{"b"}); }),
             "group name \"a\" is already that of a body");
-  EXPECT_EQ(text([](Scene& s) { s.ignore("a", "z"); }), "there is no body or group \"z\"");
-  EXPECT_EQ(text([](Scene& s) { s.ignore("a", "a"); }), "ignore: \"a\" with itself: a body has no pair with itself");
-  EXPECT_EQ(text([](Scene& s) { s.add_body({}); }), "body name is empty");
-  EXPECT_EQ(text([](Scene& s) {
+  EXPECT_EQ(text([](engine::Scene& s) { s.ignore("a", "z"); }), "there is no body or group \"z\"");
+  EXPECT_EQ(text([](engine::Scene& s) { s.ignore("a", "a"); }),
+            "ignore: \"a\" with itself: a body has no pair with itself");
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_body({}); }), "body name is empty");
+  EXPECT_EQ(text([](engine::Scene& s) {
               Body body;
               body.name = "d";
               s.add_body(body);
@@ -247,13 +273,13 @@ TEST(Scene, MeshesKeepTheirDistanceAtMapCoordinates) {
       {".ply", [](const auto& m) { return mesh_files::ply(m, mesh_files::Ply::kText); }}};
   for (const auto& [extension, write] : formats)
     for (const double scale : {1.0, 1e-3}) {
-      Scene scene;
+      engine::Scene scene;
       Options options;
       options.pose = Pose{};
       for (const double x : {4.3e6, 4300001.1})
         scene.add_mesh("at " + std::to_string(x), folder.write(std::to_string(x) + extension, write(box_at(x))),
                        {scale, scale, scale}, MeshAs::kHull, options);
-      const Engine engine(scene);
+      const engine::Engine engine(scene);
       const test::Answer answer = test::evaluate(engine, {});
       ASSERT_EQ(answer.info.rows, 1u);
       const double lower = answer.view.lower[0], upper = answer.view.upper[0];

@@ -12,11 +12,11 @@
 namespace clearance {
 namespace {
 
-Scene load(const std::string& name) {
-  return Scene::load(source_file("scenes/" + name + "/scene.yaml"));
+engine::Scene load(const std::string& name) {
+  return engine::Scene::load(source_file("scenes/" + name + "/scene.yaml"));
 }
 
-const Body& body(const Scene& scene, const std::string& name) {
+const Body& body(const engine::Scene& scene, const std::string& name) {
   const std::uint32_t id = scene.find_body(name);
   EXPECT_NE(id, kNone) << name;
   return scene.bodies().at(id);
@@ -24,7 +24,7 @@ const Body& body(const Scene& scene, const std::string& name) {
 
 TEST(Scenes, RandomOnesHaveAsManySpheresAsTheirNameSays) {
   for (const std::size_t count : {10u, 100u, 200u, 1000u, 5000u}) {
-    const Scene scene = load("random_" + std::to_string(count));
+    const engine::Scene scene = load("random_" + std::to_string(count));
     ASSERT_EQ(scene.bodies().size(), count);
     for (const Body& b : scene.bodies()) {
       ASSERT_EQ(b.parts.at(0), scene.bodies()[0].parts.at(0));
@@ -36,7 +36,7 @@ TEST(Scenes, RandomOnesHaveAsManySpheresAsTheirNameSays) {
 }
 
 TEST(Scenes, TwoSpheresShareTheirTwoMillionVertices) {
-  const Scene scene = load("two_spheres");
+  const engine::Scene scene = load("two_spheres");
   ASSERT_EQ(scene.bodies().size(), 2u);
   EXPECT_EQ(scene.bodies()[0].parts[0], scene.bodies()[1].parts[0]);
   EXPECT_EQ(scene.bodies()[0].parts[0]->vertices.size(), 1998002u);
@@ -44,13 +44,13 @@ TEST(Scenes, TwoSpheresShareTheirTwoMillionVertices) {
 }
 
 TEST(Scenes, BenchmarkLiteHas2400TrianglesABody) {
-  const Scene scene = load("benchmark_lite");
+  const engine::Scene scene = load("benchmark_lite");
   ASSERT_EQ(scene.bodies().size(), 2u);
   for (const Body& b : scene.bodies()) EXPECT_EQ(b.display->triangles.size(), 2400u);
 }
 
 TEST(Scenes, NineteenHasEveryFormatAndEveryPrimitive) {
-  const Scene scene = load("nineteen");
+  const engine::Scene scene = load("nineteen");
   EXPECT_EQ(scene.bodies().size(), 19u);
   std::set<std::string> sources;
   for (const Body& b : scene.bodies()) {
@@ -66,7 +66,7 @@ TEST(Scenes, NineteenHasEveryFormatAndEveryPrimitive) {
 }
 
 TEST(Scenes, PrimitivesHasEveryClosedForm) {
-  const Scene scene = load("primitives");
+  const engine::Scene scene = load("primitives");
   std::set<std::string> sources;
   for (const Body& b : scene.bodies()) sources.insert(b.source);
   for (const char* wanted : {"half_space", "cone", "ellipsoid", "cylinder", "box", "sphere"})
@@ -75,7 +75,7 @@ TEST(Scenes, PrimitivesHasEveryClosedForm) {
 }
 
 TEST(Scenes, CellHasAnArmThatHoldsACup) {
-  const Scene scene = load("cell");
+  const engine::Scene scene = load("cell");
   EXPECT_EQ(body(scene, "cup").parent, scene.find_body("gripper"));
   EXPECT_EQ(body(scene, "gripper").parent, scene.find_body("flange"));
   ASSERT_NE(scene.find_group("arm"), kNone);
@@ -88,7 +88,7 @@ TEST(Scenes, CellHasAnArmThatHoldsACup) {
 }
 
 TEST(Scenes, ExtremesKeepTheirExtremes) {
-  const Scene scene = load("extremes");
+  const engine::Scene scene = load("extremes");
   EXPECT_LT(body(scene, "tiny").parts[0]->rho, 1.1e-9);
   EXPECT_GT(body(scene, "huge").parts[0]->rho, 8e8);
   EXPECT_EQ(body(scene, "flat").parts[0]->half.z, 0);
@@ -108,7 +108,7 @@ TEST(Scenes, EveryOneLoads) {
     ++count;
     const std::string name = entry.path().filename().string();
     if (name == "two_spheres") continue;  // large, and loaded above
-    const Scene scene = load(name);
+    const engine::Scene scene = load(name);
     EXPECT_EQ(scene.revision(), load(name).revision()) << name;
     for (const Body& b : scene.bodies()) EXPECT_TRUE(b.pose) << name << " " << b.name;
   }

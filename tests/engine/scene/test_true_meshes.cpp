@@ -49,8 +49,8 @@ Source cup() {
   return mesh;
 }
 
-std::uint32_t add(Scene& scene, const std::string& name, const Source& mesh, MeshAs mesh_as,
-                  const Scene::BodyOptions& options = {}) {
+std::uint32_t add(engine::Scene& scene, const std::string& name, const Source& mesh, MeshAs mesh_as,
+                  const engine::Scene::BodyOptions& options = {}) {
   return scene.add_mesh(name, mesh.vertices, mesh.triangles, mesh_as, options);
 }
 
@@ -73,7 +73,7 @@ void expect_same_surfaces(const Surface& a, const Surface& b) {
 }
 
 TEST(TrueMesh, IsOneProxyOfItsTriangles) {
-  Scene scene;
+  engine::Scene scene;
   for (const MeshAs how : {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid})
     add(scene, std::string(word_of(how)), cup(), how);
   const auto& bodies = scene.bodies();
@@ -97,7 +97,7 @@ TEST(TrueMesh, IsOneProxyOfItsTriangles) {
     EXPECT_EQ(mesh_warning(bodies[i]), "");
   }
   EXPECT_TRUE(scene.has_surfaces());
-  Scene convex;
+  engine::Scene convex;
   add(convex, "hull", cup(), MeshAs::kHull);
   EXPECT_FALSE(convex.has_surfaces());
 }
@@ -123,7 +123,7 @@ TEST(TrueMesh, TheDefaultIsExact) {
   std::swap(turned.triangles[3][0], turned.triangles[3][1]);
   Source inside_out = box_at({0, 0, 0});
   for (Triangle& t : inside_out.triangles) std::swap(t[0], t[1]);
-  Scene scene;
+  engine::Scene scene;
   add(scene, "box", box_at({0, 0, 0}), MeshAs::kAuto);
   add(scene, "inside out", inside_out, MeshAs::kAuto);
   add(scene, "cup", cup(), MeshAs::kAuto);
@@ -157,7 +157,7 @@ TEST(TrueMesh, AnOpenMeshIsItsHullAndAnEdgeSaysWhy) {
   std::swap(turned.triangles[3][0], turned.triangles[3][1]);
   const TemporaryFolder folder;
   const std::string file = folder.write("open.off", off(open));
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("a", file, {1, 1, 1}, MeshAs::kAuto, {});
   scene.add_mesh("b", folder.write("turned.off", off(turned)), {2, 2, 2}, MeshAs::kAuto, {});
   add(scene, "closed", cup(), MeshAs::kHull);
@@ -183,7 +183,7 @@ TEST(TrueMesh, AConvexMeshOfRoundedVerticesIsItsHullWithSlack) {
   for (Vec3d& v : rounded.vertices)
     for (int k = 0; k < 3; ++k) v[k] = static_cast<float>(v[k]);
   dented.vertices[40] = dented.vertices[40] * (1 - 1e-3);
-  Scene scene;
+  engine::Scene scene;
   add(scene, "rounded", rounded, MeshAs::kAuto);
   add(scene, "hull", rounded, MeshAs::kHull);
   add(scene, "dented", dented, MeshAs::kAuto);
@@ -214,7 +214,7 @@ TEST(TrueMesh, TheDefaultIsKeptInTheCache) {
 }
 
 TEST(TrueMesh, PartsOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
-  Scene scene;
+  engine::Scene scene;
   add(scene, "one", cup(), MeshAs::kSolid);
   add(scene, "same", cup(), MeshAs::kSolid);
   add(scene, "surface", cup(), MeshAs::kSurface);
@@ -240,7 +240,7 @@ TEST(TrueMesh, PartsOfEqualVerticesAreSharedWhereTheirTrianglesAreEqual) {
 
 TEST(TrueMesh, TheRevisionKnowsWhatABodyIs) {
   const auto revision = [](const Source& mesh, MeshAs how) {
-    Scene scene;
+    engine::Scene scene;
     add(scene, "it", mesh, how);
     return scene.revision();
   };
@@ -254,8 +254,8 @@ TEST(TrueMesh, TheRevisionKnowsWhatABodyIs) {
 }
 
 TEST(TrueMesh, PaddingGrowsItAndKeepsItsTriangles) {
-  Scene scene;
-  Scene::BodyOptions options;
+  engine::Scene scene;
+  engine::Scene::BodyOptions options;
   options.radius = 0.25;
   options.padding = 0.5;
   add(scene, "cup", cup(), MeshAs::kSolid, options);
@@ -379,8 +379,8 @@ TEST(TrueMesh, WhatIsWrongWithAMeshIsReported) {
   for (const BadMesh& bad : cases) {
     Source mesh = cup();
     bad.spoil(mesh);
-    Scene scene;
-    const std::string text = error_text<SceneError>([&] { add(scene, "cup", mesh, bad.mesh_as); });
+    engine::Scene scene;
+    const std::string text = error_text<engine::SceneError>([&] { add(scene, "cup", mesh, bad.mesh_as); });
     EXPECT_NE(text.find("body \"cup\": "), std::string::npos) << text;
     EXPECT_NE(text.find(bad.text), std::string::npos) << text;
     EXPECT_TRUE(scene.bodies().empty());
@@ -398,7 +398,7 @@ TEST(TrueMesh, VerticesOfEqualPlacesCloseIt) {
     for (const std::uint32_t corner : t) soup.vertices.push_back(mesh.vertices[corner]);
     soup.triangles.push_back({n, n + 1, n + 2});
   }
-  Scene scene;
+  engine::Scene scene;
   add(scene, "soup", soup, MeshAs::kSolid);
   const ConvexPart& part = *scene.bodies()[0].parts[0];
   EXPECT_EQ(part.surface->vertices().size(), 16u);
@@ -409,7 +409,7 @@ TEST(TrueMesh, VerticesOfEqualPlacesCloseIt) {
 TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   const TemporaryFolder folder;
   const std::string file = folder.write("cup.off", off(cup()));
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("a", file, {1, 1, 1}, MeshAs::kSolid, {});
   scene.add_mesh("b", file, {0.5, -2, 1}, MeshAs::kSolid, {});
   EXPECT_EQ(scene.bodies()[0].source, file + " (solid)");
@@ -424,14 +424,16 @@ TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   }
   const std::string open =
       folder.write("open.off", "OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n");
-  EXPECT_EQ(error_text<SceneError>([&] { scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {}); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] {
+              scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {});
+            }),
             "body \"c\": " + open +
                 ": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0 "
                 "belongs to no other triangle: the mesh is open there");
 }
 
 TEST(TrueMesh, ADeviceLeavesItToTheProcessor) {
-  Scene scene;
+  engine::Scene scene;
   add(scene, "solid", cup(), MeshAs::kSolid);
   add(scene, "surface", cup(), MeshAs::kSurface);
   add(scene, "hull", cup(), MeshAs::kHull);

@@ -20,14 +20,14 @@ using test::evaluate;
 using test::expect_same_rows;
 
 /// Saves a scene in a new folder and loads it again.
-Scene again(const Scene& scene, const TemporaryFolder& folder) {
+engine::Scene again(const engine::Scene& scene, const TemporaryFolder& folder) {
   const std::string to = folder / "saved";
   std::filesystem::remove_all(to);
   scene.save(to);
-  return Scene::load(to + "/scene.yaml");
+  return engine::Scene::load(to + "/scene.yaml");
 }
 
-void expect_same_parts(const Scene& one, const Scene& other) {
+void expect_same_parts(const engine::Scene& one, const engine::Scene& other) {
   ASSERT_EQ(one.bodies().size(), other.bodies().size());
   for (std::uint32_t i = 0; i < one.bodies().size(); ++i) {
     const Body &a = one.bodies()[i], &b = other.bodies()[i];
@@ -55,11 +55,11 @@ void expect_same_parts(const Scene& one, const Scene& other) {
 
 /// Also compares answers for all pairs at the initial poses and positions, or for many pairs only the nearest of each
 /// body.
-void expect_same(const Scene& one, const Scene& other) {
+void expect_same(const engine::Scene& one, const engine::Scene& other) {
   expect_same_parts(one, other);
   EXPECT_EQ(one.revision(), other.revision());
   ASSERT_EQ(one.groups().size(), other.groups().size());
-  const Engine a(one, {.threads = 1}), b(other, {.threads = 1});
+  const engine::Engine a(one, {.threads = 1}), b(other, {.threads = 1});
   QueryView query;
   const bool many = a.size(query).pairs > 100'000;
   if (many) query.reduce = Reduce::kNearest;
@@ -80,7 +80,7 @@ TEST(SavedScene, EveryOneOfTheFolderComesBack) {
     if (name == "two_spheres" || name == "random_5000") continue;  // large
     if (!std::filesystem::exists(entry.path() / "scene.yaml")) continue;
     SCOPED_TRACE(name);
-    const Scene scene = Scene::load((entry.path() / "scene.yaml").string());
+    const engine::Scene scene = engine::Scene::load((entry.path() / "scene.yaml").string());
     expect_same(scene, again(scene, folder));
     ++count;
   }
@@ -88,7 +88,7 @@ TEST(SavedScene, EveryOneOfTheFolderComesBack) {
 }
 
 /// Two robots, bodies before, between and after them, and every property that a body in a scene can have.
-Scene everything(const TemporaryFolder& folder) {
+engine::Scene everything(const TemporaryFolder& folder) {
   folder.write("own/tip.obj", "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n");
   const std::string urdf = folder.write("hand.urdf", R"(<robot name="hand"><link name="wrist"><collision><geometry>
       <box size="0.1 0.2 0.3"/></geometry></collision><collision><origin xyz="0.3 0 0" rpy="0.1 0.2 0.3"/><geometry>
@@ -103,7 +103,7 @@ Scene everything(const TemporaryFolder& folder) {
       folder.write("hand.srdf", R"(<robot name="hand"><group name="all"><joint name="turn"/></group>
       <group_state name="open" group="all"><joint name="turn" value="0.1"/></group_state>
       <disable_collisions link1="wrist" link2="loose" reason="Never"/></robot>)");
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("table \"A\" \\ é", {1, 1, 0.1}, {.is_static = true, .pose = Pose{{0.5, 0, -0.1}}});
   scene.add_robot("arm", {.urdf = test::kArm,
                           .parent = "table \"A\" \\ é",
@@ -138,8 +138,8 @@ Scene everything(const TemporaryFolder& folder) {
 
 TEST(SavedScene, RobotsAndAllThatIsDeclaredOfBodiesComeBack) {
   const TemporaryFolder folder;
-  const Scene scene = everything(folder);
-  const Scene saved = again(scene, folder);
+  const engine::Scene scene = everything(folder);
+  const engine::Scene saved = again(scene, folder);
   expect_same(scene, saved);
   ASSERT_EQ(saved.robots().size(), 2u);
   for (const char* name : {"hand/tip", "open"})
@@ -148,16 +148,16 @@ TEST(SavedScene, RobotsAndAllThatIsDeclaredOfBodiesComeBack) {
   EXPECT_EQ(*saved.joints()[saved.find_joint("hand/turn")].home, 0.1);
   EXPECT_EQ(saved.joint_groups().size(), scene.joint_groups().size());
   // The original files are not needed.
-  const Scene by_itself = [&] {
+  const engine::Scene by_itself = [&] {
     for (const char* gone : {"hand.urdf", "hand.srdf", "own"}) std::filesystem::remove_all(folder / gone);
-    return Scene::load(folder / "saved/scene.yaml");
+    return engine::Scene::load(folder / "saved/scene.yaml");
   }();
   expect_same(scene, by_itself);
   const TemporaryFolder elsewhere;
   expect_same(scene, again(saved, elsewhere));
 
   // Joints move the same bodies as before.
-  const Engine a(scene, {.threads = 1}), b(saved, {.threads = 1});
+  const engine::Engine a(scene, {.threads = 1}), b(saved, {.threads = 1});
   const std::uint32_t joints[] = {scene.find_joint("arm/joint2"), scene.find_joint("hand/turn")};
   const double rows[] = {0.1, 0.2, -0.5, 1.9, 0.3, 2.5};
   QueryView query;
@@ -173,20 +173,20 @@ TEST(SavedScene, RobotsAndAllThatIsDeclaredOfBodiesComeBack) {
 
 TEST(SavedScene, IgnoringEverythingSaysNothingOfFrames) {
   const TemporaryFolder folder;
-  Scene scene = test::arm_scene(test::at_home());
+  engine::Scene scene = test::arm_scene(test::at_home());
   scene.ignore("ball", "*");  // includes the frame "arm", whose name is that of a group, too
   scene.add_sphere("other", 0.1, {.pose = Pose{{0.4, 0.3, 0.9}}});
-  const Scene saved = again(scene, folder);
+  const engine::Scene saved = again(scene, folder);
   expect_same_parts(scene, saved);
-  EXPECT_EQ(Engine(scene).pairs({}), Engine(saved).pairs({}));
+  EXPECT_EQ(engine::Engine(scene).pairs({}), engine::Engine(saved).pairs({}));
 }
 
 TEST(SavedScene, WhatCannotBeSavedIsReported) {
   const TemporaryFolder folder;
-  const auto error = [&](const Scene& scene, const std::string& to) {
-    return error_text<SceneError>([&] { scene.save(to); });
+  const auto error = [&](const engine::Scene& scene, const std::string& to) {
+    return error_text<engine::SceneError>([&] { scene.save(to); });
   };
-  Scene scene;
+  engine::Scene scene;
   EXPECT_EQ(error(scene, folder / "a"), "save: " + (folder / "a") + ": there are no bodies to be saved");
   scene.add_box("box", {1, 1, 1}, {});
   folder.write("full/note", "here before");
@@ -195,7 +195,7 @@ TEST(SavedScene, WhatCannotBeSavedIsReported) {
   EXPECT_EQ(error(scene, folder / "full/note"),
             "save: " + (folder / "full/note") + ": expected a folder that is empty or not there yet");
   EXPECT_NE(error(scene, folder / "full/note/under").find("Not a directory"), std::string::npos);
-  Scene loose = everything(folder);
+  engine::Scene loose = everything(folder);
   loose.set_parent("hand/loose", "vague");
   EXPECT_EQ(error(loose, folder / "b"),
             "save: " + (folder / "b") +
@@ -205,7 +205,7 @@ TEST(SavedScene, WhatCannotBeSavedIsReported) {
 
 TEST(SavedScene, WhatIsWrongWithItsFilesIsReportedWithItsPlace) {
   const TemporaryFolder folder;
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("box", {1, 1, 1}, {});
   scene.add_robot("arm", {.urdf = test::kArm});
   scene.save(folder / "s");
@@ -215,7 +215,7 @@ TEST(SavedScene, WhatIsWrongWithItsFilesIsReportedWithItsPlace) {
   const std::string good{std::istreambuf_iterator<char>(written), {}};
   const auto load = [&](const std::string& yaml) {
     folder.write("s/other.yaml", yaml);
-    return error_text<SceneError>([&] { Scene::load(folder / "s/other.yaml"); });
+    return error_text<engine::SceneError>([&] { engine::Scene::load(folder / "s/other.yaml"); });
   };
   const std::string body = "bodies:\n  - {name: b, geometry: geometry/" + file + "}\n";
   const auto damaged = [&](const std::string& bytes) {

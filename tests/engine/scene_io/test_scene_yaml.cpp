@@ -19,15 +19,15 @@ constexpr const char* kTwoObjects =
     "o first\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
     "o second\nv 5 0 0\nv 6 0 0\nv 5 1 0\nv 5 0 1\nf 5 7 6\nf 5 6 8\nf 6 7 8\nf 5 8 7\n";
 
-Scene load(const TemporaryFolder& folder, const std::string& yaml, bool allow_outside = false) {
-  return Scene::load(folder.write("scene.yaml", yaml), allow_outside);
+engine::Scene load(const TemporaryFolder& folder, const std::string& yaml, bool allow_outside = false) {
+  return engine::Scene::load(folder.write("scene.yaml", yaml), allow_outside);
 }
 
 TEST(SceneFile, EveryKeyOfABody) {
   const TemporaryFolder folder;
   folder.write("meshes/t.obj", kTetrahedron);
   folder.write("meshes/two.obj", kTwoObjects);
-  const Scene scene = load(folder, R"(
+  const engine::Scene scene = load(folder, R"(
 bodies:
   - {name: cup, box: [0.1, 0.2, 0.3], parent: gripper, pose: [0, 0, 0.5, 1, 0, 0, 0]}   # the parent comes later
   - {name: base, mesh: meshes/t.obj, scale: 2, static: true, pose: [1, 2, 3, 0.5, 0.5, 0.5, 0.5]}
@@ -99,7 +99,7 @@ ignore: [[base, cup], [arm, arm], [things, base]]
 TEST(SceneFile, SameMeshAndScaleShareTheirPart) {
   const TemporaryFolder folder;
   folder.write("t.obj", kTetrahedron);
-  const Scene scene = load(folder, R"(
+  const engine::Scene scene = load(folder, R"(
 bodies:
   - {name: a, mesh: t.obj, scale: 2}
   - {name: b, mesh: ./t.obj, scale: [2, 2, 2]}
@@ -118,8 +118,8 @@ bodies:
 TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
   const TemporaryFolder folder;
   const std::string plain = "bodies: [{name: a, box: 1, radius: 0.25}, {name: b, box: 1, radius: 0.25";
-  const Scene known = load(folder, plain + "}]");
-  const Scene scene =
+  const engine::Scene known = load(folder, plain + "}]");
+  const engine::Scene scene =
       load(folder, plain + ", uncertainty: {position: 0.5, angle: 0.01}, padding: 0.125, max_speed: 2}]");
   const Body &a = scene.bodies()[0], &b = scene.bodies()[1];
   EXPECT_FALSE(has_uncertainty(a));
@@ -139,17 +139,17 @@ TEST(SceneFile, WhatIsNotKnownOfABodyIsRead) {
 TEST(SceneFile, QuaternionsThatLookLikeXyzwAreWarnedOf) {
   const TemporaryFolder folder;
   folder.write("r.urdf", "<robot name='r'><link name='a'/></robot>");
-  const Scene scene = load(folder,
-                           "bodies:\n"
-                           "  - {name: a, box: 1, pose: [1, 2, 3, 0, 0, 0, 1]}\n"
-                           "  - {name: b, box: 1, pose: [0, 0, 0, 0, 0, 0.6, 0.8]}\n"
-                           "  - {name: c, box: 1, pose: [0, 0, 0, 0, 0, 0, -1]}\n"
-                           "  - {name: d, box: 1, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
-                           "  - {name: e, box: 1, pose: [0, 0, 0, 0, 0, 1, 0]}\n"
-                           "  - {name: f, box: 1, pose: [0, 0, 0, 0, 0.6, 0, 0.8]}\n"
-                           "  - {name: g, box: 1, pose: [0, 0, 0, 0.8, 0, 0, 0.6]}\n"
-                           "  - {name: h, box: 1, pose: [0, 0, 0, 6.1e-17, 0, 0, 1]}\n"
-                           "robots: [{name: r, urdf: r.urdf, base: [0, 0, 0, 0, 0, 0, 1]}]\n");
+  const engine::Scene scene = load(folder,
+                                   "bodies:\n"
+                                   "  - {name: a, box: 1, pose: [1, 2, 3, 0, 0, 0, 1]}\n"
+                                   "  - {name: b, box: 1, pose: [0, 0, 0, 0, 0, 0.6, 0.8]}\n"
+                                   "  - {name: c, box: 1, pose: [0, 0, 0, 0, 0, 0, -1]}\n"
+                                   "  - {name: d, box: 1, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
+                                   "  - {name: e, box: 1, pose: [0, 0, 0, 0, 0, 1, 0]}\n"
+                                   "  - {name: f, box: 1, pose: [0, 0, 0, 0, 0.6, 0, 0.8]}\n"
+                                   "  - {name: g, box: 1, pose: [0, 0, 0, 0.8, 0, 0, 0.6]}\n"
+                                   "  - {name: h, box: 1, pose: [0, 0, 0, 6.1e-17, 0, 0, 1]}\n"
+                                   "robots: [{name: r, urdf: r.urdf, base: [0, 0, 0, 0, 0, 0, 1]}]\n");
   const std::string order = " looks like one in the order x, y, z, w, which would be ",
                     half =
                         "; in the order w, x, y, z, which counts, it is a half turn. If that is meant, write the same "
@@ -169,16 +169,16 @@ TEST(SceneFile, UpYTurnsAMeshExactly) {
   const TemporaryFolder folder;
   folder.write("w.obj", kWedge);
   for (const std::string how : {"hull", "parts", "surface", "solid", "auto"}) {
-    const Scene scene = load(folder,
-                             "bodies:\n"
-                             "  - {name: y, mesh: w.obj, up: y, scale: [0.5, 1, -0.125], mesh_as: " +
-                                 how +
-                                 "}\n"
-                                 "  - {name: z, mesh: w.obj, up: z, scale: [0.5, 1, -0.125], mesh_as: " +
-                                 how +
-                                 "}\n"
-                                 "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], mesh_as: " +
-                                 how + "}\n");
+    const engine::Scene scene = load(folder,
+                                     "bodies:\n"
+                                     "  - {name: y, mesh: w.obj, up: y, scale: [0.5, 1, -0.125], mesh_as: " +
+                                         how +
+                                         "}\n"
+                                         "  - {name: z, mesh: w.obj, up: z, scale: [0.5, 1, -0.125], mesh_as: " +
+                                         how +
+                                         "}\n"
+                                         "  - {name: none, mesh: w.obj, scale: [0.5, 1, -0.125], mesh_as: " +
+                                         how + "}\n");
     const auto& b = scene.bodies();
     EXPECT_EQ(b[1].parts[0].get(), b[2].parts[0].get()) << "z is the default";
     std::vector<Vec3d> expected;
@@ -194,9 +194,9 @@ TEST(SceneFile, UpYTurnsAMeshExactly) {
     for (const Vec3d& v : b[0].parts[0]->vertices)
       EXPECT_TRUE(std::any_of(expected.begin(), expected.end(), [&](const Vec3d& e) { return same(e, v); })) << how;
   }
-  EXPECT_EQ(error_text<SceneError>([&] { load(folder, "bodies: [{name: a, mesh: w.obj, up: x}]"); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { load(folder, "bodies: [{name: a, mesh: w.obj, up: x}]"); }),
             folder / "scene.yaml:1: bodies[0].up: expected y or z, got \"x\"");
-  EXPECT_EQ(error_text<SceneError>([&] { load(folder, "bodies: [{name: a, box: 1, up: y}]"); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { load(folder, "bodies: [{name: a, box: 1, up: y}]"); }),
             folder / "scene.yaml:1: bodies[0].up: only a mesh has this key");
 }
 
@@ -204,16 +204,16 @@ TEST(SceneFile, RandomBodiesRepeatBySeed) {
   const TemporaryFolder folder;
   const auto of = [&](const std::string& random) { return load(folder, "random: " + random); };
   const std::string shape = "shape: {uv_sphere: {radius: 2, resolution: 5}}";
-  const Scene a = of("{count: 100, " + shape + ", box: 60, seed: 7}");
-  const Scene b = of("{count: 1e2, " + shape + ", box: [60, 60, 60], seed: 7}");
-  const Scene c = of("{count: 100, " + shape + ", box: 60, seed: 8}");
+  const engine::Scene a = of("{count: 100, " + shape + ", box: 60, seed: 7}");
+  const engine::Scene b = of("{count: 1e2, " + shape + ", box: [60, 60, 60], seed: 7}");
+  const engine::Scene c = of("{count: 100, " + shape + ", box: 60, seed: 8}");
   ASSERT_EQ(a.bodies().size(), 100u);
   EXPECT_EQ(a.bodies()[99].name, "random_99");
   EXPECT_EQ(a.bodies()[0].parts[0], a.bodies()[99].parts[0]);
   EXPECT_EQ(a.revision(), b.revision());
   EXPECT_NE(a.revision(), c.revision());
   EXPECT_EQ(a.revision(), 4296826941829119171u) << "the same scene gives the same number on any machine";
-  const Scene d =
+  const engine::Scene d =
       of("[{count: 2, shape: {sphere: 1}, box: 5, seed: 1, name: ball}, {count: 3, shape: {box: 1, radius: 0.1}, box: "
          "5, name: die, static: true}]");
   ASSERT_EQ(d.bodies().size(), 5u);
@@ -232,19 +232,20 @@ TEST(SceneFile, FilesFromOutsideTheFolderOnlyWhenAllowed) {
   const std::string link = folder.write("inner/link.yaml", "bodies: [{name: a, mesh: link.obj}]");
   const std::string hint =
       "; mesh files must lie inside it unless others are allowed (--allow-outside; in Python allow_outside=True)";
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(scene); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(scene); }),
             scene + ":1: bodies[0].mesh: \"../outside.obj\" leaves the scene's folder" + hint);
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(absolute); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(absolute); }),
             absolute + ":1: bodies[0].mesh: \"" + (folder / "outside.obj") +
                 "\" is an absolute path, not one inside the scene's folder" + hint);
-  EXPECT_EQ(error_text<SceneError>([&] { Scene::load(link); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { engine::Scene::load(link); }),
             link + ":1: bodies[0].mesh: \"link.obj\" leaves the scene's folder through a symbolic link" + hint);
-  for (const std::string& file : {scene, absolute, link}) EXPECT_EQ(Scene::load(file, true).bodies().size(), 1u);
+  for (const std::string& file : {scene, absolute, link})
+    EXPECT_EQ(engine::Scene::load(file, true).bodies().size(), 1u);
   // A path may contain "..", and the folder itself may be reached through a link.
   folder.write("inner/meshes/t.obj", kTetrahedron);
   std::filesystem::create_directory_symlink(folder / "inner", folder / "alias");
   folder.write("inner/wander.yaml", "bodies: [{name: a, mesh: meshes/../meshes/t.obj}]");
-  EXPECT_EQ(Scene::load(folder / "alias/wander.yaml").bodies().size(), 1u);
+  EXPECT_EQ(engine::Scene::load(folder / "alias/wander.yaml").bodies().size(), 1u);
 }
 
 // A wrong scene file, and the error after its path.
@@ -418,7 +419,7 @@ TEST(SceneFile, EveryMistakeIsNamedWithItsPlace) {
   folder.write("empty.obj", "");
   const std::string file = folder / "scene.yaml";
   for (const BadScene& bad : kBadScenes) {
-    const std::string got = error_text<SceneError>([&] { load(folder, bad.yaml); });
+    const std::string got = error_text<engine::SceneError>([&] { load(folder, bad.yaml); });
     EXPECT_EQ(got.substr(0, (file + bad.error).size()), file + bad.error) << "for:\n" << bad.yaml << "\ngot: " << got;
   }
   EXPECT_EQ(load(folder, "bodies: [{name: a, sphere: 1}]").bodies().size(), 1u);  // and a good one after them
@@ -426,7 +427,9 @@ TEST(SceneFile, EveryMistakeIsNamedWithItsPlace) {
 
 TEST(SceneFile, FilesThatAreNoSceneFile) {
   const TemporaryFolder folder;
-  const auto error = [&](const std::string& path) { return error_text<SceneError>([&] { Scene::load(path); }); };
+  const auto error = [&](const std::string& path) {
+    return error_text<engine::SceneError>([&] { engine::Scene::load(path); });
+  };
   EXPECT_EQ(error(folder / "none.yaml"), folder / "none.yaml: No such file or directory");
   EXPECT_EQ(error(folder.path().string()), folder.path().string() + ": expected a scene file, got a folder");
   EXPECT_EQ(error("/dev/zero"), "/dev/zero: expected a scene file, got a device, pipe or socket");
@@ -441,7 +444,7 @@ TEST(SceneFile, FilesThatAreNoSceneFile) {
 TEST(SceneFile, FilesMadeToExhaustAreRejectedSoon) {
   const TemporaryFolder folder;
   const auto error = [&](const std::string& yaml) {
-    const std::string text = error_text<SceneError>([&] { load(folder, yaml); });
+    const std::string text = error_text<engine::SceneError>([&] { load(folder, yaml); });
     return text.substr(std::min(text.size(), (folder / "scene.yaml").size()));
   };
   // A billion laughs: each level names the one before nine times.

@@ -14,11 +14,11 @@ TEST(PairTable, ListsWhatTheRuleSaysInOrder) {
   Random random(31);
   int with_statics = 0, with_ignored = 0, with_parents = 0;
   for (int round = 0; round < 60; ++round) {
-    Scene scene;
+    engine::Scene scene;
     const int n = round == 0 ? 60 : 1 + static_cast<int>(random.below(25));
     std::vector<std::uint32_t> parents;
     for (int i = 0; i < n; ++i) {
-      Scene::BodyOptions options;
+      engine::Scene::BodyOptions options;
       options.pose = Pose{};
       options.is_static = random.below(3) == 0;
       scene.add_sphere("b" + std::to_string(i), 1, options);

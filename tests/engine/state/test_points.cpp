@@ -17,21 +17,22 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kCloud = 0, kBall = 1;
 
 /// A cloud, at the origin unless it is live, and a ball of radius 0.5 at x = 10.
-Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool requires_pose = false, double radius = 0) {
-  Scene scene;
-  Scene::BodyOptions options;
+engine::Scene scene_of(std::span<const CloudPoint> points, double voxel = 0, bool requires_pose = false,
+                       double radius = 0) {
+  engine::Scene scene;
+  engine::Scene::BodyOptions options;
   options.requires_pose = requires_pose;
   options.radius = radius;
   if (!requires_pose) options.pose = Pose{};
   scene.add_points("cloud", points, voxel, options);
-  Scene::BodyOptions there;
+  engine::Scene::BodyOptions there;
   there.pose = Pose{{10, 0, 0}};
   scene.add_sphere("ball", 0.5, there);
   return scene;
 }
 
 /// Answer about the two bodies.
-PairAnswer look(const Engine& engine) {
+PairAnswer look(const engine::Engine& engine) {
   const BodyPair pair{kCloud, kBall};
   QueryView query;
   query.pairs = std::span(&pair, 1);
@@ -52,7 +53,7 @@ void expect_near(const PairAnswer& answer, double distance) {
 }
 
 TEST(Points, ReplaceThoseBeforeThem) {
-  Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}, {1, 0, 0}}));
+  engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}, {1, 0, 0}}));
   const std::uint64_t revision = engine.scene_revision();
   expect_near(look(engine), 8.5);
   const std::vector<CloudPoint> next{{0, 0, 0}, {2, 0, 0}, {-1, 0, 0}};
@@ -64,14 +65,14 @@ TEST(Points, ReplaceThoseBeforeThem) {
 }
 
 TEST(Points, OfVoxelsAreBoxes) {
-  Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}, 0.5));
+  engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}, 0.5));
   expect_near(look(engine), 9.25);
   engine.set_points(kCloud, std::vector<CloudPoint>{{1, 0, 0}});
   expect_near(look(engine), 8.25);
 }
 
 TEST(Points, AreAwaitedWhereTheBodyIsLive) {
-  Engine engine(scene_of({}, 0, true));
+  engine::Engine engine(scene_of({}, 0, true));
   EXPECT_EQ(look(engine).status, Status::kNoPose);
   engine.set_poses(std::vector<BodyPose>{{kCloud, Pose{}}});
   EXPECT_EQ(look(engine).status, Status::kNoPose) << "there is a pose, but no points";
@@ -80,7 +81,7 @@ TEST(Points, AreAwaitedWhereTheBodyIsLive) {
 }
 
 TEST(Points, MayBeNoneAndThenNothingIsNear) {
-  Engine engine(scene_of({}));
+  engine::Engine engine(scene_of({}));
   EXPECT_EQ(look(engine).status, Status::kBeyond);
   EXPECT_EQ(look(engine).lower, kInf);
   engine.set_points(kCloud, std::vector<CloudPoint>{{3, 0, 0}});
@@ -96,13 +97,13 @@ TEST(Points, MayBeNoneAndThenNothingIsNear) {
 }
 
 TEST(Points, OfAnotherBodyAreRejectedAndSoIsWhatIsNotFinite) {
-  Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
+  engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   const auto rejected = [&](std::uint32_t body, const std::vector<CloudPoint>& points, std::optional<double> radius,
                             const std::string& text) {
     try {
       engine.set_points(body, points, radius);
       ADD_FAILURE() << text;
-    } catch (const QueryError& e) {
+    } catch (const engine::QueryError& e) {
       EXPECT_NE(std::string(e.what()).find(text), std::string::npos) << e.what();
     }
   };
@@ -116,9 +117,9 @@ TEST(Points, OfAnotherBodyAreRejectedAndSoIsWhatIsNotFinite) {
 }
 
 TEST(Points, OfAnOlderStampAreRejected) {
-  Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
+  engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   engine.set_points(kCloud, std::vector<CloudPoint>{{1, 0, 0}}, {}, 1000, 1, 5);
-  EXPECT_THROW(engine.set_points(kCloud, std::vector<CloudPoint>{{2, 0, 0}}, {}, 999, 2, 5), QueryError);
+  EXPECT_THROW(engine.set_points(kCloud, std::vector<CloudPoint>{{2, 0, 0}}, {}, 999, 2, 5), engine::QueryError);
   expect_near(look(engine), 8.5);
 }
 
@@ -128,7 +129,7 @@ TEST(Points, GrowOlderAsPosesDo) {
   const Pose at[] = {Pose{}, Pose{{10, 0, 0}}};
   for (const bool has_pose : {true, false}) {
     SCOPED_TRACE(has_pose);
-    Engine engine(scene_of({}, 0, true));
+    engine::Engine engine(scene_of({}, 0, true));
     if (has_pose) engine.set_poses(std::vector<BodyPose>{{kCloud, Pose{}}, {kBall, Pose{{10, 0, 0}}}});
     engine.set_points(kCloud, std::vector<CloudPoint>{{0, 0, 0}}, {}, 77, 3);
     QueryView query;
@@ -149,9 +150,9 @@ TEST(Points, GrowOlderAsPosesDo) {
 }
 
 TEST(Points, GoOverToAnotherEngine) {
-  Engine old(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
+  engine::Engine old(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   old.set_points(kCloud, std::vector<CloudPoint>{{2, 0, 0}}, 0.5);
-  Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
+  engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   engine.take_poses(old);
   expect_near(look(engine), 7);
 }
@@ -164,7 +165,7 @@ TEST(Points, AreReplacedAllAtOnceWhileQueriesRun) {
     first[i] = {0, y, z};
     second[i] = {4, y, z};
   }
-  Engine engine(scene_of(first));
+  engine::Engine engine(scene_of(first));
   std::atomic<bool> ends{false};
   std::thread writer([&] {
     for (int i = 0; i < 40; ++i) engine.set_points(kCloud, i % 2 ? first : second);
@@ -184,21 +185,21 @@ TEST(Points, AreReplacedAllAtOnceWhileQueriesRun) {
 }
 
 TEST(Points, AgainstAHalfSpaceAreExact) {
-  Scene scene;
-  Scene::BodyOptions options;
+  engine::Scene scene;
+  engine::Scene::BodyOptions options;
   const double c = std::sqrt(0.5);
   options.pose = Pose{{0, 0, 5}, c, c, 0, 0};  // rotated about x: its y is the world's z
   scene.add_points("cloud", std::vector<CloudPoint>{{1, -2, 3}, {0, 4, 0}, {2, -3.5f, 9}}, 0, options);
   scene.add_half_space("floor", {});
-  const Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene));
   expect_near(look(engine), 1.5);
 }
 
 TEST(Points, HaveNoDepth) {
-  const Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
+  const engine::Engine engine(scene_of(std::vector<CloudPoint>{{0, 0, 0}}));
   QueryView query;
   query.signed_distance = true;
-  EXPECT_THROW(engine.size(query), QueryError);
+  EXPECT_THROW(engine.size(query), engine::QueryError);
 }
 
 }  // namespace

@@ -12,10 +12,10 @@ namespace {
 
 constexpr std::uint32_t kBodies = 200;
 
-Scene chain_and_crowd() {
-  Scene scene;
+engine::Scene chain_and_crowd() {
+  engine::Scene scene;
   for (std::uint32_t b = 0; b < kBodies; ++b) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = Pose{{0.5 * b, 0, 0}};
     if (b > 0 && b < 5) options.parent = "b" + std::to_string(b - 1);
     scene.add_sphere("b" + std::to_string(b), 0.1, options);
@@ -35,7 +35,7 @@ void expect_whole(const PoseSnapshot& snapshot) {
 }
 
 TEST(PoseStore, ASmallUpdateOfALargeSceneCopiesLittleAndIsWhole) {
-  const Scene scene = chain_and_crowd();
+  const engine::Scene scene = chain_and_crowd();
   PoseStore store(scene, std::chrono::nanoseconds(0));
   std::mt19937 random(11);
   std::vector<Pose> poses;

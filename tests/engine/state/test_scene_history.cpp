@@ -7,15 +7,15 @@
 namespace clearance {
 namespace {
 
-Scene::BodyOptions at_x(double x) {
-  Scene::BodyOptions options;
+engine::Scene::BodyOptions at_x(double x) {
+  engine::Scene::BodyOptions options;
   options.pose = Pose{{x, 0, 0}};
   return options;
 }
 
 /// 0 to 5: balls; groups left (0, 1, 2) and right (3, 4).
-Scene six_balls() {
-  Scene scene;
+engine::Scene six_balls() {
+  engine::Scene scene;
   for (int i = 0; i < 6; ++i) scene.add_sphere("ball" + std::to_string(i), 0.1, at_x(i));
   scene.add_group("left", std::vector<std::string>{"ball0", "ball1", "ball2"});
   scene.add_group("right", std::vector<std::string>{"ball3", "ball4"});
@@ -23,7 +23,8 @@ Scene six_balls() {
 }
 constexpr std::uint32_t kLeft = kGroupBit | 0, kRight = kGroupBit | 1;
 
-bool answers(const Engine& engine, std::vector<BodyPair> pairs, std::uint64_t revision, Reduce reduce = Reduce::kNone) {
+bool answers(const engine::Engine& engine, std::vector<BodyPair> pairs, std::uint64_t revision,
+             Reduce reduce = Reduce::kNone) {
   QueryView query;
   query.pairs = pairs;
   query.all_pairs = pairs.empty();
@@ -32,14 +33,14 @@ bool answers(const Engine& engine, std::vector<BodyPair> pairs, std::uint64_t re
   try {
     engine.size(query);
     return true;
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     EXPECT_EQ(error.code, QueryErrorCode::kWrongScene) << error.what();
     return false;
   }
 }
 
 TEST(SceneHistory, AnAttachmentChangesThePairsOfChildAndParent) {
-  Engine engine(six_balls(), {.threads = 1});
+  engine::Engine engine(six_balls(), {.threads = 1});
   const std::uint64_t before = engine.scene_revision();
   engine.attach(1, 4);
   EXPECT_TRUE(answers(engine, {{1, 4}}, before));
@@ -67,8 +68,8 @@ TEST(SceneHistory, AnAttachmentChangesThePairsOfChildAndParent) {
 }
 
 /// The same parts, as in a scene that is edited.
-Scene edited(const Engine& engine, const std::vector<std::string>& without, int with) {
-  Scene scene;
+engine::Scene edited(const engine::Engine& engine, const std::vector<std::string>& without, int with) {
+  engine::Scene scene;
   for (const Body& body : engine.scene().bodies())
     if (std::find(without.begin(), without.end(), body.name) == without.end()) scene.add_body(body);
   for (int i = 0; i < with; ++i) scene.add_sphere("new" + std::to_string(i), 0.2, at_x(10 + i));
@@ -78,9 +79,9 @@ Scene edited(const Engine& engine, const std::vector<std::string>& without, int 
 }
 
 TEST(SceneHistory, BodiesThatComeAndGoChangeTheirIdsAndEveryBody) {
-  Engine first(six_balls(), {.threads = 1});
+  engine::Engine first(six_balls(), {.threads = 1});
   const std::uint64_t before = first.scene_revision();
-  Engine more(edited(first, {}, 2), {.threads = 1});
+  engine::Engine more(edited(first, {}, 2), {.threads = 1});
   more.take_poses(first);
   EXPECT_TRUE(answers(more, {{0, 5}, {kLeft, kRight}}, before));
   EXPECT_FALSE(answers(more, {{0, 6}}, before)) << "unknown then, a body now";
@@ -90,7 +91,7 @@ TEST(SceneHistory, BodiesThatComeAndGoChangeTheirIdsAndEveryBody) {
   EXPECT_FALSE(answers(more, {{0, 5}}, before, Reduce::kNearest)) << "a row more for each body more";
   EXPECT_TRUE(answers(more, {{0, 5}}, before, Reduce::kMin));
   const std::uint64_t with_two = more.scene_revision();
-  Engine fewer(edited(more, {"new0"}, 0), {.threads = 1});
+  engine::Engine fewer(edited(more, {"new0"}, 0), {.threads = 1});
   fewer.take_poses(more);
   ASSERT_EQ(fewer.scene().bodies()[6].name, "new1");
   EXPECT_FALSE(answers(fewer, {{0, 6}}, with_two)) << "another body has this id";
@@ -101,19 +102,19 @@ TEST(SceneHistory, BodiesThatComeAndGoChangeTheirIdsAndEveryBody) {
 }
 
 TEST(SceneHistory, ASceneThatWasLoadedAgainIsAnotherOne) {
-  Engine first(six_balls(), {.threads = 1});
-  Scene changed = six_balls();
+  engine::Engine first(six_balls(), {.threads = 1});
+  engine::Scene changed = six_balls();
   changed.add_sphere("seventh", 0.1, at_x(7));
-  Engine second(std::move(changed), {.threads = 1});
+  engine::Engine second(std::move(changed), {.threads = 1});
   second.take_poses(first);
   EXPECT_FALSE(answers(second, {{0, 1}}, first.scene_revision())) << "its geometry may be another";
 }
 
 TEST(SceneHistory, PairsThatAreIgnoredNowAreNotThoseThatWere) {
-  Engine first(six_balls(), {.threads = 1});
-  Scene scene = edited(first, {}, 0);
+  engine::Engine first(six_balls(), {.threads = 1});
+  engine::Scene scene = edited(first, {}, 0);
   scene.ignore("ball0", "ball3");
-  Engine second(std::move(scene), {.threads = 1});
+  engine::Engine second(std::move(scene), {.threads = 1});
   second.take_poses(first);
   ASSERT_NE(second.scene_revision(), first.scene_revision());
   EXPECT_FALSE(answers(second, {{kLeft, kRight}}, first.scene_revision()));
@@ -121,7 +122,7 @@ TEST(SceneHistory, PairsThatAreIgnoredNowAreNotThoseThatWere) {
 }
 
 TEST(SceneHistory, WhatIsTooOldIsUnknown) {
-  Engine engine(six_balls(), {.threads = 1});
+  engine::Engine engine(six_balls(), {.threads = 1});
   engine.attach(0, 5);
   const std::uint64_t old = engine.scene_revision();
   bool known = true;

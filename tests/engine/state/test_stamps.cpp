@@ -13,8 +13,8 @@ namespace {
 using namespace std::chrono_literals;
 constexpr std::int64_t kMin = std::numeric_limits<std::int64_t>::min(), kMax = std::numeric_limits<std::int64_t>::max();
 
-Scene three_balls() {
-  Scene scene;
+engine::Scene three_balls() {
+  engine::Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {});
   return scene;
 }
@@ -30,7 +30,7 @@ class Stamps : public testing::Test {
       EXPECT_EQ(engine_->set_poses(std::span(&pose, 1), stamp, sequence, publisher).applied, 1u);
       EXPECT_EQ(engine_->body_state(body).X_wb.translation.x, x);
       return "";
-    } catch (const QueryError& error) {
+    } catch (const engine::QueryError& error) {
       EXPECT_EQ(error.code, QueryErrorCode::kBadQuery);
       EXPECT_EQ(engine_->pose_revision(), revision) << "refused, and yet something changed";
       return error.what();
@@ -44,7 +44,7 @@ class Stamps : public testing::Test {
   }
   /// Reloads the scene as a daemon does.
   void reload() {
-    auto next = std::make_unique<Engine>(three_balls(), Engine::Options{.threads = 1});
+    auto next = std::make_unique<engine::Engine>(three_balls(), engine::Engine::Options{.threads = 1});
     next->take_poses(*engine_);
     engine_ = std::move(next);
   }
@@ -52,7 +52,8 @@ class Stamps : public testing::Test {
     return std::chrono::nanoseconds(std::chrono::system_clock::now().time_since_epoch()).count();
   }
 
-  std::unique_ptr<Engine> engine_ = std::make_unique<Engine>(three_balls(), Engine::Options{.threads = 1});
+  std::unique_ptr<engine::Engine> engine_ =
+      std::make_unique<engine::Engine>(three_balls(), engine::Engine::Options{.threads = 1});
 };
 
 TEST_F(Stamps, WhatIsNoTimeIsRejectedAndPoisonsNothing) {
@@ -77,9 +78,9 @@ TEST_F(Stamps, WhatIsNoTimeIsRejectedAndPoisonsNothing) {
 
 TEST_F(Stamps, AClockMayBeAheadAsFarAsConfigured) {
   EXPECT_EQ(set(0, 1, now() + 37'000'000'000), "") << "TAI";
-  Engine::Options options{.threads = 1};
+  engine::Engine::Options options{.threads = 1};
   options.max_stamp_lead = 2h;
-  engine_ = std::make_unique<Engine>(three_balls(), options);
+  engine_ = std::make_unique<engine::Engine>(three_balls(), options);
   EXPECT_EQ(set(0, 1, now() + 3'600'000'000'000), "");
   EXPECT_NE(set(0, 1, now() + 3 * 3'600'000'000'000), "");
 }
@@ -100,7 +101,7 @@ TEST_F(Stamps, OlderOnesOfAPublisherAreRejectedForEachBody) {
 
   // A batch applies as a whole or not at all.
   const BodyPose both[] = {{1, Pose{{11, 0, 0}}}, {0, Pose{{12, 0, 0}}}};
-  EXPECT_THROW(engine_->set_poses(both, 80, 0, 7), QueryError);
+  EXPECT_THROW(engine_->set_poses(both, 80, 0, 7), engine::QueryError);
   EXPECT_EQ(engine_->body_state(1).X_wb.translation.x, 4);
   EXPECT_EQ(set(1, 13, 80, 7), "") << "the refused batch has left no mark";
 }

@@ -81,11 +81,11 @@ class LinkScene {
   LinkScene(test::RobotRandom& random, const Draw& draw, bool uncertain_base = false) : random_(random), draw_(draw) {
     const TemporaryFolder folder;
     const std::string urdf = folder.write("r.urdf", random_urdf(random, draw, 3 + random.below(6), &balls_));
-    Scene scene;
+    engine::Scene scene;
     scene.add_box("box", {2 * kBox[0], 2 * kBox[1], 2 * kBox[2]}, {.is_static = true, .pose = box_ = pose(3)});
     ball_ = {pose(2).translation, 0.25};
     scene.add_sphere("ball", ball_.radius, {.pose = Pose{ball_.centre}});
-    RobotOptions options;
+    engine::RobotOptions options;
     options.urdf = urdf;
     options.home.emplace();
     if (draw.far > 0) options.base = base_ = random.pose(draw.far, 1);
@@ -102,10 +102,10 @@ class LinkScene {
                         (kind == JointKind::kPlanar && !joint.name.ends_with("/theta")));
       joints_.push_back(static_cast<std::uint32_t>(slides_.size() - 1));
     }
-    engine_ = std::make_unique<Engine>(std::move(scene));
+    engine_ = std::make_unique<engine::Engine>(std::move(scene));
   }
 
-  const Engine& engine() const { return *engine_; }
+  const engine::Engine& engine() const { return *engine_; }
   std::uint32_t body(const std::string& name) const { return engine_->scene().find_body(name); }
   std::span<const std::uint32_t> joints() const { return joints_; }
   std::vector<double> row() const {
@@ -169,7 +169,7 @@ class LinkScene {
   std::shared_ptr<const SceneRobot> robot_;
   std::vector<std::uint32_t> joints_;
   std::vector<bool> slides_;
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<engine::Engine> engine_;
 };
 
 }  // namespace clearance::exact

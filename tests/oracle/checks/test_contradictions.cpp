@@ -78,7 +78,7 @@ TEST(Contradictions, AreCaughtBeforeReductionsDecide) {
   const Spheres spheres;
   const Bench bench = misled(spheres, "cpu"), whole(spheres.cases, "cpu");
   for (const Reduce reduce : {Reduce::kMin, Reduce::kWithin}) {
-    const auto evaluate = [&](const Engine& engine) {
+    const auto evaluate = [&](const engine::Engine& engine) {
       QueryView query;
       query.reduce = reduce;
       query.max_results = 10000;

@@ -25,14 +25,14 @@ struct Row {
 /// \param limits max_distance of each query
 std::vector<Row> evaluate(const ConvexPartPtr& a, const Pose& X_wa, const ConvexPartPtr& b, const Pose& X_wb,
                           std::span<const double> limits) {
-  Scene scene;
+  engine::Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
   first.parts = {a}, second.parts = {b};
   first.pose = X_wa, second.pose = X_wb;
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
-  const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
   std::vector<Row> rows;
   for (const double limit : limits) {
     Row& row = rows.emplace_back();

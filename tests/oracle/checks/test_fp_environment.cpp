@@ -26,9 +26,15 @@ struct Registers {
     asm volatile("stmxcsr %0\n\tfnstcw %1" : "=m"(r.control), "=m"(r.x87) : : "memory");
     return r;
   }
-  void load() const { asm volatile("ldmxcsr %0\n\tfldcw %1" : : "m"(control), "m"(x87) : "memory"); }
-  void flush_to_zero() { control |= 1u << 15; }
-  void denormals_are_zero() { control |= 1u << 6; }
+  void load() const {
+    asm volatile("ldmxcsr %0\n\tfldcw %1" : : "m"(control), "m"(x87) : "memory");
+  }
+  void flush_to_zero() {
+    control |= 1u << 15;
+  }
+  void denormals_are_zero() {
+    control |= 1u << 6;
+  }
 #elif defined(__aarch64__)
   std::uint64_t control = 0, flags = 0;
   static Registers now() {
@@ -36,9 +42,15 @@ struct Registers {
     asm volatile("mrs %0, fpcr\n\tmrs %1, fpsr" : "=r"(r.control), "=r"(r.flags) : : "memory");
     return r;
   }
-  void load() const { asm volatile("msr fpcr, %0\n\tmsr fpsr, %1" : : "r"(control), "r"(flags) : "memory"); }
-  void flush_to_zero() { control |= 1u << 24; }
-  void denormals_are_zero() { control |= 1u << 24; }
+  void load() const {
+    asm volatile("msr fpcr, %0\n\tmsr fpsr, %1" : : "r"(control), "r"(flags) : "memory");
+  }
+  void flush_to_zero() {
+    control |= 1u << 24;
+  }
+  void denormals_are_zero() {
+    control |= 1u << 24;
+  }
 #endif
   bool operator==(const Registers&) const = default;
 };
@@ -187,14 +199,14 @@ TEST(FpEnvironment, SoTheyHaveWhereEachOfACallersThreadsRuns) {
 // A scene of decimal numbers, bodies that follow others, and reductions.
 Bytes whole_way(const std::string& path) {
   Bytes bytes;
-  Scene scene = Scene::load(path);
+  engine::Scene scene = engine::Scene::load(path);
   scene.add_cylinder("post", 0.1, 0.7, {.pose = Pose{{0.1, 0.2, 0.3}}});
   scene.add_uv_sphere("ball", 0.3, 7, {.pose = Pose{{-0.1, 0.7, 0.9}, 0.3, 0.1, 0.2, 0.7}});
   append(bytes, scene.revision());
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = "cpu";
   options.threads = 1;
-  Engine engine(std::move(scene), options);
+  engine::Engine engine(std::move(scene), options);
   const auto bodies = static_cast<std::uint32_t>(engine.scene().bodies().size());
   const Pose X{{0.1, 0.7, 1.3}, 0.9, 0.1, -0.3, 0.7};
   engine.attach(bodies - 1, bodies - 2);

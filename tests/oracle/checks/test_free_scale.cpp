@@ -70,10 +70,10 @@ TightCase tight(double w = 2) {
                    "<robot name='a'><link name='base'/><link name='tip'><collision><origin xyz='1 0 0'/><geometry>"
                    "<sphere radius='0.00390625'/></geometry></collision></link><joint name='turn' type='continuous'>"
                    "<parent link='base'/><child link='tip'/><axis xyz='0 0 1'/></joint></robot>");
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("ball", kRadius, {.pose = Pose{{1, 2 * kRadius + kGap, 0}}});
   scene.add_robot("r", {.urdf = urdf, .home = {{}}});
-  const Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene));
   const std::uint32_t joint = 0;
   const double row[] = {0}, weight[] = {w};
   QueryView query;
@@ -132,7 +132,7 @@ TEST(FreeScale, SaysWhatItDoesNotAnswer) {
   const auto text = [&] {
     try {
       scene.engine().free_scale(query, weights);
-    } catch (const QueryError& error) {
+    } catch (const engine::QueryError& error) {
       return std::string(error.what());
     }
     return std::string();

@@ -172,8 +172,8 @@ TEST(HalfSpace, BoxesHoldIt) {
 }
 
 // A floor, a wall and a tilted plane among bodies of one and of several parts, in queries of all kinds.
-Scene room_scene(Random& random, std::vector<Pose>& planes) {
-  Scene scene;
+engine::Scene room_scene(Random& random, std::vector<Pose>& planes) {
+  engine::Scene scene;
   planes = {Pose{{0, 0, -1.5}}, Pose{{-3, 0, 0}, 1, 0, 1, 0}, random.rotation({0, 0, -6})};
   for (std::size_t k = 0; k < planes.size(); ++k)
     scene.add_half_space("plane" + std::to_string(k), {.pose = planes[k], .padding = k == 1 ? 0.125 : 0.0});
@@ -191,7 +191,7 @@ Scene room_scene(Random& random, std::vector<Pose>& planes) {
   return scene;
 }
 
-mpq_class exact_of(const Scene& scene, const std::vector<Pose>& planes, BodyPair pair) {
+mpq_class exact_of(const engine::Scene& scene, const std::vector<Pose>& planes, BodyPair pair) {
   const Body &plane = scene.bodies()[pair.a], &body = scene.bodies()[pair.b];
   mpq_class least;
   for (std::size_t p = 0; p < body.parts.size(); ++p) {
@@ -204,14 +204,15 @@ mpq_class exact_of(const Scene& scene, const std::vector<Pose>& planes, BodyPair
 TEST(HalfSpace, IsQueriedLikeAnyBody) {
   Random random(3);
   std::vector<Pose> planes;
-  const Scene scene = room_scene(random, planes);
+  const engine::Scene scene = room_scene(random, planes);
   std::vector<BodyPair> pairs;
   for (std::uint32_t plane = 0; plane < 3; ++plane)
     for (std::uint32_t body = 3; body < scene.bodies().size(); ++body) pairs.push_back({plane, body});
   int statuses[8] = {};
   for (const char* broad_phase : {"brute", "tree"})
     for (const char* set : {"auto", "baseline"}) {
-      const Engine engine(Scene(scene), {.backend = "cpu", .instruction_set = set, .broad_phase = broad_phase});
+      const engine::Engine engine(engine::Scene(scene),
+                                  {.backend = "cpu", .instruction_set = set, .broad_phase = broad_phase});
       for (const double max_distance : {kInf, 0.75})
         for (const Precision precision : {Precision::kF64, Precision::kF32}) {
           QueryView query;
@@ -256,7 +257,7 @@ TEST(HalfSpace, IsQueriedLikeAnyBody) {
 TEST(HalfSpace, TwoOfThemAreNotIncludedUnlessNamed) {
   Random random(4);
   std::vector<Pose> planes;
-  const Engine engine(room_scene(random, planes), {.backend = "cpu"});
+  const engine::Engine engine(room_scene(random, planes), {.backend = "cpu"});
   QueryView all;
   for (const BodyPair pair : engine.pairs(all)) EXPECT_GE(std::max(pair.a, pair.b), 3u);
   const std::vector<BodyPair> named{{0, 1}, {1, 2}};

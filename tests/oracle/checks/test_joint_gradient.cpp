@@ -128,14 +128,14 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
       "<robot name='a'><link name='base'/><link name='tip'><collision><origin xyz='1 0 0'/><geometry>"
       "<sphere radius='0.125'/></geometry></collision></link><joint name='turn' type='continuous'><parent link='base'/>"
       "<child link='tip'/><axis xyz='0 0 1'/></joint></robot>");
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("ball", 0.125, {.pose = Pose{{1, 3, 0}}});
   scene.add_robot("lower", {.urdf = urdf, .home = {{}}});
   scene.add_robot("upper", {.urdf = urdf, .parent = "lower/tip", .base = Pose{{1, 0, 0}}, .home = {{}}});
   const BodyPair pairs[] = {{0, scene.find_body("upper/tip")},
                             {scene.find_body("lower/tip"), scene.find_body("upper/tip")}};
   const std::uint32_t joints[] = {scene.find_joint("upper/turn"), scene.find_joint("lower/turn")};
-  const Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene));
   const double row[] = {M_PI / 2, 0};  // the upper tip is at (1, 1, 0), 2 m under the ball
   QueryView query;
   query.pairs = pairs;
@@ -155,15 +155,15 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
 }
 
 TEST(JointGradient, WithoutJointsItIsRejectedByName) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_sphere("a", 1, {.pose = Pose{}});
-  const Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene));
   QueryView query;
   query.fields = kDefaultFields | kFieldGradientJoints;
   try {
     engine.size(query);
     FAIL();
-  } catch (const QueryError& error) {
+  } catch (const engine::QueryError& error) {
     EXPECT_STREQ(error.what(), "fields: gradient_joints is for a query with joints");
   }
 }

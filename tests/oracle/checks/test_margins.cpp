@@ -23,7 +23,7 @@ struct Row {
   Status status;
   BodyPair pair;
 };
-Row decide(const Engine& engine, QueryView q) {
+Row decide(const engine::Engine& engine, QueryView q) {
   q.all_pairs = false;
   q.reduce = Reduce::kAny;
   Row row;
@@ -81,7 +81,7 @@ std::vector<double> margins_around(const Result& exact_value) {
 }
 
 // Each pair alone, at margins around its exact distance. If the interval of a whole answer decides, so must this.
-void try_alone(const Engine& engine, std::span<const Result> exact_value, Precision precision, double rel_tol,
+void try_alone(const engine::Engine& engine, std::span<const Result> exact_value, Precision precision, double rel_tol,
                Tried& tried) {
   for (std::uint32_t i = 0; i < exact_value.size(); ++i) {
     const BodyPair pair[] = {{2 * i, 2 * i + 1}};
@@ -112,7 +112,8 @@ void try_alone(const Engine& engine, std::span<const Result> exact_value, Precis
 
 // All separated pairs together, each with its own margin just below its distance; then one of them with a larger one,
 // which has to be found. Margins as entries and as a list.
-void try_together(const Engine& engine, std::span<const Result> exact_value, Precision precision, Tried& tried) {
+void try_together(const engine::Engine& engine, std::span<const Result> exact_value, Precision precision,
+                  Tried& tried) {
   std::vector<BodyPair> pairs;
   std::vector<double> margins;
   for (std::uint32_t i = 0; i < exact_value.size(); ++i) {

@@ -20,11 +20,11 @@ struct Bounds {
 };
 
 Bounds evaluate(const Shape& mesh, MeshAs how, const std::vector<Vec3d>& other, const Pose& X) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_mesh("mesh", mesh.vertices, mesh.triangles, how, {.pose = Pose{}});
   EXPECT_FALSE(scene.has_surfaces());
   scene.add_hull("other", other, {.pose = X});
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   Bounds bounds{};
   std::uint8_t status;
   QueryView q;

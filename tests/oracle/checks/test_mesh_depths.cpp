@@ -23,7 +23,7 @@ struct Depth {
 
 /// \param second null, or another part of a
 Depth evaluate(const Case& c, const SolidPtr& second = nullptr) {
-  Scene scene;
+  engine::Scene scene;
   Body a, b;
   a.name = "a", b.name = "b";
   a.parts = {part_of(*c.a)};
@@ -32,7 +32,7 @@ Depth evaluate(const Case& c, const SolidPtr& second = nullptr) {
   a.pose = c.X_wa, b.pose = c.X_wb;
   scene.add_body(std::move(a));
   scene.add_body(std::move(b));
-  const Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
   Depth d{};
   QueryView q;
   q.signed_distance = true;

@@ -75,8 +75,8 @@ struct Trial {
     parts[at] = make_decomposed_part(mesh.vertices, mesh.triangles, propose(random, mesh, kind), radius);
   }
 
-  Scene scene() const {
-    Scene scene;
+  engine::Scene scene() const {
+    engine::Scene scene;
     for (std::uint32_t i = 0; i <= kOthers; ++i) {
       Body body;
       body.name = "body " + std::to_string(i);
@@ -111,7 +111,7 @@ struct Rows {
   Status status_of(std::size_t row) const { return static_cast<Status>(status[row]); }
 };
 
-Rows evaluate(const Engine& engine, const Trial& trial, QueryView q) {
+Rows evaluate(const engine::Engine& engine, const Trial& trial, QueryView q) {
   static constexpr std::array<BodyPair, kOthers> kPairs{BodyPair{0, 1}, {0, 2}, {0, 3}};
   static constexpr std::array<std::uint32_t, 1> kMoved{0};
   q.pairs = kPairs;
@@ -152,7 +152,7 @@ bool is_farther(const Result& exact_value, double than) {
 }
 
 /// Checks each row alone.
-void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precision precision, Found& found) {
+void look_at_rows(const engine::Engine& engine, const Trial& trial, double limit, Precision precision, Found& found) {
   QueryView q;
   q.max_distance = limit;
   q.precision = precision;
@@ -178,7 +178,7 @@ void look_at_rows(const Engine& engine, const Trial& trial, double limit, Precis
 }
 
 /// Checks each pair's least signed distance of parts.
-void look_at_signed_rows(const Engine& engine, const Trial& trial, Found& found) {
+void look_at_signed_rows(const engine::Engine& engine, const Trial& trial, Found& found) {
   QueryView q;
   q.signed_distance = true;
   const Rows rows = evaluate(engine, trial, q);
@@ -224,7 +224,8 @@ bool holds_least(double lower, double upper, std::span<const Result> exact_value
   return above;
 }
 
-void look_at_reductions(const Engine& engine, const Trial& trial, double limit, Precision precision, Found& found) {
+void look_at_reductions(const engine::Engine& engine, const Trial& trial, double limit, Precision precision,
+                        Found& found) {
   QueryView q;
   q.precision = precision;
   q.reduce = Reduce::kMin;
@@ -277,7 +278,7 @@ void look_at_held(Random& random, Found& found) {
     skin.emplace_back();
     for (const std::uint32_t corner : t) skin.back().push_back(box.vertices[corner]);
   }
-  Scene scene;
+  engine::Scene scene;
   Body first, second;
   first.name = "a", second.name = "b";
   first.parts = {make_decomposed_part(box.vertices, box.triangles, skin, 0)};
@@ -285,7 +286,7 @@ void look_at_held(Random& random, Found& found) {
   first.pose = Pose{}, second.pose = random.rotation(random.direction() * random.uniform(0, 0.3));
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
-  const Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kMin, Reduce::kAny})
     for (const bool is_signed : {false, true}) {
       if (is_signed && reduce == Reduce::kAny) continue;
@@ -322,7 +323,7 @@ void look_at_tube(Found& found) {
                  make_convex_part({{0, 0, 0}}, 0.125)};
   for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.parts[i] = trial.parts[1];
   trial.check_all();
-  const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
   const int apart = found.apart;
   for (const double limit : {0.0, 1.0}) look_at_rows(engine, trial, limit, Precision::kF64, found);
   look_at_reductions(engine, trial, 0.25, Precision::kF64, found);
@@ -331,7 +332,7 @@ void look_at_tube(Found& found) {
 
 void try_all(Random& random, Kind kind, Found& found) {
   const Trial trial(random, kind);
-  const Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
   double near = 0.1;
   for (const Result& exact_value : trial.exact_value[0])
     if (exact_value.distance.compare(0) > 0) near = exact_value.distance.upper();

@@ -64,7 +64,7 @@ TEST(ContradictionMutant, IsGivenToGroups) {
 
 TEST(ContradictionMutant, DoesNotStart) {
   try {
-    Engine engine{Scene()};
+    engine::Engine engine{engine::Scene()};
     FAIL();
   } catch (const std::runtime_error& e) {
     EXPECT_EQ(std::string(e.what()).find(

@@ -83,10 +83,10 @@ TEST(Slack, HoldsTheRoundingOfChains) {
   double worst = 0;
   int links = 0;
   for (int chain = 0; chain < 200; ++chain) {
-    Scene scene;
+    engine::Scene scene;
     std::vector<Pose> local;
     for (int i = 0; i < 8; ++i) {
-      Scene::BodyOptions options;
+      engine::Scene::BodyOptions options;
       options.pose = random.rotation(random.direction() * random.log_uniform(1e-3, 1e3));
       const double length = random.log_uniform(1e-3, 1e3);  // of the quaternion: any
       for (double* q : {&options.pose->qw, &options.pose->qx, &options.pose->qy, &options.pose->qz}) *q *= length;

@@ -120,8 +120,8 @@ struct Crowd {
   const Result& of(std::size_t k, BodyPair pair) const {
     return exact_value[k][static_cast<std::size_t>(std::find(pairs.begin(), pairs.end(), pair) - pairs.begin())];
   }
-  Scene scene() const {
-    Scene scene;
+  engine::Scene scene() const {
+    engine::Scene scene;
     for (std::size_t i = 0; i < bodies.size(); ++i) {
       Body body;
       body.name = "b" + std::to_string(i);
@@ -140,7 +140,7 @@ struct Rows {
   ReplyInfo info;
 };
 
-Rows evaluate(const Engine& engine, QueryView query, const WorkBudget& slice = {}) {
+Rows evaluate(const engine::Engine& engine, QueryView query, const WorkBudget& slice = {}) {
   query.fields = kDefaultFields | kFieldFlags | kFieldPair | kFieldConfiguration;
   const QuerySize size = engine.size(query);
   Rows rows;
@@ -243,10 +243,10 @@ TEST(MeshCrowds, EveryReductionIsTrue) {
   Requested requested;
   for (const CaseClass& cls : mesh_classes()) {
     const Crowd crowd(cls, 100);
-    Engine::Options options;
+    engine::Engine::Options options;
     options.backend = "cpu";
     options.threads = 1 + static_cast<int>(&cls - mesh_classes().data()) % 2;
-    const Engine engine(crowd.scene(), options);
+    const engine::Engine engine(crowd.scene(), options);
     std::vector<double> distances;
     for (const auto& row : crowd.exact_value)
       for (const Result& r : row) distances.push_back(std::max(0.0, r.distance.lower()));
@@ -300,12 +300,12 @@ TEST(MeshCrowds, PartsOfAllKindsMakeABody) {
       b.parts = {part_of(*c.b)};
       a.pose = c.X_wa, b.pose = c.X_wb;
       a.padding = kPadding;
-      Scene scene;
+      engine::Scene scene;
       scene.add_body(std::move(a));
       scene.add_body(std::move(b));
-      Engine::Options options;
+      engine::Engine::Options options;
       options.backend = "cpu";
-      const Rows rows = evaluate(Engine(std::move(scene), options), {});
+      const Rows rows = evaluate(engine::Engine(std::move(scene), options), {});
       Solid grown = *c.a, grown_other = *other.b;
       grown.radius = grown_other.radius = kPadding;
       const Result exact_value[] = {
@@ -330,15 +330,15 @@ TEST(MeshCrowds, AnswersHaveTheSameBitsHoweverTheyAreMade) {
   for (std::size_t at = 0; at < mesh_classes().size(); at += 5) {
     const Crowd crowd(mesh_classes()[at], 200);
     std::optional<Rows> first[3];
-    for (const std::string& set : Engine::instruction_sets())
+    for (const std::string& set : engine::Engine::instruction_sets())
       for (const int threads : {1, 2})
         for (const char* broad : {"brute", "tree"}) {
-          Engine::Options options;
+          engine::Engine::Options options;
           options.backend = "cpu";
           options.threads = threads;
           options.instruction_set = set;
           options.broad_phase = broad;
-          const Engine engine(crowd.scene(), options);
+          const engine::Engine engine(crowd.scene(), options);
           for (const std::uint64_t units : {WorkBudget::kNoLimit, std::uint64_t{7}})
             for (const int reduce : {0, 1, 2}) {
               QueryView q;

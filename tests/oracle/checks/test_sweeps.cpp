@@ -34,13 +34,13 @@ Body body_of(const std::string& name, const std::vector<SolidPtr>& solids, const
 /// Moves b through kSteps positions t + i * step as configurations of one query.
 std::vector<Sample> sweep(const std::vector<SolidPtr>& a, const Pose& X_wa, const std::vector<SolidPtr>& b, Pose X_wb,
                           Vec3d step) {
-  Scene scene;
+  engine::Scene scene;
   scene.add_body(body_of("a", a, X_wa));
   scene.add_body(body_of("b", b, X_wb));
-  Engine::Options options;
+  engine::Engine::Options options;
   options.backend = "cpu";
   options.threads = 1;
-  const Engine engine(std::move(scene), options);
+  const engine::Engine engine(std::move(scene), options);
   const std::vector<std::uint32_t> moved = {1};
   std::vector<Pose> poses;
   std::vector<Sample> samples(kSteps);

@@ -88,8 +88,8 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
   for (Rights rights = 0; rights <= kAllRights; ++rights)
     for (const Request& request : requests()) {
       start(small_scene());
-      loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); },
-                       [](Scene scene) { return std::make_unique<Engine>(std::move(scene)); });
+      loop_->reload_by([] { return std::make_unique<engine::Engine>(small_scene()); },
+                       [](engine::Scene scene) { return std::make_unique<engine::Engine>(std::move(scene)); });
       const std::uint64_t revision = engine_->pose_revision();
       a_.rights = rights;
       transport_->send(a_, request.frame);
@@ -118,7 +118,7 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
 // --- Unix sockets
 
 mode_t mode_of(const std::string& path) {
-  struct stat info{};
+  struct stat info {};
   EXPECT_EQ(stat(path.c_str(), &info), 0) << path;
   return info.st_mode & 07777;
 }

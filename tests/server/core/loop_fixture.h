@@ -18,11 +18,11 @@ using namespace std::chrono_literals;
 class LoopTest : public testing::Test {
  protected:
   /// Without a worker thread: the loop also does the worker's share, so that its turns can be counted.
-  void start(Scene scene, Loop::Options options = {}, int threads = 1) {
+  void start(engine::Scene scene, Loop::Options options = {}, int threads = 1) {
     options.worker_thread = with_worker_;
-    Engine::Options engine_options;
+    engine::Engine::Options engine_options;
     engine_options.threads = threads;
-    engine_ = std::make_unique<Engine>(std::move(scene), engine_options);
+    engine_ = std::make_unique<engine::Engine>(std::move(scene), engine_options);
     loop_ = std::make_unique<Loop>(*engine_, options);
     auto transport = std::make_unique<MemoryTransport>();
     transport_ = transport.get();
@@ -64,7 +64,7 @@ class LoopTest : public testing::Test {
 
   bool with_worker_ = false;
   MemoryClient a_, b_, c_;  // declared before the loop, which may hold their requests until its end
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<engine::Engine> engine_;
   std::unique_ptr<Loop> loop_;
   MemoryTransport* transport_ = nullptr;
 };

@@ -16,8 +16,8 @@ constexpr std::uint64_t kMostUnits = 8192;
 constexpr int kBodies = 3000;
 
 /// Single points far apart; group 0 has all of them.
-Scene crowd() {
-  Scene scene;
+engine::Scene crowd() {
+  engine::Scene scene;
   std::vector<std::string> names;
   for (int i = 0; i < kBodies; ++i) {
     names.push_back("b" + std::to_string(i));
@@ -28,8 +28,8 @@ Scene crowd() {
 }
 
 /// Two bodies of many convex parts that overlap in many places.
-Scene heaps(int parts) {
-  Scene scene;
+engine::Scene heaps(int parts) {
+  engine::Scene scene;
   std::mt19937 random(3);
   std::uniform_real_distribution<double> unit(-1, 1);
   for (int b = 0; b < 2; ++b) {
@@ -119,7 +119,7 @@ TEST_F(BoundedLoop, BodiesOfManyPartsAreAnsweredElsewhere) {
 TEST_F(BoundedLoop, ASmallQueryOfExpensivePairsIsHandedOver) {
   // Few convex parts, so that it starts on the loop, but each with a thousand vertices, so that it does not finish
   // there.
-  Scene scene;
+  engine::Scene scene;
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int b = 0; b < 20; ++b) {
@@ -136,7 +136,7 @@ TEST_F(BoundedLoop, ASmallQueryOfExpensivePairsIsHandedOver) {
   const Reply reply(request_within(query.frame(1)));
   ASSERT_EQ(reply.rows(), 190u);
   EXPECT_GT(loop_->counter("queries.handed_over"), 0u);
-  Engine reference(engine_->scene(), Engine::Options{.threads = 1});
+  engine::Engine reference(engine_->scene(), engine::Engine::Options{.threads = 1});
   QueryView direct;
   direct.signed_distance = true;
   std::vector<double> lower(190), upper(190);

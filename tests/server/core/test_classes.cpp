@@ -141,7 +141,7 @@ TEST(Segments, AreKeptForTheClassControl) {
 /// A control client may send requests as large as others': the loop's share is as small.
 TEST_F(Classes, ControlDoesNotHoldTheLoopUpEither) {
   with_worker_ = true;
-  Scene scene;
+  engine::Scene scene;
   std::vector<std::string> names;
   for (int i = 0; i < 1500; ++i) {
     names.push_back("b" + std::to_string(i));

@@ -12,10 +12,10 @@ namespace {
 using wire::FrameType;
 
 /// Balls around one whose direction table has a wrong entry.
-Scene misled_scene() {
+engine::Scene misled_scene() {
   const ConvexPartPtr ball = make_hull_part(make_uv_sphere(1, 20).vertices, {}, 0);
   PortableRandom random(4);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < 100; ++i) {
     Body body;
     body.name = "ball" + std::to_string(i);

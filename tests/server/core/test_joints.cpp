@@ -15,9 +15,9 @@ using wire::ErrorCode;
 using wire::FrameType;
 
 /// 0 table, 1 the arm's base, then its links.
-Scene arm_scene() {
-  Scene scene;
-  Scene::BodyOptions table = at(0.5, 0, -0.1);
+engine::Scene arm_scene() {
+  engine::Scene scene;
+  engine::Scene::BodyOptions table = at(0.5, 0, -0.1);
   table.is_static = true;
   scene.add_box("table", {1, 1, 0.1}, table);
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
@@ -314,7 +314,7 @@ TEST_F(JointsTest, WhatIsWrongIsRejectedAndNamed) {
 }
 
 TEST_F(JointsTest, AnAttachmentLeavesJointIdsWhatTheyAre) {
-  Scene scene = arm_scene();
+  engine::Scene scene = arm_scene();
   scene.add_sphere("cup", 0.05, at(1, 1, 1));
   const std::uint32_t cup = scene.find_body("cup");
   start(std::move(scene));

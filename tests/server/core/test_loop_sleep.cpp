@@ -59,7 +59,7 @@ TEST_F(LoopTest, OnceWokenItSleepsAgain) {
   options.spin = 0ns;
   options.tick = 20ms;
   start(small_scene(), options);
-  loop_->reload_by([] { return std::make_unique<Engine>(small_scene()); });
+  loop_->reload_by([] { return std::make_unique<engine::Engine>(small_scene()); });
   auto ticking = std::make_unique<TickingTransport>();
   const TickingTransport& transport = *ticking;
   loop_->add(std::move(ticking));

@@ -36,7 +36,7 @@ TEST_F(Reload, QueriesGoOnWhileItLoadsAndThoseUnderWayEndWithTheOldScene) {
   std::atomic<bool> may_end{false};
   loop_->reload_by([&] {
     while (!may_end) std::this_thread::yield();
-    return std::make_unique<Engine>(small_scene());
+    return std::make_unique<engine::Engine>(small_scene());
   });
   TestQuery large = large_query(20);
   transport_->send(a_, large.frame(1));
@@ -72,9 +72,9 @@ TEST_F(Reload, ThatFailsLeavesTheOldScene) {
   start(small_scene());
   const std::uint64_t before = revision();
   int calls = 0;
-  loop_->reload_by([&]() -> std::unique_ptr<Engine> {
+  loop_->reload_by([&]() -> std::unique_ptr<engine::Engine> {
     ++calls;
-    throw SceneError("scene.yaml:3: no such thing");
+    throw engine::SceneError("scene.yaml:3: no such thing");
   });
   loop_->reload();
   turn_until("reloads.failed", 1);
@@ -91,7 +91,7 @@ TEST_F(Reload, RequestedWhileOneIsUnderWayFollowsIt) {
   loop_->reload_by([&] {
     ++begun;
     while (!may_end) std::this_thread::yield();
-    return std::make_unique<Engine>(small_scene());
+    return std::make_unique<engine::Engine>(small_scene());
   });
   loop_->reload();
   while (begun < 1) loop_->turn();
@@ -109,9 +109,9 @@ TEST_F(Reload, ARequestForTheOldSceneIsRejected) {
   start(small_scene());
   const std::uint64_t before = revision();
   loop_->reload_by([] {
-    Scene scene = small_scene();
+    engine::Scene scene = small_scene();
     scene.add_box("crate", {1, 1, 1}, at(5, 0, 0));
-    return std::make_unique<Engine>(std::move(scene));
+    return std::make_unique<engine::Engine>(std::move(scene));
   });
   loop_->reload();
   turn_until("reloads", 1);
@@ -124,9 +124,9 @@ TEST_F(Reload, ARequestForTheOldSceneIsRejected) {
 TEST_F(Reload, QueriesThatWaitForPosesAreHeldToTheSceneTheyName) {
   start(small_scene());
   loop_->reload_by([] {
-    Scene scene = small_scene();
+    engine::Scene scene = small_scene();
     scene.add_box("crate", {1, 1, 1}, at(5, 0, 0));
-    return std::make_unique<Engine>(std::move(scene));
+    return std::make_unique<engine::Engine>(std::move(scene));
   });
   TestQuery query = small_query();
   query.header.min_pose_stamp_ns = 100;
@@ -151,9 +151,9 @@ TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
   loop_->reload_by([&] {
     const int own = ++begun;
     while (may_end < own) std::this_thread::yield();
-    Scene scene = small_scene();
+    engine::Scene scene = small_scene();
     for (int i = 0; i < own; ++i) scene.add_box("crate" + std::to_string(i), {1, 1, 1}, at(5, 0, 0));
-    return std::make_unique<Engine>(std::move(scene));
+    return std::make_unique<engine::Engine>(std::move(scene));
   });
   const auto change_of = [this](MemoryClient& client) {
     const auto frame = take(client);
@@ -182,7 +182,8 @@ TEST_F(Reload, ARequestIsAnsweredWhenTheNewSceneIsIn) {
 
 TEST_F(Reload, ARequestThatFailsGetsTheLoadersError) {
   start(small_scene());
-  loop_->reload_by([]() -> std::unique_ptr<Engine> { throw SceneError("scene.yaml:3: no such thing"); });
+  loop_->reload_by(
+      []() -> std::unique_ptr<engine::Engine> { throw engine::SceneError("scene.yaml:3: no such thing"); });
   transport_->send(a_, simple_frame(FrameType::kReload, 1));
   while (a_.replies.empty()) loop_->turn();
   const auto error = error_of(take(a_));
@@ -202,7 +203,7 @@ TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
   std::atomic<bool> may_end{false};
   loop_->reload_by([&] {
     while (!may_end) std::this_thread::yield();
-    return std::make_unique<Engine>(small_scene());
+    return std::make_unique<engine::Engine>(small_scene());
   });
   for (const std::uint64_t id : {2, 3, 4}) transport_->send(a_, simple_frame(FrameType::kReload, id));
   loop_->turn();
@@ -218,20 +219,20 @@ TEST_F(Reload, RequestsAreCountedAmongThoseUnderWay) {
 }
 
 TEST(TakePoses, OfBodiesThatBothScenesKnow) {
-  Engine old(small_scene());
+  engine::Engine old(small_scene());
   const Pose moved{{1, 2, 3}, 0, 1, 0, 0}, held{{0, 0, 0.2}};
   const BodyPose poses[] = {{1, moved}, {3, {{4, 5, 6}}}};
   old.set_poses(poses, 77);
   old.attach(2, 1, &held);  // link1 follows the cup
 
-  Scene scene;
+  engine::Scene scene;
   scene.add_box("crate", {1, 1, 1}, at(7, 0, 0));
   scene.add_capsule("link1", 0.05, 0.4, at(0.5, 0, 0.5));
   scene.add_sphere("cup", 0.2, at(0, 0, 0.3));
-  Scene::BodyOptions fixed = at(9, 9, 9);
+  engine::Scene::BodyOptions fixed = at(9, 9, 9);
   fixed.is_static = true;
   scene.add_capsule("link2", 0.05, 0.4, fixed);  // now static
-  Engine engine(std::move(scene));
+  engine::Engine engine(std::move(scene));
   engine.take_poses(old);
   EXPECT_EQ(engine.body_state(0).X_wb.translation.x, 7);
   EXPECT_EQ(engine.body_state(2).X_wb.translation.z, 3);
@@ -243,20 +244,20 @@ TEST(TakePoses, OfBodiesThatBothScenesKnow) {
   EXPECT_GT(engine.pose_revision(), old.pose_revision());
 
   // The leader is gone: its followers take the new scene's poses.
-  Scene alone;
+  engine::Scene alone;
   alone.add_capsule("link1", 0.05, 0.4, at(0.5, 0, 0.5));
-  Engine without(std::move(alone));
+  engine::Engine without(std::move(alone));
   without.take_poses(old);
   EXPECT_EQ(without.body_state(0).parent, kNone);
   EXPECT_EQ(without.body_state(0).X_wb.translation.x, 0.5);
 
   // Reversed in the new scene: an attachment that would close a cycle is left out.
-  Scene turned;
+  engine::Scene turned;
   turned.add_capsule("link1", 0.05, 0.4, at(0.5, 0, 0.5));
-  Scene::BodyOptions follows = at(0, 0, 1);
+  engine::Scene::BodyOptions follows = at(0, 0, 1);
   follows.parent = "link1";
   turned.add_sphere("cup", 0.1, follows);
-  Engine circle(std::move(turned));
+  engine::Engine circle(std::move(turned));
   circle.take_poses(old);
   EXPECT_EQ(circle.body_state(1).parent, kNone) << "the cup was free when it was told where it is";
   EXPECT_EQ(circle.body_state(0).parent, 1u);

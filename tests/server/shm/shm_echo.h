@@ -60,7 +60,7 @@ class EchoRequestHandler final : public RequestHandler {
     return {};
   }
   std::uint64_t& counter(const std::string& name) override { return counters[name]; }
-  Engine& engine() override { throw std::logic_error("this server has no engine"); }
+  engine::Engine& engine() override { throw std::logic_error("this server has no engine"); }
 
   void answer_held(std::size_t i) { answer(held[i].header, held[i].payload, *held[i].sink); }
 

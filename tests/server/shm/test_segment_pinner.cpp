@@ -109,7 +109,7 @@ TEST(SegmentPinner, HasUnpinnedAllAtItsEnd) {
 /// A loop over an engine, on its own thread, with a shared-memory endpoint.
 class Service {
  public:
-  Service(const std::string& path, Scene scene, const std::string& backend, std::uint64_t pinned_bytes)
+  Service(const std::string& path, engine::Scene scene, const std::string& backend, std::uint64_t pinned_bytes)
       : engine_(std::move(scene), {backend}), loop_(engine_) {
     ShmLimits limits;
     limits.pinned_bytes = pinned_bytes;
@@ -122,17 +122,17 @@ class Service {
   }
 
  private:
-  Engine engine_;
+  engine::Engine engine_;
   Loop loop_;
   std::thread thread_;
 };
 
-Scene spheres(int count) {
+engine::Scene spheres(int count) {
   std::mt19937_64 random(1);
   std::uniform_real_distribution<double> box(-30, 30);
-  Scene scene;
+  engine::Scene scene;
   for (int i = 0; i < count; ++i) {
-    Scene::BodyOptions options;
+    engine::Scene::BodyOptions options;
     options.pose = {{box(random), box(random), box(random)}};
     scene.add_uv_sphere("s" + std::to_string(i), 2, 6, options);
   }

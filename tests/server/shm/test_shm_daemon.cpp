@@ -47,7 +47,7 @@ class ShmDaemon : public testing::Test {
 TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   Daemon daemon(options());
   Client client = patient(daemon.url());
-  Engine engine(Scene::load(kScene), {.threads = 1});
+  engine::Engine engine(engine::Scene::load(kScene), {.threads = 1});
   ASSERT_EQ(client.scene().revision, engine.scene_revision());
 
   // Configurations of three bodies, with enough rows for the reply to exceed the first segment.

@@ -160,7 +160,7 @@ struct FakePlanDevice {
   PlanDevice device;
   cuda::FakeDevice fake_device{
       {true, "a stand-in", ""},
-      [this](const Scene&, int, std::uint64_t) { return std::make_shared<PlansDevice>(fault, device); },
+      [this](const engine::Scene&, int, std::uint64_t) { return std::make_shared<PlansDevice>(fault, device); },
       &PlanDevice::kCalls};
 };
 

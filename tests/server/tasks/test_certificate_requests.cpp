@@ -22,8 +22,8 @@ std::vector<std::byte> rows_record(std::vector<std::uint64_t> rows) {
 }
 
 /// Adjacent combs, whose teeth are convex parts.
-Scene combs(int count, int teeth) {
-  Scene scene;
+engine::Scene combs(int count, int teeth) {
+  engine::Scene scene;
   for (int b = 0; b < count; ++b) {
     Body body;
     body.name = "comb_" + std::to_string(b);

@@ -37,13 +37,13 @@ struct Mapped {
 
 class DevicePlansTest : public LoopTest {
  protected:
-  void begin(Scene scene, Loop::Options options = {}, const char* backend = "cuda") {
+  void begin(engine::Scene scene, Loop::Options options = {}, const char* backend = "cuda") {
     loop_.reset();
     options.worker_thread = with_worker_;
-    Engine::Options of_engine;
+    engine::Engine::Options of_engine;
     of_engine.backend = backend;
     of_engine.threads = 1;
-    engine_ = std::make_unique<Engine>(std::move(scene), of_engine);
+    engine_ = std::make_unique<engine::Engine>(std::move(scene), of_engine);
     loop_ = std::make_unique<Loop>(*engine_, options);
     auto transport = std::make_unique<MemoryTransport>();
     transport_ = transport.get();

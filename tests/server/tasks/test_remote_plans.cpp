@@ -25,7 +25,8 @@ class RemotePlans : public testing::Test {
     Loop::Options options;
     options.tick = 5ms;
     options.max_plans_of_client = 3;
-    engine_ = std::make_unique<Engine>(test::spheres(12), Engine::Options{.backend = "cuda", .threads = 1});
+    engine_ =
+        std::make_unique<engine::Engine>(test::spheres(12), engine::Engine::Options{.backend = "cuda", .threads = 1});
     loop_ = std::make_unique<Loop>(*engine_, options);
     loop_->add(make_shm_transport(folder_ / "c.sock"));
     loop_->add(make_zmq_transport("ipc://" + (folder_ / "c.ipc")));
@@ -65,7 +66,7 @@ class RemotePlans : public testing::Test {
 
   TemporaryFolder folder_;
   test::FakePlanDevice fake_device_;
-  std::unique_ptr<Engine> engine_;
+  std::unique_ptr<engine::Engine> engine_;
   std::unique_ptr<Loop> loop_;
   std::vector<std::string> urls_;
   std::thread thread_;

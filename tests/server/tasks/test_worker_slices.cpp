@@ -18,8 +18,8 @@ constexpr std::uint64_t kMostUnits = 2048;
 constexpr std::uint32_t kBodies = 3000;
 
 /// Single points far apart; group 0 has all of them.
-Scene crowd() {
-  Scene scene;
+engine::Scene crowd() {
+  engine::Scene scene;
   std::vector<std::string> names;
   for (std::uint32_t i = 0; i < kBodies; ++i) {
     names.push_back("b" + std::to_string(i));
@@ -99,7 +99,7 @@ std::vector<Vec3d> ball(int corners, unsigned seed) {
 
 TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
   // One inside the other: the surface between them is refined until the memory is used up.
-  Scene scene;
+  engine::Scene scene;
   scene.add_hull("a", ball(5000, 1), at(0, 0, 0));
   scene.add_hull("b", ball(5000, 2), at(0, 0, 0));
   start(std::move(scene), short_slices());
@@ -109,7 +109,7 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
   EXPECT_LT(reply.upper()[0], -1.9);
   EXPECT_GT(turns_, 100);
 
-  Engine reference(engine_->scene(), Engine::Options{.threads = 1});
+  engine::Engine reference(engine_->scene(), engine::Engine::Options{.threads = 1});
   QueryView direct;
   direct.signed_distance = true;
   double lower, upper;
@@ -122,7 +122,7 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
 }
 
 TEST_F(WorkerSlices, WhatManyPairsLeaveToJointsIsFoundInThem) {
-  Scene scene = crowd();
+  engine::Scene scene = crowd();
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   start(std::move(scene), short_slices());
   TestQuery query;
