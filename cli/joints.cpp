@@ -78,7 +78,7 @@ void print(const JointsInfo& info, const std::string& group, Output output) {
 
 void run(const JointsOptions& o) {
   Client client = o.connection.open();
-  const JointsInfo info = client.joints();
+  const JointsInfo info = client.joint_states();
   if (o.positions.empty()) return print(info, o.group, o.output);
   set(client, info, o.positions);
 }

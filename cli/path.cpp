@@ -107,7 +107,7 @@ std::string beyond_limits(const Path& path, const std::vector<std::uint32_t>& id
 
 /// Throws NotFree for the motion of row `r`, which begins at waypoint `first`.
 /// \param limits beyond_limits()
-[[noreturn]] void report(const Reply& reply, std::size_t r, std::size_t first, const Path& path, const PathOptions& o,
+[[noreturn]] void report(const Result& reply, std::size_t r, std::size_t first, const Path& path, const PathOptions& o,
                          const SceneInfo& scene, const std::string& limits) {
   const Status status = reply.status()[r];
   const auto [a, b] = reply.pair()[r];
@@ -148,7 +148,7 @@ void certify(Client& client, Query query, const Path& path, std::size_t motions,
 void run(const PathOptions& o) {
   const Path path = read(o.file);
   Client client = o.connection.open();
-  const JointsInfo info = client.joints();
+  const JointsInfo info = client.joint_states();
   const std::vector<std::uint32_t> ids = ids_of(path, info);
   const std::string limits = beyond_limits(path, ids, info);
   const std::vector<IdPair> pairs = pairs_of(client, o.pairs);
@@ -164,7 +164,7 @@ void run(const PathOptions& o) {
     const std::size_t count = std::min(kMotionsAtOnce, path.size() - 1 - first);
     const std::vector<double> ends = ends_of(path, first, count);
     query.positions = ends;
-    const Reply reply = client.distances(query);
+    const Result reply = client.distances(query);
     for (std::size_t r = 0; r < count; ++r) {
       if (reply.status()[r] != Status::kBeyond) {
         certify(client, query, path, first + r + 1, o);

@@ -82,7 +82,7 @@ struct NumberColumns {
   std::vector<std::string> names;
 };
 
-void print_reply(const Reply& reply, const SceneInfo& scene, const QueryCommandOptions& o) {
+void print_reply(const Result& reply, const SceneInfo& scene, const QueryCommandOptions& o) {
   std::vector<NumberColumns<double>> doubles;
   const auto add_doubles = [&doubles](std::span<const double> values, std::vector<std::string> names) {
     if (!values.empty()) doubles.push_back({values, std::move(names)});

@@ -30,6 +30,10 @@ class Frame {
   virtual std::span<const std::byte> payload() const = 0;  ///< aligned to 64 bytes
 };
 
+class Result;  // wire/result.h
+/// The result in a frame of type kReply, whose memory it shares. Throws ConnectionError if the frame is malformed.
+Result result_of(std::unique_ptr<Frame> frame);
+
 /// Not thread-safe; use one channel per thread, or a lock.
 class Channel {
  public:

@@ -1,11 +1,11 @@
 #include "client/client.h"
 
 #include <algorithm>
-#include <cmath>
 #include <cstring>
 
 #include "client/client_impl.h"
-#include "client/unknown_name.h"
+#include "wire/joints_named.h"
+#include "wire/unknown_name.h"
 
 namespace clearance {
 
@@ -19,33 +19,6 @@ Client::~Client() = default;
 Client::Impl& Client::impl() const {
   if (!impl_) throw std::logic_error("this client was moved from");
   return *impl_;
-}
-
-Check Client::check(const Query& query) {
-  const Reply reply = distances(as_check(query));
-  const bool is_now = query.joints.empty() && query.configurations.empty();
-  if (query.joints.empty() && !is_now) return check_of(reply, {}, {}, {});
-  const JointsInfo& info = impl().joints_at(reply.scene_revision(), is_now ? reply.snapshot_revision() : 0);
-  std::vector<std::uint32_t> joints(query.joints.begin(), query.joints.end());
-  std::vector<double> positions(query.positions.begin(), query.positions.end());
-  for (std::uint32_t joint = 0; is_now && joint < info.joints.size(); ++joint) {
-    joints.push_back(joint);
-    positions.push_back(info.joints[joint].status == Status::kOk ? info.joints[joint].position : std::nan(""));
-  }
-  std::vector<JointLimits> limits;
-  for (const std::uint32_t joint : joints) limits.push_back({info.joints.at(joint).lower, info.joints.at(joint).upper});
-  return check_of(reply, joints, limits, positions);
-}
-std::vector<double> Client::free_scale(const Query& query, std::span<const double> weights) {
-  const Reply reply = distances(as_free_scale(query, weights));
-  return {reply.free_scale().begin(), reply.free_scale().end()};
-}
-Reply Client::distances(const Query& query) {
-  return Reply(impl().receive(impl().send_query(FrameType::kQuery, query), FrameType::kReply));
-}
-
-Pending Client::submit(const Query& query) {
-  return Pending(impl_, impl().send_query(FrameType::kQuery, query));
 }
 
 UpdateResult Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
@@ -117,7 +90,10 @@ UpdateResult Client::set_points(std::uint32_t body, std::span<const std::array<f
   return impl().poses_done(*impl().receive(request, FrameType::kPosesDone));
 }
 
-JointsInfo Client::joints() {
+Joints Client::joints(std::string_view group) {
+  return joints_named(joint_states(), group);
+}
+JointsInfo Client::joint_states() {
   const std::uint64_t revision = scene().revision;
   JointsInfo info = impl().fetch_joints();
   if (info.scene_revision != revision) impl().scene_is_old = true;  // ids refer to the scene that the caller reads next
@@ -190,20 +166,6 @@ std::uint32_t Client::group(std::string_view name) {
   unknown_name("group", name, groups);
 }
 
-std::vector<IdPair> Client::pairs(const Query& query) {
-  const auto frame = impl().receive(impl().send_query(FrameType::kPairs, query), FrameType::kPairTable);
-  const auto table = impl().checked([&] { return wire::parse_pair_table(impl().body_of(*frame)); });
-  std::vector<IdPair> pairs(table.pairs.size());
-  if (!pairs.empty()) std::memcpy(pairs.data(), table.pairs.data(), table.pairs.size_bytes());
-  return pairs;
-}
-
-std::string Client::certificate(const Query& query, std::optional<std::span<const std::uint64_t>> rows) {
-  const auto frame = impl().receive(impl().send_query(FrameType::kCertify, query, rows), FrameType::kCertificate);
-  const std::span<const std::byte> text = impl().body_of(*frame);
-  return {reinterpret_cast<const char*>(text.data()), text.size()};
-}
-
 std::vector<BodyStateInfo> Client::body_states() {
   const auto frame = impl().call(FrameType::kGetStates, {}, FrameType::kBodyStates, 0);
   const auto parts = impl().checked([&] { return wire::parse_states(impl().body_of(*frame)); });
@@ -250,48 +212,6 @@ std::uint64_t Client::epoch() const {
 }
 std::uint64_t Client::acknowledge_epoch() {
   return impl().connection.acknowledge_epoch();
-}
-
-// --- Pending
-
-Pending::Pending(std::shared_ptr<Client::Impl> client, std::uint64_t request_id)
-    : client_(std::move(client)), request_id_(request_id) {}
-Pending::Pending(Pending&&) noexcept = default;
-Pending& Pending::operator=(Pending&& other) noexcept {
-  std::swap(client_, other.client_);
-  std::swap(request_id_, other.request_id_);
-  std::swap(frame_, other.frame_);
-  return *this;
-}
-Pending::~Pending() {
-  if (!client_ || client_->connection.forked()) return;
-  client_->sent_in_records.erase(request_id_);
-  if (frame_) return;
-  try {
-    client_->connection.forget(request_id_);
-  } catch (const std::exception&) {
-    // The connection and its reply are lost.
-  }
-}
-
-bool Pending::ready() {
-  return wait_for(std::chrono::nanoseconds(0));
-}
-
-bool Pending::wait_for(std::chrono::nanoseconds timeout) {
-  if (!client_) throw std::logic_error("this reply was fetched already");
-  if (frame_) return true;
-  // Not interpreted here, so that get() throws the error of an error frame.
-  frame_ = client_->connection.await(request_id_, deadline_in(timeout));
-  return frame_ != nullptr;
-}
-
-Reply Pending::get() {
-  if (!client_) throw std::logic_error("this reply was fetched already");
-  // Released first, so that the request ends even if this throws.
-  const std::shared_ptr<Client::Impl> client = std::move(client_);
-  if (!frame_) return Reply(client->receive(request_id_, FrameType::kReply));
-  return Reply(client->interpret(std::move(frame_), FrameType::kReply));
 }
 
 Client connect(const std::string& url, std::chrono::nanoseconds timeout) {

@@ -2,12 +2,20 @@
 //
 //   auto client = clearance::connect("shm:///run/user/1000/clearance.sock");
 //   client.set_poses({{"base", {0, 0, 0, 1, 0, 0, 0}}});
-//   auto reply = client.distances({.max_distance = 0.5});
-//   for (std::size_t i = 0; i < reply.rows(); ++i) use(reply.lower()[i], reply.upper()[i]);
+//   const clearance::Result result = client.distances({.max_distance = 0.5});
+//   for (std::size_t i = 0; i < result.rows(); ++i) use(result.lower()[i], result.upper()[i]);
+//
+// clearance::Engine (engine.h) answers the same queries in process.
 #pragma once
 
-#include <clearance/mesh_as.h>
+#include <clearance/check.h>
+#include <clearance/errors.h>
+#include <clearance/new_body.h>
+#include <clearance/prepared.h>
 #include <clearance/query.h>
+#include <clearance/remote_plan.h>
+#include <clearance/result.h>
+#include <clearance/scene_info.h>
 
 #include <array>
 #include <chrono>
@@ -34,9 +42,8 @@ struct CLEARANCE_API TimeoutError : ConnectionError {
   using ConnectionError::ConnectionError;
 };
 /// The daemon rejected a request; `code` is a wire::ErrorCode.
-struct CLEARANCE_API RequestError : std::runtime_error {
-  RequestError(std::uint16_t c, const std::string& what) : std::runtime_error(what), code(c) {}
-  std::uint16_t code;
+struct CLEARANCE_API RequestError : QueryError {
+  using QueryError::QueryError;
 };
 
 /// The daemon was restarted, or is another one, since this client's first contact, and has lost the poses, attachments
@@ -48,224 +55,6 @@ struct CLEARANCE_API NewEpoch : RequestError {
 struct CLEARANCE_API DaemonHung : ConnectionError {
   using ConnectionError::ConnectionError;
 };
-
-class Frame;
-
-/// An answer. Columns are views of the received frame (over shared memory, of a slot that the destructor returns). A
-/// column that was not requested is empty.
-class CLEARANCE_API Reply {
- public:
-  explicit Reply(std::unique_ptr<Frame> frame);  ///< of type kReply; throws ConnectionError if malformed
-  Reply(Reply&&) noexcept;
-  Reply& operator=(Reply&&) noexcept;
-  ~Reply();
-
-  std::size_t rows() const;
-  std::uint64_t total() const;           ///< pairs found by kWithin, including those past max_results
-  std::uint64_t configurations() const;  ///< K
-  std::uint64_t pairs() const;           ///< P
-  std::uint32_t fields() const;
-  std::span<const double> distance() const;  ///< (rows,) metres
-  std::span<const double> lower() const;
-  std::span<const double> upper() const;
-  std::span<const Status> status() const;
-  std::span<const std::uint16_t> flags() const;
-  std::span<const double> point_a() const;  ///< (rows * 3,) world frame
-  std::span<const double> point_b() const;
-  std::span<const double> normal() const;
-  std::span<const std::uint32_t> pieces() const;  ///< (rows * 2,)
-  std::span<const double> gradient() const;       ///< (rows * 12,); order and frame as in kFieldGradient
-  std::span<const IdPair> pair() const;
-  std::span<const std::uint32_t> configuration() const;
-  std::span<const float> points32() const;
-  /// (rows * joints(),) metres per radian or metre: d distance / d position of each of the query's joints, in their
-  /// order. 0 for overlapping bodies without a requested depth, NaN without witness points; one of several gradients
-  /// with the flag kFlagNonsmooth.
-  std::span<const double> gradient_joints() const;
-  std::uint32_t joints() const;  ///< J with gradient_joints, otherwise 0
-  std::span<const IdPair> pair_lower() const;
-  std::span<const double> time() const;           ///< of motions, 0 to 1
-  std::span<const double> first_contact() const;  ///< (rows * 2,) of motions; kFieldFirstContact
-  std::span<const float> bounds() const;          ///< (rows, 2) lower and upper, metres, rounded outward
-  std::span<const double> free_scale() const;     ///< Client::free_scale()
-  std::span<const std::uint32_t> steps() const;   ///< of motions: evaluations of each
-
-  std::uint64_t epoch() const;  ///< run of the daemon that answered, or 0
-  std::uint64_t scene_revision() const;
-  std::uint64_t snapshot_revision() const;
-  std::int64_t snapshot_stamp_ns() const;  ///< newest stamp among the poses, publisher's clock
-  std::int64_t snapshot_sequence() const;  ///< its publisher's count of the update with that stamp; 0 if not counted
-  /// Age of the oldest pose at the query's start, since its receipt by the daemon; -1 if none was received.
-  std::int64_t pose_age_ns() const;
-  std::uint64_t engine_ns() const;
-  std::uint64_t server_ns() const;
-  std::string_view backend() const;
-
- private:
-  template <class T>
-  std::span<const T> column(Field field, std::size_t width) const;
-  std::unique_ptr<Frame> frame_;
-  std::uint64_t epoch_ = 0;
-  std::uint64_t rows_ = 0;  // copies, so that the checked values are used
-  std::uint32_t fields_ = 0, joints_ = 0;
-};
-
-struct BodyInfo {
-  std::string name;
-  std::uint32_t parent = kNone;
-  bool is_static = false;
-  std::uint32_t piece_count = 0;
-  std::uint64_t vertex_count = 0;
-  double model_error = 0;            ///< metres: bound on how far the convex parts reach outside the specified shape
-  double extent = 0;                 ///< metres: distance of the farthest point from the body's origin
-  double hull_excess = 0;            ///< metres: bound on the distance of the convex parts from their mesh; 0 if convex
-  double empty_share = 0;            ///< fraction of the parts' volume outside the mesh; NaN for an open mesh
-  std::uint64_t triangle_count = 0;  ///< triangles of a surface or solid; 0 if the convex parts are exact
-  bool is_solid = false;             ///< whether the triangles enclose the body, rather than being the body
-  bool is_cloud = false;             ///< whether the body is a point cloud, which set_points() replaces
-};
-struct GroupInfo {
-  std::string name;
-  std::vector<std::uint32_t> bodies;
-};
-struct SceneInfo {
-  std::uint64_t revision = 0;
-  std::vector<BodyInfo> bodies;
-  std::vector<GroupInfo> groups;
-  std::uint64_t pair_count = 0;
-  std::string backend;
-};
-struct BodyStateInfo {
-  Pose7 pose{};  ///< X_wb
-  Status status = Status::kNoPose;
-  std::uint32_t parent = kNone;
-  std::int64_t stamp_ns = 0;
-  std::int64_t age_ns = -1;  ///< since the daemon received it; -1 if never
-};
-/// A joint of one of the scene's robots; its id is its index in JointsInfo::joints.
-struct JointInfo {
-  std::string name;                 ///< "panda/panda_joint1"
-  double lower = 0, upper = 0;      ///< radians or metres; infinite without a limit
-  double position = 0;              ///< valid if status is kOk
-  Status status = Status::kNoPose;  ///< kOk, kNoPose (without a position) or kBadPose
-  bool beyond_limits = false;
-  std::int64_t stamp_ns = 0;
-  std::int64_t age_ns = -1;  ///< since the daemon received it; -1 if never
-};
-/// The joints of a robot, under its name, or of a group of its SRDF, such as "panda/panda_arm".
-struct JointGroupInfo {
-  std::string name;
-  std::vector<std::uint32_t> joints;  ///< ids, ascending
-};
-struct JointsInfo {
-  std::uint64_t scene_revision = 0;
-  std::vector<JointInfo> joints;
-  std::vector<JointGroupInfo> groups;
-};
-struct UpdateResult {
-  std::uint64_t revision = 0;  ///< pose revision that contains the update
-  std::uint64_t scene_revision = 0;
-  std::uint32_t applied = 0, bad = 0, unknown = 0, fixed = 0;
-};
-
-/// A body to add at run time, with exactly one shape: the hull of `vertices` (body frame), a mesh of `vertices` and
-/// `triangles`, a primitive, or a cloud of `points`.
-struct NewBody {
-  std::string name;
-  std::span<const std::array<double, 3>> vertices = {};  ///< metres
-  std::optional<std::array<double, 3>> box = {};         ///< full edge lengths, metres
-  std::optional<double> sphere = {};                     ///< radius, metres
-  std::optional<std::array<double, 2>> capsule = {};     ///< radius, length between the centres of its caps; along z
-  std::optional<std::array<double, 2>> cylinder = {};    ///< radius, length; along z
-  std::optional<std::array<double, 2>> cone = {};        ///< radius, length; along z, with its apex at the positive end
-  std::optional<std::array<double, 3>> ellipsoid = {};   ///< half axes, metres
-  bool half_space = false;                               ///< z <= 0 in its own frame; static, without a parent
-  double radius = 0;                                     ///< metres, grows the shape
-  std::uint32_t parent = kNone;                          ///< body that it follows
-  std::optional<Pose7> pose = {};                        ///< X_world_body, or X_parent_body with a parent
-  bool is_static = false;
-  // Uncertainty, as in a scene file. Rejected by older daemons.
-  double uncertainty_position = 0;  ///< metres: radius of a ball around its position that contains its origin
-  double uncertainty_angle = 0;     ///< radians: bound on its rotation error about its origin
-  double padding = 0;               ///< metres of growth, in addition to `radius`
-  double max_speed = 0;             ///< metres per second: bound on the speed of its points
-  // A mesh. Rejected by older daemons.
-  std::span<const std::array<std::uint32_t, 3>> triangles = {};  ///< indices into `vertices`; closed for a solid
-  MeshAs mesh_as = MeshAs::kAuto;  ///< body made from the mesh; kParts is the same as kHull
-  /// Points of a cloud in metres, which set_points() replaces. No points make an empty body.
-  std::optional<std::span<const std::array<float, 3>>> points = {};
-  double voxel = 0;  ///< metres, for a cloud; above 0, boxes of this edge around the points are the body
-};
-
-/// The scene after a change.
-struct SceneChanged {
-  std::uint64_t scene_revision = 0;
-  std::uint32_t body_count = 0;
-  std::uint32_t body = kNone;  ///< id of the new body, after add_body()
-  double seconds = 0;          ///< time to build the scene
-};
-
-/// A column in a plan's memory.
-struct PlanColumn {
-  Field field{};
-  std::uint32_t row_bytes = 0;
-  std::uint64_t offset = 0;  ///< a multiple of 64
-};
-
-/// A plan in the memory of a daemon's GPU. Another process maps the memory with cudaIpcOpenMemHandle() on the device of
-/// that UUID, whose number can differ there. Offsets are into that memory.
-struct PlanInfo {
-  std::uint64_t number = 0;                   ///< for direct use of the wire protocol
-  std::array<std::byte, 64> memory_handle{};  ///< cudaIpcMemHandle_t
-  std::array<std::byte, 16> device_uuid{};    ///< cudaUUID_t
-  std::uint64_t memory_bytes = 0;
-  std::uint64_t poses_offset = 0;               ///< (K, M) Pose7 of the query's bodies; valid if bodies > 0
-  std::uint64_t positions_offset = 0;           ///< (K, J) float64, radians and metres; valid if joints > 0
-  std::uint32_t bodies = 0, joints = 0;         ///< M, J
-  std::uint64_t rows = 0;                       ///< of each column: K P, or K for a reduction
-  std::uint64_t configurations = 0, pairs = 0;  ///< K (1 for the current poses), P
-  std::vector<PlanColumn> columns;              ///< in the order of Field
-  std::uint64_t scene_revision = 0;             ///< of the scene, fixed when the plan is opened
-  std::uint64_t snapshot_revision = 0;          ///< of the other bodies' poses, fixed likewise
-
-  /// Throws std::invalid_argument for an absent column.
-  const PlanColumn& column(Field field) const;
-};
-
-/// Result of a run of a plan.
-struct PlanRun {
-  std::uint64_t snapshot_revision = 0;  ///< of the daemon's current poses, not necessarily the plan's
-  std::chrono::nanoseconds took{0};     ///< time in the daemon, from the first launch to the complete rows
-};
-
-/// An open plan of this client, closed by the destructor, by close(), and with the client's connection. Not
-/// thread-safe, also with respect to its client.
-class CLEARANCE_API RemotePlan {
- public:
-  RemotePlan(RemotePlan&&) noexcept;
-  RemotePlan& operator=(RemotePlan&&) noexcept;
-  ~RemotePlan();  ///< closes the plan without waiting
-
-  const PlanInfo& info() const { return info_; }
-  /// Runs the query on the poses and positions in the memory, and returns when the rows are complete. Synchronise the
-  /// stream that writes the input first. Throws as Client::distances(); RequestError (kWrongScene) if the daemon's
-  /// scene differs from the plan's, and (kBusy) while an earlier run that timed out here is still running.
-  /// \param timeout of this call, by default the client's
-  /// \param check_scene whether to check the daemon's scene; if false, the answer is for the plan's scene
-  PlanRun run(std::optional<std::chrono::nanoseconds> timeout = {}, bool check_scene = true);
-  /// Closes the plan and frees its memory, which must be unmapped before. Throws as run().
-  void close();
-
- private:
-  friend class Client;
-  struct Connection;
-  explicit RemotePlan(std::shared_ptr<Connection> connection, PlanInfo info);
-  std::shared_ptr<Connection> connection_;
-  PlanInfo info_;
-};
-
-/// A pending request. The destructor discards an unread reply.
-class Pending;
 
 struct ConnectOptions;
 
@@ -285,10 +74,17 @@ class CLEARANCE_API Client {
   ~Client();
 
   /// Answers a query. Throws TimeoutError, ConnectionError, RequestError.
-  Reply distances(const Query& query = {});
+  Result distances(const Query& query = {});
   /// Returns the free configurations: Reduce::kAny with the query's margins. Unproved configurations are not free. Also
   /// checks joint limits (Check::ok()), which are fetched once or, without configurations, after each change of poses.
   Check check(const Query& query = {});
+  /// Returns the least distances along whole continuous motions, with certified bounds. Configurations 2k and 2k + 1 of
+  /// the query are the ends of motion k; as_motions() has the defaults. Throws as distances().
+  Result motions(const Query& query);
+  /// Returns whether a path is free: every pair is proved farther than its margin along the whole path. The query's
+  /// configurations are its waypoints, in order. Stops at the first motion that is not proved free. Throws as
+  /// distances(), and std::invalid_argument for fewer than two waypoints.
+  PathCheck check_path(const Query& query);
   /// Returns (K,) sizes of proved free regions around configurations (of joints, no bodies): the largest s for which
   /// all pairs are proved to stay beyond the query's margins while no joint moves by more than s times its weight. The
   /// value is 0 if the configuration itself is not proved free, and inf if no motion can reduce a distance. Ignores
@@ -296,7 +92,10 @@ class CLEARANCE_API Client {
   /// \param weights (J,) radians and metres, >= 0
   std::vector<double> free_scale(const Query& query, std::span<const double> weights);
   /// Sends a query and returns immediately.
-  Pending submit(const Query& query = {});
+  Pending submit(const Query& query = {}, WhenDone when_done = {});
+  /// Prepares a query without configurations and positions, which each run gives. Queries of check(), motions() and
+  /// free_scale() are those of as_check(), as_motions() and as_free_scale().
+  Prepared prepare(const Query& query = {});
 
   /// Applies poses as one snapshot. Throws RequestError, and applies nothing, for a stamp below 0, far ahead of the
   /// daemon's clock, or older than this client's last for one of the bodies.
@@ -316,8 +115,17 @@ class CLEARANCE_API Client {
   /// \param radius metres, growth of the points; by default the radius in the scene
   UpdateResult set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
                           std::optional<double> radius = {}, std::int64_t stamp_ns = 0, std::int64_t sequence = 0);
-  /// Returns the joints of the scene's robots with their current positions.
-  JointsInfo joints();
+  /// Returns the joints of a robot ("panda"), of a group of its SRDF ("panda/panda_arm"), a single joint, or all ("*").
+  /// Throws std::invalid_argument with similar names.
+  Joints joints(std::string_view group);
+  /// Returns all joints of the scene's robots with their current positions, and their groups.
+  JointsInfo joint_states();
+  /// Waits until the daemon has poses with this stamp or a newer one, so that the next query uses them. Costs one round
+  /// trip if the poses are there. Throws RequestError with kPosesLate after `timeout`, at most 10 s.
+  /// \param stamp_ns publisher's clock, as in set_poses(); above 0
+  /// \param of body or group (selector). Unstamped bodies are ignored, but at least one must have a stamp.
+  void wait_for_poses(std::int64_t stamp_ns, std::uint32_t of = kEveryBody,
+                      Duration timeout = std::chrono::seconds(10));
   /// Attaches `child` to `parent`, at its current relative pose or at X_parent_child; with kNone, detaches it.
   /// \param allow bodies and groups (selectors) that the child may touch during this attachment: their pairs with it
   /// are disabled until the next attach() of the child
@@ -362,7 +170,7 @@ class CLEARANCE_API Client {
   /// \param query as for Engine::plan_on_device(), without configurations and positions, which go into that memory
   /// \param configurations K, the number of configurations of each run; 0 for one configuration, the current poses
   RemotePlan plan_on_device(const Query& query, std::uint32_t configurations);
-  std::vector<BodyStateInfo> body_states();
+  std::vector<BodyStateInfo> body_states();  ///< by id; poses are X_wb
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   Duration ping(std::span<const std::byte> payload = {});  ///< echo through the daemon; returns the round-trip time
 
@@ -378,29 +186,11 @@ class CLEARANCE_API Client {
 
  private:
   friend CLEARANCE_API Client connect(std::span<const std::string> urls, const ConnectOptions& options);
-  friend class Pending;
   friend class RemotePlan;
   struct Impl;
   explicit Client(std::shared_ptr<Impl> impl);
   Impl& impl() const;
   std::shared_ptr<Impl> impl_;
-};
-
-class CLEARANCE_API Pending {
- public:
-  Pending(Pending&&) noexcept;
-  Pending& operator=(Pending&&) noexcept;
-  ~Pending();
-  bool ready();                                     ///< polls once; get() throws any error
-  bool wait_for(std::chrono::nanoseconds timeout);  ///< as ready(), but waits for at most `timeout`
-  Reply get();  ///< waits up to the client's timeout; throws as Client::distances(); call it once
-
- private:
-  friend class Client;
-  Pending(std::shared_ptr<Client::Impl> client, std::uint64_t request_id);
-  std::shared_ptr<Client::Impl> client_;  // keeps the connection open
-  std::uint64_t request_id_ = 0;
-  std::unique_ptr<Frame> frame_;  // arrived, not yet fetched
 };
 
 struct ConnectOptions {

@@ -71,11 +71,8 @@ struct Client::Impl {
     return header.request_id;
   }
 
-  /// \param rows row numbers of kCertify, by default all
-  /// \param plan number of configurations of kOpenPlan
-  std::uint64_t send_query(wire::FrameType type, const Query& query,
-                           std::optional<std::span<const std::uint64_t>> rows = {},
-                           std::optional<std::uint32_t> plan = {}) {
+  std::uint64_t send_query(wire::FrameType type, const Query& query, const QueryExtras& extras = {}) {
+    const auto& [rows, plan, revision] = extras;
     wire::QueryHeader q;
     try {
       q = header_of(query, plan);
@@ -84,7 +81,7 @@ struct Client::Impl {
     }
     const bool is_query = type == wire::FrameType::kQuery, has_configurations = wire::has_configurations(type);
     // Before begin(), since it can send a request.
-    const std::uint64_t scene_revision = query.check_scene ? revision_of_ids() : 0;
+    const std::uint64_t scene_revision = !query.check_scene ? 0 : revision ? *revision : revision_of_ids();
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> records = query_records(query);
@@ -214,6 +211,11 @@ struct Client::Impl {
     const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
     return {change.scene_revision, change.body_count, change.body, change.seconds};
   }
+
+  struct Request;   // a pending query: client_pending.cpp
+  struct Prepared;  // a prepared query: client_prepared.cpp
+  static Pending submit(const std::shared_ptr<Impl>& self, const Query& query, WhenDone when_done,
+                        const QueryExtras& extras = {});
 
   Connection connection;
   std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by pending request

@@ -34,7 +34,7 @@ const PlanColumn& PlanInfo::column(Field field) const {
 }
 
 RemotePlan Client::plan_on_device(const Query& query, std::uint32_t configurations) {
-  const std::uint64_t request = impl().send_query(FrameType::kOpenPlan, query, {}, configurations);
+  const std::uint64_t request = impl().send_query(FrameType::kOpenPlan, query, {.plan = configurations});
   const auto frame = impl().receive(request, FrameType::kPlan);
   const wire::PlanParts parts = impl().checked([&] { return wire::parse_plan(impl().body_of(*frame)); });
   const wire::PlanHeader& h = parts.header;

@@ -14,6 +14,13 @@
 
 namespace clearance {
 
+/// What only some queries have.
+struct QueryExtras {
+  std::optional<std::span<const std::uint64_t>> rows = {};  ///< row numbers of kCertify, by default all
+  std::optional<std::uint32_t> plan = {};                   ///< number of configurations of kOpenPlan
+  std::optional<std::uint64_t> scene_revision = {};         ///< of the query's ids, instead of revision_of_ids()
+};
+
 /// Throws std::invalid_argument for inconsistent configurations and bodies, wire::WireError for counts that are too
 /// large.
 /// \param plan number of configurations of each run of kOpenPlan, whose query has none

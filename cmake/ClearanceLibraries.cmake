@@ -2,6 +2,12 @@
 # for other projects, component part_library. It exports only what its headers mark as CLEARANCE_API; its dependencies stay
 # inside, so that a process may contain other builds of the same libraries.
 include(CMakePackageConfigHelpers)
+
+# Headers that are installed with each library.
+set(clearance_shared_headers wire/types.h wire/mesh_as.h wire/model.h wire/query_options.h wire/query.h wire/errors.h wire/result.h
+  wire/check.h wire/scene_info.h wire/new_body.h wire/prepared.h wire/protocol.h client/eigen.h)
+list(TRANSFORM clearance_shared_headers PREPEND ${PROJECT_SOURCE_DIR}/)
+
 function(clearance_install_library part)
   cmake_parse_arguments(ARG "" "" "SOURCES;HEADERS;DEFINITIONS;LIBS" ${ARGN})
   set(_target clearance_${part}_shared)
@@ -21,21 +27,10 @@ function(clearance_install_library part)
   install(TARGETS ${_target} EXPORT Clearance-${part}
     LIBRARY DESTINATION ${CMAKE_INSTALL_LIBDIR} COMPONENT ${_component} NAMELINK_COMPONENT ${_component})
   install(EXPORT Clearance-${part} NAMESPACE Clearance:: DESTINATION ${_package} COMPONENT ${_component})
-  foreach(_header wire/types.h wire/mesh_as.h wire/model.h wire/query_options.h wire/query.h wire/protocol.h client/eigen.h ${ARG_HEADERS})
-    clearance_installed_name(${_header} _name)
-    install(FILES ${PROJECT_SOURCE_DIR}/${_header} RENAME ${_name} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/clearance
-      COMPONENT ${_component})
-  endforeach()
+  list(TRANSFORM ARG_HEADERS PREPEND ${PROJECT_SOURCE_DIR}/)
+  install(FILES ${clearance_shared_headers} ${ARG_HEADERS} DESTINATION ${CMAKE_INSTALL_INCLUDEDIR}/clearance
+    COMPONENT ${_component})
   write_basic_package_version_file(${PROJECT_BINARY_DIR}/cmake/ClearanceConfigVersion.cmake COMPATIBILITY SameMinorVersion)
   install(FILES ${PROJECT_SOURCE_DIR}/cmake/ClearanceConfig.cmake ${PROJECT_BINARY_DIR}/cmake/ClearanceConfigVersion.cmake
     DESTINATION ${_package} COMPONENT ${_component})
-endfunction()
-
-# Name by which a header is included as <clearance/NAME>, here and after installation.
-function(clearance_installed_name header result)
-  get_filename_component(_name ${header} NAME)
-  if(_name STREQUAL "embed.h")  # engine.h is the engine's own, which the daemon uses
-    set(_name engine.h)
-  endif()
-  set(${result} ${_name} PARENT_SCOPE)
 endfunction()

@@ -9,8 +9,7 @@ def reference(header: Path) -> str:
     """Each declaration of a header's namespace under a heading of its name, without private parts."""
     body = header.read_text()
     first = body.index("\n\n", body.index("\nnamespace clearance"))
-    name = "engine.h" if header.name == "embed.h" else header.name  # as cmake installs it
-    out = [f"## clearance/{name}", "", head(body), ""]
+    out = [f"## clearance/{header.name}", "", head(body), ""]
     for comment, code in declarations(body[first:body.rindex("\n}")]):
         found = TYPE.match(code[0])
         if found:

@@ -13,7 +13,6 @@
 #include <span>
 #include <stdexcept>
 #include <string>
-#include <vector>
 
 // Marks the exported symbols of installed shared libraries.
 #ifdef CLEARANCE_STATIC
@@ -61,79 +60,6 @@ inline std::uint64_t configuration_count(const Query& query) {
     throw std::invalid_argument("query: " + std::to_string(of_bodies) + " configurations of bodies and " +
                                 std::to_string(of_joints) + " of joints: expected equal numbers");
   return of_bodies ? of_bodies : of_joints;
-}
-
-/// A joint's limits, radians or metres; infinite without a limit.
-struct JointLimits {
-  double lower, upper;
-};
-
-/// A joint beyond its limits.
-struct LimitViolation {
-  std::uint64_t configuration;
-  std::uint32_t joint;  ///< id
-  double position;      ///< radians or metres
-  JointLimits limits;
-  /// Distance beyond the limit, above 0.
-  double excess() const { return position < limits.lower ? limits.lower - position : position - limits.upper; }
-};
-
-/// The free configurations: (K,) each, or 1 without configurations. `free` ignores joint limits, ok() includes them.
-struct Check {
-  std::vector<bool> free;  ///< whether every pair is proved farther than its margin
-  /// kBeyond if free; kOk, kContact, kOverlap if `pair` is proved within its margin; otherwise there is no proof.
-  std::vector<Status> status;
-  std::vector<IdPair> pair;          ///< kNone if free
-  std::vector<double> lower, upper;  ///< metres, of `pair`
-  /// Whether a joint of the query, or without configurations of the scene, is beyond its limits.
-  std::vector<bool> beyond_limits;
-  std::vector<LimitViolation> limit_violations;  ///< in the order of configurations
-
-  /// Whether configuration `k` is free, and within the joints' limits.
-  bool ok(std::size_t k) const { return free[k] && !beyond_limits[k]; }
-  /// Whether all configurations are ok.
-  explicit operator bool() const {
-    for (std::size_t k = 0; k < free.size(); ++k)
-      if (!ok(k)) return false;
-    return true;
-  }
-};
-
-/// Converts a query to that of check().
-inline Query as_check(Query query) {
-  query.reduce = Reduce::kAny;
-  query.fields = kFieldLower | kFieldUpper | kFieldStatus;
-  return query;
-}
-/// Converts a query to that of free_scale().
-/// \param weights must outlive the query
-inline Query as_free_scale(Query query, std::span<const double> weights) {
-  query.reduce = Reduce::kAny;
-  query.fields = kFieldFreeScale;
-  query.weights = weights;
-  return query;
-}
-/// Converts the answer of as_check().
-/// \param limits (J,) limits of the joints
-template <class Answer>
-Check check_of(const Answer& answer, std::span<const std::uint32_t> joints, std::span<const JointLimits> limits,
-               std::span<const double> positions) {
-  Check check;
-  for (std::size_t k = 0; k < answer.rows(); ++k) {
-    check.free.push_back(answer.status()[k] == Status::kBeyond);
-    check.status.push_back(answer.status()[k]);
-    check.pair.push_back(answer.pair()[k]);
-    check.lower.push_back(answer.lower()[k]);
-    check.upper.push_back(answer.upper()[k]);
-    check.beyond_limits.push_back(false);
-    for (std::size_t j = 0; j < joints.size(); ++j) {
-      const double position = positions[k * joints.size() + j];
-      if (!(position < limits[j].lower || position > limits[j].upper)) continue;
-      check.beyond_limits[k] = true;
-      check.limit_violations.push_back({k, joints[j], position, limits[j]});
-    }
-  }
-  return check;
 }
 
 }  // namespace clearance

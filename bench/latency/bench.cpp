@@ -34,7 +34,7 @@ struct BenchOptions : BenchQueryOptions {
   std::string command;  ///< as typed
 };
 
-EchoSize size_of(const Query& query, const Reply& reply) {
+EchoSize size_of(const Query& query, const Result& reply) {
   const std::uint64_t configurations = query.bodies.empty() ? 0 : query.configurations.size() / query.bodies.size();
   return {
       sizeof(wire::FrameHeader) + wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), configurations),
@@ -46,7 +46,7 @@ void measure(Client& client, const Query& query, Floor& floor, const BenchOption
   int lost_in_a_row = 0;
   const auto evaluate = [&]() -> Exchanged {
     try {
-      const Reply reply = client.distances(query);
+      const Result reply = client.distances(query);
       lost_in_a_row = 0;
       return {true, static_cast<std::int64_t>(reply.server_ns()), static_cast<std::int64_t>(reply.engine_ns())};
     } catch (const TimeoutError&) {
@@ -119,7 +119,7 @@ void run(const BenchOptions& o) {
   report.warmup_s = o.warmup_s;
   report.command = o.command;
   {
-    const Reply reply = client.distances(q.query);
+    const Result reply = client.distances(q.query);
     report.backend = reply.backend();
     report.pairs = reply.pairs();
     report.size = size_of(q.query, reply);

@@ -115,7 +115,7 @@ class Controller {
   const Samples& engine() const { return engine_; }
 
  private:
-  void take(const Reply& reply) {
+  void take(const Result& reply) {
     if (reply.snapshot_stamp_ns() == message_.stamp_ns) ++fresh_;
     engine_.add(static_cast<std::int64_t>(reply.engine_ns()));
     pairs_ = reply.pairs();

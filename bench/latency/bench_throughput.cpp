@@ -81,7 +81,7 @@ std::uint64_t drive_client(Client& client, const Query& query, int depth, const 
   if (samples) copier = std::make_unique<Copier>(samples->reply_bytes);
   while (!stop.load(std::memory_order_relaxed)) {
     const auto begin = Clock::now();
-    const Reply reply = client.distances(query);
+    const clearance::Result reply = client.distances(query);
     ++answers;
     if (!samples || samples->latency.full()) continue;
     samples->latency.add(ns_since(begin));
@@ -106,7 +106,7 @@ Result measure(const ThroughputOptions& o) {
     queries.push_back(make_query(clients[static_cast<std::size_t>(i)], own));
   }
   {
-    const Reply reply = clients[0].distances(queries[0].query);
+    const clearance::Result reply = clients[0].distances(queries[0].query);
     result.pairs = reply.pairs() * reply.configurations();
     result.reply_bytes =
         sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) + wire::columns_bytes(reply.rows(), reply.fields());

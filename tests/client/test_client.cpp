@@ -139,7 +139,7 @@ TEST(Client, RepliesAreMatchedToRequestsInAnyOrder) {
   Client client = connect(server.url());
   Pending first = client.submit(), second = client.submit();
   EXPECT_FALSE(first.ready());
-  const Reply third = client.distances();
+  const Result third = client.distances();
   EXPECT_EQ(second.get().distance()[0], 2);
   EXPECT_TRUE(first.ready());
   EXPECT_EQ(first.get().distance()[0], 1);

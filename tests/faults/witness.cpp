@@ -37,7 +37,7 @@ std::pair<const void*, std::size_t> got(std::span<const T> column, int field_pos
   return {column.empty() ? nullptr : column.data(), kFieldBytes[field_position]};
 }
 
-std::vector<std::byte> bytes_of(const Reply& r) {
+std::vector<std::byte> bytes_of(const Result& r) {
   return bytes_of(r.rows(), r.total(), r.pairs(), r.configurations(), got(r.distance(), 0), got(r.lower(), 1),
                   got(r.upper(), 2), got(r.status(), 3), got(r.flags(), 4), got(r.point_a(), 5), got(r.point_b(), 6),
                   got(r.normal(), 7), got(r.pieces(), 8), got(r.gradient(), 9), got(r.pair(), 10),
@@ -105,11 +105,11 @@ Exam::Exam(const std::string& scene_file, std::uint64_t seed) {
   }
 }
 
-bool is_right(const Reply& reply, const KnownQuery& known) {
+bool is_right(const Result& reply, const KnownQuery& known) {
   return bytes_of(reply) == known.answer;
 }
 
-Reply request_surely(Client& client, const KnownQuery& known) {
+Result request_surely(Client& client, const KnownQuery& known) {
   const std::string url = client.url();
   client.set_timeout(patience(url));
   for (auto spent = patience(url);; spent += patience(url)) try {
@@ -144,12 +144,12 @@ void Witness::run(std::uint64_t seed) {
 }
 
 void Witness::evaluate(const KnownQuery& known) {
-  const auto count = [this](std::uint64_t Counts::*what) {
+  const auto count = [this](std::uint64_t Counts::* what) {
     const std::lock_guard lock(mutex_);
     ++(counts_.*what);
   };
   try {
-    const Reply reply = client_.distances(known.query);
+    const Result reply = client_.distances(known.query);
     if (is_right(reply, known)) {
       ++right_;
       count(&Counts::right);

@@ -39,9 +39,9 @@ class Exam {
 };
 
 /// Returns whether the reply has the engine's bits.
-bool is_right(const Reply& reply, const KnownQuery& known);
+bool is_right(const Result& reply, const KnownQuery& known);
 /// Returns the answer, repeating the query if LCM lost one. Throws as Client::distances().
-Reply request_surely(Client& client, const KnownQuery& known);
+Result request_surely(Client& client, const KnownQuery& known);
 
 /// LCM loses packets if a core reads them too late; an answer is then late, but never wrong.
 inline bool may_lose(const std::string& url) {

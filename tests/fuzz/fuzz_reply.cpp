@@ -32,23 +32,10 @@ void touch(std::span<const T> column) {
   for (const std::byte b : std::as_bytes(column)) sink = sink + std::to_integer<unsigned>(b);
 }
 
-void use(Reply reply) {
+void use(Result reply) {
   require(reply.fields() == 0 || reply.rows() < (std::uint64_t{1} << 32),
           "a reply has no more rows than fit its frame");
-  touch(reply.distance());
-  touch(reply.lower());
-  touch(reply.upper());
-  touch(reply.status());
-  touch(reply.flags());
-  touch(reply.point_a());
-  touch(reply.point_b());
-  touch(reply.normal());
-  touch(reply.pieces());
-  touch(reply.gradient());
-  touch(reply.gradient_joints());
-  touch(reply.pair());
-  touch(reply.configuration());
-  touch(reply.points32());
+  for (int bit = 0; bit < kFieldCount; ++bit) touch(reply.bytes(static_cast<Field>(1u << bit)));
   touch(std::span<const char>(reply.backend()));
 }
 
@@ -58,7 +45,7 @@ void interpret(Bytes frame) {
   const Bytes whole = wire::split_frame(frame, header), payload = wire::split_payload(header, whole).body;
   switch (static_cast<wire::FrameType>(header.type)) {
     case wire::FrameType::kReply:  // also reads its records
-      return use(Reply(std::make_unique<InputReply>(header, whole)));
+      return use(result_of(std::make_unique<InputReply>(header, whole)));
     case wire::FrameType::kScene: {
       const auto scene = wire::parse_scene(payload);
       for (std::uint64_t i = 0; i < scene.bodies.size(); ++i) wire::name_of(scene.bodies[i].name);

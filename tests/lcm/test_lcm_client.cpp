@@ -56,7 +56,7 @@ class LcmClientTest : public LcmTest {
 };
 
 /// Checks that distance, lower and upper of `reply` equal the engine's, bit for bit.
-void expect_same_bits(const Reply& reply, const engine::Engine& engine, const QueryView& query) {
+void expect_same_bits(const Result& reply, const engine::Engine& engine, const QueryView& query) {
   const std::uint64_t rows = engine.size(query).rows;
   std::vector<double> distance(rows), lower(rows), upper(rows);
   ReplyView view;
@@ -83,7 +83,7 @@ TEST_F(LcmClientTest, EveryCall) {
   EXPECT_EQ(client.body("box5"), 5u);
   EXPECT_EQ(client.group("pair"), kGroupBit | 0u);
   EXPECT_EQ(client.pairs().size(), kBodies * (kBodies - 1) / 2);
-  const Reply reply = client.distances();
+  const Result reply = client.distances();
   EXPECT_EQ(reply.snapshot_stamp_ns(), 77);
   EXPECT_EQ(reply.snapshot_sequence(), 4);
   EXPECT_GT(reply.pose_age_ns(), 0);
@@ -121,7 +121,7 @@ TEST_F(LcmClientTest, LargeBatchesBothWays) {
   Query query;
   query.bodies = bodies;
   query.configurations = poses;
-  const Reply reply = patiently(client, [&] { return client.distances(query); });
+  const Result reply = patiently(client, [&] { return client.distances(query); });
   EXPECT_EQ(reply.configurations(), kConfigurations);
   EXPECT_EQ(reply.rows(), kConfigurations * reply.pairs());
   std::vector<Pose> own(poses.size());

@@ -189,12 +189,12 @@ TEST_F(LcmDaemonTest, PublisherMovesAllBodiesAndEverySnapshotIsTheSameOnEachTran
   // Queries over both transports while the bodies move; answers at one pose revision must have the same bits.
   const auto end = std::chrono::steady_clock::now() + kPatience;
   while (compared.size() < 10 && std::chrono::steady_clock::now() < end) {
-    const Reply a = patiently(over_lcm, [&] { return over_lcm.distances(); }), b = over_zmq.distances();
+    const Result a = patiently(over_lcm, [&] { return over_lcm.distances(); }), b = over_zmq.distances();
     if (a.snapshot_revision() != b.snapshot_revision() || a.snapshot_revision() == first) continue;
     compared.insert(a.snapshot_revision());
     EXPECT_EQ(a.rows(), 6u);
     if (a.rows() != 6) break;
-    for (const auto column : {&Reply::distance, &Reply::lower, &Reply::upper}) {
+    for (const auto column : {&Result::distance, &Result::lower, &Result::upper}) {
       EXPECT_EQ(std::memcmp((a.*column)().data(), (b.*column)().data(), 6 * sizeof(double)), 0);
     }
     for (std::size_t i = 0; i < 6; ++i) EXPECT_NE(a.status()[i], Status::kNoPose);  // link2 had none until now

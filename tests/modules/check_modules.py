@@ -49,12 +49,10 @@ def files() -> list[Path]:
 
 
 def source_of(name: str) -> Path:
-    """The file of an include: <clearance/x.h> is a header of wire/ or client/ at its installed place."""
-    if name == "clearance/engine.h":
-        return Path("engine/embed/embed.h")
+    """The file of an include: <clearance/x.h> is a header of wire/, client/ or engine/api/ at its installed place."""
     if name.startswith("clearance/"):
         leaf = name.removeprefix("clearance/")
-        return next((Path(f) / leaf for f in ("wire", "client") if (ROOT / f / leaf).is_file()), Path(name))
+        return next((Path(f) / leaf for f in ("wire", "client", "engine/api") if (ROOT / f / leaf).is_file()), Path(name))
     return Path(name)
 
 

@@ -36,7 +36,7 @@ void expect_rejection(const BadRequest& request, const Frame& reply) {
 
 void expect_answer(const std::string& after, std::unique_ptr<Frame> frame) {
   ASSERT_EQ(frame->header().type, static_cast<std::uint16_t>(FrameType::kReply)) << "after " << after;
-  const Reply reply(std::move(frame));
+  const Result reply = result_of(std::move(frame));
   ASSERT_EQ(reply.rows(), 1u) << "after " << after;
   EXPECT_EQ(reply.status()[0], Status::kOk) << "after " << after;
   EXPECT_NEAR(reply.distance()[0], 0.15, 1e-9) << "after " << after;
@@ -155,7 +155,7 @@ TEST_F(BadFramesOverZmq, UnknownBodiesAreAStatusNotAnError) {
   const std::vector<IdPair> pairs{{0, 1}, {0, 77}, {98, 99}};
   Query query;
   query.pairs = pairs;
-  const Reply reply = client.distances(query);
+  const Result reply = client.distances(query);
   ASSERT_EQ(reply.rows(), 3u);
   EXPECT_EQ(reply.status()[0], Status::kOk);
   EXPECT_EQ(reply.status()[1], Status::kUnknownBody);

@@ -71,7 +71,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7) << "poses stay";
   EXPECT_EQ(loop_->engine().body_state(4).parent, 2u);
   TestQuery every;
-  const Reply answer = evaluate(b_, every);
+  const Result answer = evaluate(b_, every);
 
   engine::Scene whole = small_scene();
   engine::Scene::BodyOptions options = at(3, 0, 0);
@@ -79,7 +79,7 @@ TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   whole.add_box("crate", {0.2, 0.2, 0.2}, options);
   start(std::move(whole));
   loop_->on_poses(std::span(&moved, 1), 5);
-  const Reply expected = evaluate(b_, every);
+  const Result expected = evaluate(b_, every);
   ASSERT_EQ(answer.rows(), expected.rows());
   ASSERT_EQ(answer.rows(), 9u);  // ten pairs, minus that of parent and child
   for (std::size_t i = 0; i < answer.rows(); ++i) {
@@ -106,7 +106,7 @@ TEST_F(Bodies, QueriesUnderWayEndWithTheSceneTheyBeganWith) {
   while (a_.replies.empty()) loop_->turn();
   EXPECT_EQ(take(a_)->type(), FrameType::kSceneChanged);
   turn_until_idle();
-  for (int i = 0; i < 2; ++i) EXPECT_EQ(Reply(take(b_)).scene_revision(), before) << i;
+  for (int i = 0; i < 2; ++i) EXPECT_EQ(result_of(take(b_)).scene_revision(), before) << i;
   EXPECT_NE(evaluate(c_, small_query()).scene_revision(), before);
 }
 
@@ -179,7 +179,7 @@ TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
   EXPECT_NEAR(crate.parts[0]->radius, 0.4, 1e-15) << "grown once: by the padding, and by the ball of its place";
   TestQuery query;
   query.pairs = {{0, 4}};
-  const Reply answer = evaluate(b_, query);
+  const Result answer = evaluate(b_, query);
 
   engine::Scene whole = small_scene();
   engine::Scene::BodyOptions options = at(3, 0, 0);
@@ -323,7 +323,7 @@ TEST_F(Bodies, QueriesOfOthersAreAnsweredWhileTheyComeAndGo) {
   moved.bodies = {3};
   moved.configurations = {{1, 2, 3, 1, 0, 0, 0}};
   for (TestQuery* query : {&pairs, &moved, &every}) query->scene_revision = loop_->engine().scene_revision();
-  const Reply first = evaluate(b_, pairs), first_moved = evaluate(b_, moved);
+  const Result first = evaluate(b_, pairs), first_moved = evaluate(b_, moved);
   wire::AttachRecord record;
   record.child = 1;
   const auto attach_to = [&](std::uint32_t parent) {
@@ -334,7 +334,7 @@ TEST_F(Bodies, QueriesOfOthersAreAnsweredWhileTheyComeAndGo) {
   int rejected = 0;
   const auto look = [&] {
     for (const auto& [query, was] : {std::pair(&pairs, &first), {&moved, &first_moved}}) {
-      const Reply now = evaluate(c_, *query);
+      const Result now = evaluate(c_, *query);
       ASSERT_EQ(now.rows(), was->rows());
       for (std::size_t row = 0; row < now.rows(); ++row) EXPECT_EQ(now.upper()[row], was->upper()[row]);
     }
@@ -416,10 +416,8 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
       EXPECT_TRUE(rejected([&] { client.submit(query).get(); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.pairs(query); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] {
-        client.set_poses(std::array{std::pair{pair[1], elsewhere}});
-      })) << url
-          << ", time " << i;
+      EXPECT_TRUE(rejected([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
+          << url << ", time " << i;
     }
     EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
     EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";

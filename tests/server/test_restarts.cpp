@@ -179,7 +179,7 @@ TEST(LiveBodies, HaveNoPoseUntilOneIsReceivedAlsoAfterAReload) {
   Daemon daemon({"--scene", folder.write("scene.yaml", kLiveScene), "--threads", "1", "--shm", folder / "s"});
   Client client = patient(daemon.url());
   const auto statuses = [&] {
-    const Reply reply = client.distances();
+    const Result reply = client.distances();
     return std::vector<Status>(reply.status().begin(), reply.status().end());
   };
   EXPECT_EQ(statuses(), std::vector<Status>(3, Status::kNoPose));
@@ -191,7 +191,7 @@ TEST(LiveBodies, HaveNoPoseUntilOneIsReceivedAlsoAfterAReload) {
   EXPECT_EQ(statuses(), std::vector<Status>(3, Status::kOk));
   Query query;
   query.max_pose_age_ns = 1;
-  const Reply reply = client.distances(query);
+  const Result reply = client.distances(query);
   EXPECT_EQ(std::vector<Status>(reply.status().begin(), reply.status().end()),
             std::vector<Status>(3, Status::kStalePose));
 }

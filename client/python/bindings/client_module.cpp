@@ -66,15 +66,7 @@ nb::dict wire_structs() {
   return structs;
 }
 
-std::array<const void*, kFieldCount> columns_of(const Reply& r) {
-  return {r.distance().data(),      r.lower().data(),           r.upper().data(),      r.status().data(),
-          r.flags().data(),         r.point_a().data(),         r.point_b().data(),    r.normal().data(),
-          r.pieces().data(),        r.gradient().data(),        r.pair().data(),       r.configuration().data(),
-          r.points32().data(),      r.gradient_joints().data(), r.pair_lower().data(), r.time().data(),
-          r.first_contact().data(), r.steps().data(),           r.bounds().data(),     r.free_scale().data()};
-}
-
-Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, const OutArrays& out, bool copy) {
+Answer answer_of(const ConnectionPtr& connection, Result reply, Reduce reduce, const OutArrays& out, bool copy) {
   Answer a;
   a.fields = reply.fields();
   a.rows = a.capacity = reply.rows();
@@ -97,7 +89,6 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
     throw;
   }
 
-  const auto columns = columns_of(reply);
   if (copy) {
     const Layout layout = layout_of(a.fields & ~out.fields(), a.rows, a.joints);
     a.owner = plain_blocks().take(layout.bytes);
@@ -108,7 +99,8 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
       if (!(a.fields >> i & 1u) || a.rows == 0) continue;
       std::byte* to = out.fields() >> i & 1u ? out.data(static_cast<int>(i))
                                              : static_cast<std::byte*>(a.owner.get()) + layout.offset[i];
-      std::memcpy(to, columns[i], a.rows * field_bytes(static_cast<int>(i), a.joints));
+      const std::span<const std::byte> column = reply.bytes(static_cast<Field>(1u << i));
+      std::memcpy(to, column.data(), column.size());
     }
     connection->discard(std::move(reply));
     return a;
@@ -119,17 +111,17 @@ Answer answer_of(const ConnectionPtr& connection, Reply reply, Reduce reduce, co
   a.offset.fill(-1);
   for (std::size_t i = 0; i < kFieldCount; ++i) {
     if (!(a.fields >> i & 1u)) continue;
-    const auto* column = static_cast<const std::byte*>(columns[i]);
-    if (!first) first = column;
-    last = column + a.rows * field_bytes(static_cast<int>(i), a.joints);
-    a.offset[i] = column - first;
+    const std::span<const std::byte> column = reply.bytes(static_cast<Field>(1u << i));
+    if (!first) first = column.data();
+    last = column.data() + column.size();
+    a.offset[i] = column.data() - first;
   }
   a.base = first;
   a.bytes = static_cast<std::uint64_t>(last - first);
   a.writable = false;
-  auto* leased = new Reply(std::move(reply));
+  auto* leased = new Result(std::move(reply));
   a.owner = std::shared_ptr<void>(leased, [connection](void* p) {
-    auto* r = static_cast<Reply*>(p);
+    auto* r = static_cast<Result*>(p);
     connection->discard(std::move(*r));
     delete r;
   });
@@ -182,7 +174,7 @@ class PyPending {
 
   /// Returns the answer. Call once, after wait() has returned true.
   Answer answer() {
-    Reply reply = use([](Pending& pending) { return pending.get(); });
+    Result reply = use([](Pending& pending) { return pending.get(); });
     pending_.reset();
     return answer_of(connection_, std::move(reply), reduce_, out_, copy_);
   }
@@ -230,7 +222,7 @@ class PyClient {
   std::optional<Answer> ask(const Query& query, nb::handle out_list, bool copy, double timeout_s) const {
     OutArrays out(out_list);
     UnderWay under_way{connection_, std::nullopt};
-    std::optional<Reply> reply;
+    std::optional<Result> reply;
     const auto deadline = Clock::now() + duration_of(timeout_s);
     while (true) {
       use().with([&](Client& client) {
@@ -297,7 +289,7 @@ class PyClient {
 
   /// Returns joints as in _joints.py, and groups.
   nb::tuple joints() const {
-    const JointsInfo info = use().with([](Client& client) { return client.joints(); });
+    const JointsInfo info = use().with([](Client& client) { return client.joint_states(); });
     nb::list joints, groups;
     for (const JointInfo& j : info.joints)
       joints.append(nb::make_tuple(j.name, j.lower, j.upper, j.position, static_cast<int>(j.status), j.beyond_limits,

@@ -37,8 +37,8 @@ static void own_assimp(const char* mesh) {
 int main(int, char** argv) {
   own_lcm();
   own_assimp(argv[2]);
-  const clearance::embed::Engine engine(clearance::embed::Scene::load(argv[1]));
-  check(engine.body_count() == 19, "nineteen bodies");
+  const clearance::Engine engine(clearance::Scene::load(argv[1]));
+  check(engine.scene().bodies.size() == 19, "nineteen bodies");
   own_assimp(argv[2]);
   for (const char* url : {"udpm://239.255.76.67:7667?ttl=0", "ipc:///dev/null/c.ipc", "shm:///dev/null/c.sock"}) {
     try {

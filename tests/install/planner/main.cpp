@@ -5,8 +5,9 @@
 #include <cmath>
 #include <cstdio>
 #include <cstdlib>
+#include <vector>
 
-using namespace clearance::embed;
+using namespace clearance;
 
 static void check(bool holds, const char* what) {
   if (holds) return;
@@ -17,21 +18,30 @@ static void check(bool holds, const char* what) {
 int main(int, char** argv) {
   // Two unit boxes, 1 m between their faces, the second rotated by 45 degrees about z.
   Scene scene;
-  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = clearance::Pose7{0, 0, 0, 1, 0, 0, 0}});
+  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = Pose7{0, 0, 0, 1, 0, 0, 0}});
   scene.add_box("b", {1, 1, 1});
   Engine engine(std::move(scene));
   Eigen::Isometry3d X_wb = Eigen::Isometry3d::Identity();
   X_wb.translation() = Eigen::Vector3d(1.5 + std::sqrt(0.5), 0, 0);
   X_wb.linear() = Eigen::AngleAxisd(std::acos(-1) / 4, Eigen::Vector3d::UnitZ()).toRotationMatrix();
-  engine.set_poses({{"b", clearance::eigen::pose(X_wb)}});
-  const Answer answer = engine.distances({.fields = clearance::kDefaultFields | clearance::kFieldPoints});
-  check(answer.rows() == 1 && answer.status()[0] == clearance::Status::kOk, "one pair, apart");
+  engine.set_poses({{"b", eigen::pose(X_wb)}});
+  const Result answer = engine.distances({.fields = kDefaultFields | kFieldPoints});
+  check(answer.rows() == 1 && answer.status()[0] == Status::kOk, "one pair, apart");
   check(answer.lower()[0] <= 1 + 1e-12 && answer.upper()[0] >= 1 - 1e-12, "the interval holds 1 m");
   check(answer.upper()[0] - answer.lower()[0] < 1e-5, "and is narrow");
-  const auto a = clearance::eigen::points(answer.point_a()), b = clearance::eigen::points(answer.point_b());
+  const auto a = eigen::points(answer.point_a()), b = eigen::points(answer.point_b());
   check(std::abs((b.col(0) - a.col(0)).norm() - answer.upper()[0]) < 1e-12, "the witness points are so far apart");
-  check(clearance::eigen::numbers(answer.distance()).minCoeff() == answer.distance()[0], "columns as Eigen maps");
-  check(clearance::eigen::isometry(clearance::eigen::pose(X_wb)).isApprox(X_wb, 1e-14), "to a pose and back");
+  check(eigen::numbers(answer.distance()).minCoeff() == answer.distance()[0], "columns as Eigen maps");
+  check(eigen::isometry(eigen::pose(X_wb)).isApprox(X_wb, 1e-14), "to a pose and back");
+
+  // A prepared query for other poses, at once and in the background.
+  const std::vector<std::uint32_t> moved{engine.body("b")};
+  Prepared prepared = engine.prepare(as_check({.bodies = moved}));
+  const std::vector<Pose7> poses{{0, 0, 0, 1, 0, 0, 0}, {3, 0, 0, 1, 0, 0, 0}};
+  check(prepared.run(poses).status()[0] == Status::kOverlap, "a prepared query");
+  check(check_of(prepared.submit({.configurations = poses}).get()).free[1], "and in the background");
+  const PathCheck path = engine.check_path({.bodies = moved, .configurations = poses});
+  check(!path && path.hit() && path.index == 0, "a path that begins in a contact");
 
   // Errors are caught by their types; features of a daemon are rejected by name.
   try {
@@ -53,7 +63,7 @@ int main(int, char** argv) {
     std::puts(error.what());
   }
   try {
-    clearance::eigen::pose(Eigen::Isometry3d(Eigen::Scaling(2.0)));
+    eigen::pose(Eigen::Isometry3d(Eigen::Scaling(2.0)));
     check(false, "a scaled matrix is no pose");
   } catch (const std::invalid_argument& error) {
     std::puts(error.what());
@@ -61,8 +71,8 @@ int main(int, char** argv) {
 
   // Meshes are read by the installed loader.
   Engine of_file(Scene::load(argv[1]));
-  check(of_file.body_count() == 19 && of_file.pairs().size() == of_file.distances().rows(), "nineteen bodies");
+  check(of_file.scene().bodies.size() == 19 && of_file.pairs().size() == of_file.distances().rows(), "nineteen bodies");
   Scene with_mesh;
   with_mesh.add_mesh("mesh", argv[2]);
-  check(Engine(std::move(with_mesh)).body_count() == 1, "a mesh");
+  check(Engine(std::move(with_mesh)).scene().bodies.size() == 1, "a mesh");
 }

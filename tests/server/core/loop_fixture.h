@@ -56,7 +56,7 @@ class LoopTest : public testing::Test {
     turn_until_idle();
     return take(client);
   }
-  Reply evaluate(MemoryClient& client, const TestQuery& query) { return Reply(evaluate(client, query.frame(1))); }
+  Result evaluate(MemoryClient& client, const TestQuery& query) { return result_of(evaluate(client, query.frame(1))); }
   static wire::ErrorParts error_of(const std::unique_ptr<MemoryFrame>& frame) {
     EXPECT_EQ(frame->type(), wire::FrameType::kError);
     return wire::parse_error(frame->body());

@@ -78,11 +78,11 @@ class BoundedLoop : public LoopTest {
 
 TEST_F(BoundedLoop, GroupsAreExpandedElsewhere) {
   start(crowd());
-  const Reply reply(request_within(group_query().frame(1)));
+  const Result reply = result_of(request_within(group_query().frame(1)));
   EXPECT_EQ(reply.pairs(), std::uint64_t{kBodies} * (kBodies - 1) / 2);
   TestQuery all = group_query();
   all.pairs = {{kEveryBody, kGroupBit}, {kGroupBit, kEveryBody}};
-  EXPECT_EQ(Reply(request_within(all.frame(1))).pairs(), std::uint64_t{kBodies} * (kBodies - 1));
+  EXPECT_EQ(result_of(request_within(all.frame(1))).pairs(), std::uint64_t{kBodies} * (kBodies - 1));
 }
 
 TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
@@ -94,7 +94,7 @@ TEST_F(BoundedLoop, ListsOfPairsAreReadElsewhere) {
   query.pairs.reserve(kPairs);
   for (std::uint32_t i = 0; i < kPairs; ++i)
     query.pairs.push_back({i % kBodies, (i + 1 + i / kBodies % (kBodies - 1)) % kBodies});
-  EXPECT_EQ(Reply(request_within(query.frame(1))).pairs(), kPairs);
+  EXPECT_EQ(result_of(request_within(query.frame(1))).pairs(), kPairs);
   query.pairs.back() = {7, 7};
   const auto error = error_of(request_within(query.frame(1)));
   EXPECT_EQ(error.text, "pairs[31249999]: body 7 with itself");
@@ -105,14 +105,14 @@ TEST_F(BoundedLoop, PairsWithinADistanceAreFoundElsewhere) {
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
   query.header.max_distance = 0.85;  // adjacent ones
-  EXPECT_EQ(Reply(request_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
+  EXPECT_EQ(result_of(request_within(query.frame(1))).rows(), 50u * 59 + 60u * 49);
 }
 
 TEST_F(BoundedLoop, BodiesOfManyPartsAreAnsweredElsewhere) {
   start(heaps(60));
   TestQuery query = small_query();
   query.header.signed_distance = 1;
-  const Reply reply(request_within(query.frame(1)));
+  const Result reply = result_of(request_within(query.frame(1)));
   EXPECT_LT(reply.upper()[0], 0);
 }
 
@@ -133,7 +133,7 @@ TEST_F(BoundedLoop, ASmallQueryOfExpensivePairsIsHandedOver) {
   start(std::move(scene));
   TestQuery query;
   query.header.signed_distance = 1;
-  const Reply reply(request_within(query.frame(1)));
+  const Result reply = result_of(request_within(query.frame(1)));
   ASSERT_EQ(reply.rows(), 190u);
   EXPECT_GT(loop_->counter("queries.handed_over"), 0u);
   engine::Engine reference(engine_->scene(), engine::Engine::Options{.threads = 1});
@@ -189,7 +189,7 @@ TEST_F(BoundedLoop, ManyPosesAreAppliedElsewhereAndNotOvertaken) {
     serve(a_, 3);
     EXPECT_EQ(take(a_)->type(), FrameType::kPosesDone);
     EXPECT_EQ(take(a_)->type(), FrameType::kPosesDone);
-    const Reply reply(take(a_));
+    const Result reply = result_of(take(a_));
     EXPECT_NEAR(reply.point_b()[0], x > 1 ? x - 0.1 : 1, 0.1)
         << "the query and the small update came after the large one";
     EXPECT_GT(reply.point_b()[0], 0);

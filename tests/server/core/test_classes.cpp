@@ -36,7 +36,7 @@ TEST_F(Classes, ControlGoesFirst) {
   EXPECT_TRUE(b_.replies.empty() && c_.replies.empty()) << "they began earlier, and are not even half done";
   serve(b_);
   serve(c_);
-  EXPECT_EQ(Reply(take(a_)).rows(), Reply(take(b_)).rows());
+  EXPECT_EQ(result_of(take(a_)).rows(), result_of(take(b_)).rows());
 }
 
 TEST_F(Classes, ASmallControlQueryIsAnsweredBeforeSmallOnesThatCameEarlier) {

@@ -39,7 +39,7 @@ class Deadlines : public LoopTest {
 
 TEST_F(Deadlines, OneThatIsKeptChangesNothing) {
   start(scattered_scene(20), short_slices());
-  const Reply without = evaluate(a_, large_query(20)), with = evaluate(a_, with_deadline(large_query(20), 1h));
+  const Result without = evaluate(a_, large_query(20)), with = evaluate(a_, with_deadline(large_query(20), 1h));
   ASSERT_EQ(with.rows(), without.rows());
   EXPECT_EQ(std::memcmp(with.lower().data(), without.lower().data(), 8 * with.rows()), 0);
 }

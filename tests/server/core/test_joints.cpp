@@ -78,7 +78,7 @@ TEST_F(JointsTest, PositionsAreSetInOneRevisionAndListed) {
 TEST_F(JointsTest, AnswersAreThoseOfTheEngine) {
   start(arm_scene());
   const TestQuery query = joint_query();
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   QueryView view;
   view.joints = query.joints;
   view.positions = query.positions;
@@ -125,7 +125,7 @@ TEST_F(FreeScaleTest, IsThatOfTheEngine) {
   start(arm_scene());
   const TestQuery query = scale_query();
   const std::vector<double> expected = engine_->free_scale(view_of(query), query.weights);
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   ASSERT_EQ(reply.rows(), 3u);
   EXPECT_EQ(reply.fields(), kFieldFreeScale | kFieldPair);
   for (int k = 0; k < 3; ++k) {
@@ -163,7 +163,7 @@ TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {
   query.pairs = {{0, 2}};  // the table and the base
   const auto frame = evaluate(a_, query.frame(1));
   ASSERT_EQ(frame->type(), FrameType::kReply) << error_of(frame).text;
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   EXPECT_EQ(reply.free_scale()[2], std::numeric_limits<double>::infinity());
   EXPECT_EQ(reply.pair()[2], (IdPair{kNone, kNone}));
 }
@@ -205,7 +205,7 @@ TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
   query.header.max_distance = 0.3;
   query.header.fields = kDefaultFields | kFieldNormal | kFieldGradientJoints | kFieldPairLower;
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   QueryView view;
   view.joints = query.joints;
   view.positions = query.positions;

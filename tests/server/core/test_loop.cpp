@@ -14,7 +14,7 @@ TEST_F(LoopTest, AnswersAreTheEnginesBits) {
   TestQuery query = large_query(3);
   query.header.fields =
       kDefaultFields | kFieldPoints | kFieldNormal | kFieldFlags | kFieldPieces | kFieldPair | kFieldGradient;
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   ASSERT_GT(reply.rows(), 1000u);
 
   QueryView direct;
@@ -52,9 +52,9 @@ TEST_F(LoopTest, PayloadsNeedNoAlignment) {
   query.pairs = {{0, 1}, {1, 2}};
   query.bodies = {1};
   query.configurations = {{0, 0, 0.5, 1, 0, 0, 0}, {0, 0, 0.6, 1, 0, 0, 0}};
-  const Reply aligned = evaluate(a_, query);
+  const Result aligned = evaluate(a_, query);
   transport_->unaligned = true;
-  const Reply unaligned = evaluate(a_, query);
+  const Result unaligned = evaluate(a_, query);
   ASSERT_EQ(aligned.rows(), 4u);
   for (std::size_t i = 0; i < 4; ++i) EXPECT_EQ(aligned.lower()[i], unaligned.lower()[i]);
   EXPECT_NEAR(unaligned.distance()[2], 0.45, 1e-6);
@@ -174,9 +174,9 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   TestQuery query;
   query.header.fields = kDefaultFields | kFieldPoints | kFieldFlags;
   query.header.max_distance = 6;
-  const Reply dense = evaluate(a_, query);
+  const Result dense = evaluate(a_, query);
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kWithin);
-  const Reply sparse = evaluate(a_, query);
+  const Result sparse = evaluate(a_, query);
   std::size_t near = 0;
   for (std::size_t i = 0; i < dense.rows(); ++i) {
     if (dense.status()[i] == Status::kBeyond) continue;
@@ -195,7 +195,7 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
   // A client whose buffer fits the actual reply, but not the largest possible one.
   a_.room = sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) +
             wire::columns_bytes(sparse.rows(), sparse.fields()) + wire::kEpochRecordBytes;
-  const Reply narrow = evaluate(a_, query);
+  const Result narrow = evaluate(a_, query);
   ASSERT_EQ(narrow.rows(), sparse.rows());
   EXPECT_EQ(std::memcmp(narrow.point_a().data(), sparse.point_a().data(), 24 * sparse.rows()), 0);
   --a_.room;
@@ -205,7 +205,7 @@ TEST_F(LoopTest, SparseRepliesAreClosedUp) {
 
   query.header.max_results = 5;
   a_.room = std::numeric_limits<std::uint64_t>::max();
-  const Reply few = evaluate(a_, query);
+  const Result few = evaluate(a_, query);
   EXPECT_EQ(few.rows(), 5u);
   EXPECT_EQ(few.total(), near);
 }

@@ -58,7 +58,7 @@ TEST_F(LoopTest, SetsPosesAndReportsTheirResults) {
   EXPECT_EQ(states.states[1].status, static_cast<std::uint8_t>(Status::kBadPose));
   EXPECT_EQ(states.header.revision, done.revision);
 
-  const Reply reply = evaluate(a_, TestQuery());
+  const Result reply = evaluate(a_, TestQuery());
   EXPECT_EQ(reply.snapshot_revision(), done.revision);
   EXPECT_EQ(reply.snapshot_stamp_ns(), 77);
   EXPECT_EQ(reply.snapshot_sequence(), 5);
@@ -70,14 +70,14 @@ TEST_F(LoopTest, AQuerySeesThePosesOfItsArrival) {
   start(scattered_scene(60), short_slices());
   TestQuery query = large_query(60);
   query.header.fields |= kFieldPair;
-  const Reply before = evaluate(a_, query);
+  const Result before = evaluate(a_, query);
   transport_->send(a_, query.frame(1));
   for (int i = 0; i < 3; ++i) loop_->turn();
   ASSERT_TRUE(a_.replies.empty());
   const BodyPose moved{0, Pose{{500, 0, 0}}};
   loop_->on_poses(std::span(&moved, 1), 0);
   turn_until_idle();
-  const Reply during(take(a_));
+  const Result during = result_of(take(a_));
   EXPECT_EQ(during.snapshot_revision(), before.snapshot_revision());
   EXPECT_EQ(std::memcmp(during.lower().data(), before.lower().data(), 8 * before.rows()), 0);
 }
@@ -167,7 +167,7 @@ TEST_F(LoopTest, ReturnsTheOrderOfPairs) {
   const auto table = wire::parse_pair_table(frame->body());
   EXPECT_EQ(table.header.scene_revision, engine_->scene_revision());
   query.header.fields |= kFieldPair;
-  const Reply reply = evaluate(a_, query);
+  const Result reply = evaluate(a_, query);
   ASSERT_EQ(table.pairs.size(), 3u);
   ASSERT_EQ(reply.rows(), 3u);
   for (std::size_t i = 0; i < 3; ++i) {

@@ -92,7 +92,7 @@ TEST_F(ManyClients, ABatchOfTenMillionPairsDelaysNoOtherByMoreThanItsSlices) {
     turn();
     ASSERT_LE(most(), most_allowed()) << "after " << turns_ << " turns";
   }
-  const Reply reply(take(large_));
+  const Result reply = result_of(take(large_));
   EXPECT_EQ(reply.configurations() * reply.pairs(), std::uint64_t{117} * kConfigurations);
   EXPECT_GT(reply.configurations() * reply.pairs(), 10'000'000u);
   EXPECT_GT(reply.total(), 0u) << "some pair comes near";
@@ -149,7 +149,7 @@ TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
           parts_of(e.query, query);
           query.pairs = e.query.pairs;
           query.configurations = e.query.configurations;
-          const Reply reply = client.distances(query);
+          const Result reply = client.distances(query);
           const bool same = reply.rows() == e.own.size.rows &&
                             std::memcmp(reply.lower().data(), e.own.view.lower, 8 * reply.rows()) == 0 &&
                             std::memcmp(reply.upper().data(), e.own.view.upper, 8 * reply.rows()) == 0 &&

@@ -55,15 +55,15 @@ TEST_F(Reload, QueriesGoOnWhileItLoadsAndThoseUnderWayEndWithTheOldScene) {
   EXPECT_FALSE(loop_->is_reloading());
   EXPECT_NE(revision(), before);
   EXPECT_EQ(loop_->engine().scene().bodies()[1].name, "cup");
-  const Reply fresh = evaluate(c_, small_query());
+  const Result fresh = evaluate(c_, small_query());
   EXPECT_EQ(fresh.scene_revision(), revision());
   turn_until_idle();
-  const Reply old(take(a_));
+  const Result old = result_of(take(a_));
   EXPECT_EQ(old.scene_revision(), before);
 
   // Answers equal those of an engine that has only the old scene.
   start(scattered_scene(20));
-  const Reply expected = evaluate(a_, large);
+  const Result expected = evaluate(a_, large);
   ASSERT_EQ(old.rows(), expected.rows());
   for (std::uint64_t i = 0; i < old.rows(); ++i) ASSERT_EQ(old.distance()[i], expected.distance()[i]) << i;
 }
@@ -141,7 +141,7 @@ TEST_F(Reload, QueriesThatWaitForPosesAreHeldToTheSceneTheyName) {
   const BodyPose pose{1, Pose{{0, 0, 0.5}}};
   ASSERT_EQ(loop_->on_poses(std::span(&pose, 1), 100).applied, 1u);
   turn_until_idle();
-  EXPECT_EQ(Reply(take(a_)).scene_revision(), revision());
+  EXPECT_EQ(result_of(take(a_)).scene_revision(), revision());
   EXPECT_EQ(static_cast<ErrorCode>(error_of(take(b_)).header.code), ErrorCode::kWrongScene);
 }
 

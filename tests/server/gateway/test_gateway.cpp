@@ -53,7 +53,7 @@ class Busy {
       : thread_([this, url] {
           Client client = patient(url);
           while (!stop_) {
-            const Reply reply = client.distances();
+            const Result reply = client.distances();
             rows_ = reply.rows();
             ++answers_;
           }
@@ -225,7 +225,7 @@ TEST_F(Gateway, LargeRequestsAndRepliesComeThroughWhole) {
   for (int i = 0; i < 50'000; ++i) poses.push_back({0.001 * i, 0, 1, 1, 0, 0, 0});  // 2.8 MB of request, 20 MB of reply
   query.bodies = bodies;
   query.configurations = poses;
-  const Reply a = over_tcp.distances(query), b = over_shm.distances(query);
+  const Result a = over_tcp.distances(query), b = over_shm.distances(query);
   ASSERT_EQ(a.rows(), b.rows());
   ASSERT_GT(a.rows(), 100'000u);
   EXPECT_EQ(std::memcmp(a.lower().data(), b.lower().data(), a.lower().size_bytes()), 0);

@@ -146,7 +146,7 @@ std::uint64_t counter(Client& client, const std::string& name) {
   return 0;
 }
 
-std::vector<float> points_of(const Reply& reply) {
+std::vector<float> points_of(const Result& reply) {
   const auto points = reply.points32();
   return {points.begin(), points.end()};
 }

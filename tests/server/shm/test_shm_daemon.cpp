@@ -71,7 +71,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   const test::Answer own = test::evaluate(engine, view);
   ASSERT_GT(own.memory.size(), std::size_t{1} << 20) << "the reply should not fit a client's first segment";
   for (int round = 0; round < 2; ++round) {
-    const Reply reply = client.distances(query);
+    const Result reply = client.distances(query);
     ASSERT_EQ(reply.rows(), own.size.rows);
     EXPECT_TRUE(same_bits(reply.distance(), own.view.distance));
     EXPECT_TRUE(same_bits(reply.lower(), own.view.lower));
@@ -91,7 +91,7 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
     query.reduce = view.reduce = reduce;
     query.max_distance = view.max_distance = 3;
     const test::Answer reduced = test::evaluate(engine, view);
-    const Reply reply = client.distances(query);
+    const Result reply = client.distances(query);
     ASSERT_GT(reply.rows(), 0u);
     ASSERT_LE(reply.rows(), reduced.size.rows);
     EXPECT_TRUE(same_bits(reply.distance(), reduced.view.distance));
@@ -99,12 +99,43 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
   }
 }
 
+TEST_F(ShmDaemon, PreparedQueriesAnswerAsDistancesDoUntilTheirIdsChange) {
+  Daemon daemon(options());
+  Client client = patient(daemon.url()), other = patient(daemon.url());
+  const std::vector<std::uint32_t> moved{client.body(client.scene().bodies[3].name)};
+  Prepared prepared = client.prepare({.bodies = moved});
+  const std::vector<Pose7> poses{{1, 2, 3, 1, 0, 0, 0}, {0.5, 0, 0, 1, 0, 0, 0}};
+  const Result expected = client.distances({.bodies = moved, .configurations = poses});
+  ASSERT_GT(expected.rows(), 0u);
+  EXPECT_TRUE(same_bits(prepared.run(poses).lower(), expected.lower().data()));
+  int called = 0;
+  Pending pending = prepared.submit({.configurations = poses}, [&called] { ++called; });
+  EXPECT_TRUE(same_bits(pending.get().lower(), expected.lower().data()));
+  EXPECT_EQ(called, 1);
+
+  other.add_body({.name = "last", .sphere = 0.1, .pose = Pose7{9, 9, 9, 1, 0, 0, 0}});
+  const std::vector<IdPair> of_last{{0, other.body("last")}};
+  Prepared with_last = other.prepare({.pairs = of_last});
+  EXPECT_EQ(with_last.run().rows(), 1u);
+  EXPECT_GT(prepared.run(poses).rows(), expected.rows());  // another client's body; the ids of this one stay
+  EXPECT_FALSE(prepared.is_stale());
+  other.remove_body("last");
+  try {
+    with_last.run();
+    ADD_FAILURE() << "a removed body has no distances";
+  } catch (const StaleQuery& error) {
+    EXPECT_NE(std::string(error.what()).find("the body \"last\" is no longer in the scene"), std::string::npos)
+        << error.what();
+  }
+  EXPECT_TRUE(with_last.is_stale());
+}
+
 TEST_F(ShmDaemon, RepliesStayReadableWhileMoreAreRequested) {
   Daemon daemon(options());
   Client client = patient(daemon.url() + "?spin_us=0");
   const std::vector<IdPair> all = client.pairs();
   ASSERT_EQ(all.size(), 4950u);
-  std::vector<Reply> held;
+  std::vector<Result> held;
   std::vector<std::vector<double>> expected;
   std::mt19937_64 random(9);
   for (int i = 0; i < 12; ++i) {
@@ -133,7 +164,7 @@ TEST_F(ShmDaemon, ADaemonThatIsKilledIsNoticedAndItsSuccessorTakesThePath) {
   Client client = patient(daemon->url());
   Query query;
   query.max_distance = 5;
-  const Reply before = client.distances(query);
+  const Result before = client.distances(query);
   const std::vector<double> distances(before.distance().begin(), before.distance().end());
   ASSERT_EQ(::kill(daemon->pid(), SIGSTOP), 0);  // so that the request is certainly in progress when the daemon dies
   Pending pending = client.submit(query);
@@ -153,12 +184,12 @@ TEST_F(ShmDaemon, ADaemonThatIsKilledIsNoticedAndItsSuccessorTakesThePath) {
   daemon = std::make_unique<Daemon>(options());
   EXPECT_THROW(client.distances(query), NewEpoch);
   client.acknowledge_epoch();
-  const Reply again = client.distances(query);
+  const Result again = client.distances(query);
   ASSERT_EQ(again.rows(), distances.size()) << "the client connects anew by itself";
   EXPECT_TRUE(std::equal(distances.begin(), distances.end(), again.distance().begin()));
   EXPECT_THROW(pending.get(), std::logic_error);
   Client fresh = patient(daemon->url());
-  const Reply after = fresh.distances(query);
+  const Result after = fresh.distances(query);
   ASSERT_EQ(after.rows(), distances.size());
   EXPECT_TRUE(std::equal(distances.begin(), distances.end(), after.distance().begin()));
   EXPECT_TRUE(std::equal(distances.begin(), distances.end(), before.distance().begin()))

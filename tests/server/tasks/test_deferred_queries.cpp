@@ -40,7 +40,7 @@ TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndDelayNoOthers) {
   EXPECT_TRUE(a_.replies.empty());
   EXPECT_EQ(loop_->counter("queries.held_back"), 1u);
   EXPECT_EQ(evaluate(b_, small_query()).snapshot_stamp_ns(), 90) << "another is answered meanwhile";
-  const Reply own = evaluate(a_, small_query());
+  const Result own = evaluate(a_, small_query());
   EXPECT_EQ(own.snapshot_stamp_ns(), 90) << "and so is another query of the same client";
   move(1, 99, 8);
   turn_until_idle();
@@ -48,7 +48,7 @@ TEST_F(DeferredQueries, BeginOnceThePosesAreThereAndDelayNoOthers) {
   move(1, 100, 9);
   loop_->turn();
   ASSERT_EQ(a_.replies.size(), 1u) << "in the turn after the poses came";
-  const Reply reply(take(a_));
+  const Result reply = result_of(take(a_));
   EXPECT_EQ(reply.snapshot_stamp_ns(), 100);
   EXPECT_EQ(reply.snapshot_sequence(), 9);
   EXPECT_GE(reply.pose_age_ns(), 0);

@@ -59,7 +59,7 @@ TEST_F(WorkerSlices, GroupsAreExpandedInThem) {
 
   query.pairs = {{kGroupBit, kGroupBit}};
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  const Reply reply(request_in_slices(query.frame(1)));
+  const Result reply = result_of(request_in_slices(query.frame(1)));
   EXPECT_EQ(reply.pairs(), each);
   EXPECT_GT(turns_, 1000);
 }
@@ -72,7 +72,7 @@ TEST_F(WorkerSlices, PairsOfMovedBodiesAreListedInThem) {
   for (std::size_t i = 0; i < query.bodies.size(); ++i)
     query.configurations.push_back({1000.0 + static_cast<double>(i), 0, 0, 1, 0, 0, 0});
   const std::uint64_t moved = kBodies / 2;
-  EXPECT_EQ(Reply(request_in_slices(query.frame(1))).pairs(), moved * (moved - 1) / 2 + moved * (kBodies - moved));
+  EXPECT_EQ(result_of(request_in_slices(query.frame(1))).pairs(), moved * (moved - 1) / 2 + moved * (kBodies - moved));
   EXPECT_GT(turns_, 1000);
 }
 
@@ -82,7 +82,7 @@ TEST_F(WorkerSlices, ListsOfPairsAreReadInThem) {
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   constexpr std::uint32_t kPairs = 1'000'000;
   for (std::uint32_t i = 0; i < kPairs; ++i) query.pairs.push_back({i % kBodies, (i + 1 + i / kBodies) % kBodies});
-  EXPECT_EQ(Reply(request_in_slices(query.frame(1))).pairs(), kPairs);
+  EXPECT_EQ(result_of(request_in_slices(query.frame(1))).pairs(), kPairs);
 }
 
 /// Corners of a ball, as many as a fine mesh has.
@@ -105,7 +105,7 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
   start(std::move(scene), short_slices());
   TestQuery query = small_query();
   query.header.signed_distance = 1;
-  const Reply reply(request_in_slices(query.frame(1)));
+  const Result reply = result_of(request_in_slices(query.frame(1)));
   EXPECT_LT(reply.upper()[0], -1.9);
   EXPECT_GT(turns_, 100);
 
@@ -131,7 +131,7 @@ TEST_F(WorkerSlices, WhatManyPairsLeaveToJointsIsFoundInThem) {
   query.joints = {0, 1, 2, 3};
   query.weights = {1, 1, 1, 1};
   for (int k = 0; k < 24; ++k) query.positions.push_back(-0.3 - 0.05 * k);
-  const Reply reply(request_in_slices(query.frame(1)));
+  const Result reply = result_of(request_in_slices(query.frame(1)));
   EXPECT_GT(turns_, 100);
   EXPECT_GT(reply.pairs(), 20000u);
 

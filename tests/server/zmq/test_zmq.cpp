@@ -51,7 +51,7 @@ TEST_F(ZmqTest, BothEndpointsGiveTheSameBits) {
   Client ipc = patient(daemon_.urls()[0]), tcp = patient(daemon_.urls()[1]);
   Query query;
   query.fields = kDefaultFields | kFieldPoints | kFieldNormal | kFieldPair;
-  const Reply a = ipc.distances(query), b = tcp.distances(query);
+  const Result a = ipc.distances(query), b = tcp.distances(query);
   ASSERT_EQ(a.rows(), 100u * 99 / 2);  // 500 KB: passed to ZeroMQ without a copy
   EXPECT_TRUE(same_bits(a.lower(), b.lower()));
   EXPECT_TRUE(same_bits(a.upper(), b.upper()));
@@ -72,14 +72,14 @@ TEST_F(ZmqTest, ConfigurationsAndPosesAgree) {
   query.fields |= kFieldPair;
   query.bodies = std::span(&body, 1);
   query.configurations = std::span(&elsewhere, 1);
-  const Reply requested = client.distances(query);
+  const Result requested = client.distances(query);
   ASSERT_EQ(requested.rows(), 99u);
   const std::pair<std::uint32_t, Pose7> update{body, elsewhere};
   EXPECT_EQ(client.set_poses(std::span(&update, 1)).applied, 1u);
   const std::vector<IdPair> pairs(requested.pair().begin(), requested.pair().end());
   Query moved;
   moved.pairs = pairs;
-  const Reply now = client.distances(moved);
+  const Result now = client.distances(moved);
   EXPECT_TRUE(same_bits(requested.lower(), now.lower()));
   EXPECT_TRUE(same_bits(requested.upper(), now.upper()));
   EXPECT_EQ(now.snapshot_revision(), requested.snapshot_revision() + 1);
@@ -97,7 +97,7 @@ TEST_F(ZmqTest, ManyClientsAtOnceGetTheirOwnAnswers) {
         Query query;
         query.pairs = std::span(&pair, 1);
         query.fields |= kFieldPair;
-        const Reply reply = client.distances(query);
+        const Result reply = client.distances(query);
         good += reply.rows() == 1 && reply.pair()[0] == pair;
       }
     });

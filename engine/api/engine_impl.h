@@ -1,0 +1,34 @@
+// Members of the installed Engine.
+#pragma once
+
+#include <memory>
+#include <mutex>
+
+#include "engine/api/background.h"
+#include "engine/api/conversions.h"
+#include "engine/api/engine.h"
+#include "engine/engine.h"
+
+namespace clearance {
+
+struct Engine::Impl {
+  Impl(engine::Scene scene, const engine::Engine::Options& options) : engine(std::move(scene), options) {}
+
+  /// Answers a query.
+  /// \param memory of an earlier result, which is reused if no such result exists; may be null
+  Result run(const QueryView& query, std::shared_ptr<ResultMemory>& memory) const;
+  /// Starts a query in the background.
+  static Pending submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done);
+  /// The joints, of which only the limits are valid.
+  std::shared_ptr<const JointsInfo> joint_limits() const;
+
+  engine::Engine engine;
+  mutable std::mutex limits_mutex;
+  mutable std::shared_ptr<const JointsInfo> limits;
+  Background background;  // last, since its jobs use the engine
+
+  struct Request;
+  struct Prepared;
+};
+
+}  // namespace clearance

@@ -1,0 +1,71 @@
+// Prepared queries of the installed Engine.
+#include <type_traits>
+
+#include "engine/api/engine_impl.h"
+#include "wire/owned_query.h"
+#include "wire/query_names.h"
+
+namespace clearance {
+
+struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
+  Prepared(std::shared_ptr<Impl> of, const Query& query) : engine(std::move(of)), owned(query) {
+    view = view_without_inputs(owned.query);
+    view.scene_revision = engine->engine.scene_revision();
+    names = names_in(owned.query, scene_info_of(engine->engine), joints());
+    if (!owned.bodies.empty() || !owned.joints.empty()) return;  // their number is known with the inputs
+    translated([&] { engine->engine.size(view); });              // throws for an invalid query
+  }
+
+  Result run(const clearance::Prepared::Inputs& inputs) override {
+    take(inputs);
+    return in_present_scene([&] { return engine->run(view, memory); });
+  }
+
+  Pending submit(const clearance::Prepared::Inputs& inputs, WhenDone when_done) override {
+    take(inputs);
+    return in_present_scene([&] { return Impl::submit(engine, view, when_done); });
+  }
+
+  bool is_stale() override {
+    const std::uint64_t now = engine->engine.scene_revision();
+    if (now == view.scene_revision) return false;
+    why = changed_name(names, owned.query, scene_info_of(engine->engine), joints());
+    if (why.empty()) view.scene_revision = now;
+    return !why.empty();
+  }
+
+ private:
+  void take(const clearance::Prepared::Inputs& inputs) {
+    owned.query.positions = inputs.positions;
+    owned.query.configurations = inputs.configurations;
+    take_inputs(owned.query, view);
+  }
+  /// Calls a function, and again if the scene has changed and the ids have kept their meaning.
+  template <class F>
+  std::invoke_result_t<F> in_present_scene(F&& f) {
+    return translated([&] {
+      try {
+        return f();
+      } catch (const engine::QueryError& error) {
+        if (error.code != QueryErrorCode::kWrongScene || view.scene_revision == engine->engine.scene_revision()) throw;
+      }
+      if (is_stale())
+        throw StaleQuery(static_cast<std::uint16_t>(QueryErrorCode::kWrongScene), "prepared query: " + why);
+      return f();
+    });
+  }
+  JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : joints_of(engine->engine); }
+
+  const std::shared_ptr<Impl> engine;
+  OwnedQuery owned;
+  QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
+  QueryNames names;
+  std::shared_ptr<ResultMemory> memory;
+  std::string why;  ///< what changed, if the query is stale
+};
+
+Prepared Engine::prepare(const Query& query) const {
+  return clearance::Prepared(std::make_unique<Impl::Prepared>(impl_, query));
+}
+
+}  // namespace clearance

@@ -1,0 +1,106 @@
+// Queries of the installed Engine.
+#include "engine/api/engine_impl.h"
+#include "engine/base/body_pair.h"
+#include "wire/decisions.h"
+
+namespace clearance {
+
+struct Engine::Impl::Request final : Pending::Request {
+  Request(std::shared_ptr<Impl> of, std::shared_ptr<BackgroundJob> started)
+      : engine(std::move(of)), job(std::move(started)) {}
+  ~Request() override { job->cancel(); }
+  bool wait_for(std::chrono::nanoseconds timeout) override { return job->wait_for(timeout); }
+  Result get() override {
+    return translated([&] { return job->get(); });
+  }
+
+  const std::shared_ptr<Impl> engine;  // outlives the job
+  const std::shared_ptr<BackgroundJob> job;
+};
+
+Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& memory) const {
+  const auto begin = std::chrono::steady_clock::now();
+  PreparedQuery prepared = engine.prepare(query);
+  if (memory && memory.use_count() == 1)
+    memory->fit(prepared.size());
+  else
+    memory = std::make_shared<ResultMemory>(prepared.size());
+  Job job = engine.start(std::move(prepared), memory->view());
+  while (!job.advance()) {
+  }
+  return ResultMemory::result(memory, job.info(), std::chrono::steady_clock::now() - begin);
+}
+
+Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done) {
+  // A job may read its configurations until it is done.
+  struct Inputs {
+    std::vector<double> positions;
+    std::vector<Pose> configurations;
+    std::shared_ptr<ResultMemory> memory;
+  };
+  const auto inputs = std::make_shared<Inputs>();
+  inputs->positions.assign(query.positions.begin(), query.positions.end());
+  inputs->configurations.assign(query.configurations.begin(), query.configurations.end());
+  QueryView own = query;
+  own.positions = inputs->positions;
+  own.configurations = inputs->configurations;
+  PreparedQuery prepared = self->engine.prepare(own);
+  inputs->memory = std::make_shared<ResultMemory>(prepared.size());
+  Job job = self->engine.start(std::move(prepared), inputs->memory->view());
+  const std::shared_ptr<const ResultMemory> memory(inputs, inputs->memory.get());
+  auto started = std::make_shared<BackgroundJob>(std::move(job), memory, std::move(when_done));
+  self->background.add(started);
+  return Pending(std::make_unique<Request>(self, std::move(started)));
+}
+
+std::shared_ptr<const JointsInfo> Engine::Impl::joint_limits() const {
+  const std::lock_guard lock(limits_mutex);
+  if (!limits) limits = std::make_shared<const JointsInfo>(joints_of(engine));
+  return limits;
+}
+
+Result Engine::distances(const Query& query) const {
+  return translated([&] {
+    std::shared_ptr<ResultMemory> memory;
+    return impl_->run(view_of(query), memory);
+  });
+}
+
+Check Engine::check(const Query& query) const {
+  return check_with_limits(query, distances(as_check(query)), [this](bool is_now) {
+    return is_now ? std::make_shared<const JointsInfo>(joint_states()) : impl_->joint_limits();
+  });
+}
+
+Result Engine::motions(const Query& query) const {
+  return distances(as_motions(query));
+}
+
+PathCheck Engine::check_path(const Query& query) const {
+  return check_path_with(
+      query, [this](const Query& motions) { return distances(motions); },
+      [this](const Result&) { return impl_->joint_limits(); });
+}
+
+std::vector<double> Engine::free_scale(const Query& query, std::span<const double> weights) const {
+  const Result result = distances(as_free_scale(query, weights));
+  return {result.free_scale().begin(), result.free_scale().end()};
+}
+
+Pending Engine::submit(const Query& query, WhenDone when_done) const {
+  return translated([&] { return Impl::submit(impl_, view_of(query), std::move(when_done)); });
+}
+
+std::vector<IdPair> Engine::pairs(const Query& query) const {
+  return translated([&] {
+    std::vector<IdPair> pairs;
+    for (const BodyPair& pair : impl_->engine.pairs(view_of(query))) pairs.push_back({pair.a, pair.b});
+    return pairs;
+  });
+}
+
+std::string Engine::certificate(const Query& query, std::optional<std::span<const std::uint64_t>> rows) const {
+  return translated([&] { return impl_->engine.certificate(view_of(query), rows); });
+}
+
+}  // namespace clearance
