@@ -1,0 +1,250 @@
+// The installed C++ interface of the engine.
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <condition_variable>
+#include <filesystem>
+#include <mutex>
+#include <string>
+#include <thread>
+#include <vector>
+
+#include "engine/api/engine.h"
+#include "tests/temporary_folder.h"
+
+namespace clearance {
+namespace {
+
+constexpr Pose7 at(double x) {
+  return {x, 0, 0, 1, 0, 0, 0};
+}
+
+/// A fixed unit box "a" at 0 and moving ones "b" at 2 and "c" at 5.
+Scene boxes() {
+  Scene scene;
+  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = at(0)});
+  scene.add_box("b", {1, 1, 1}, {.X_parent_body = at(2)});
+  scene.add_box("c", {1, 1, 1}, {.X_parent_body = at(5)});
+  return scene;
+}
+
+Scene cell() {
+  return Scene::load(CLEARANCE_SOURCE_DIR "/scenes/cell/robot.yaml");
+}
+
+template <class Error>
+std::string text_of(auto&& call) {
+  try {
+    call();
+  } catch (const Error& error) {
+    return error.what();
+  }
+  return "nothing was thrown";
+}
+
+TEST(EngineApi, PreparedAnswersAsDistancesDoes) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  Prepared prepared = engine.prepare({.bodies = moved});
+  for (const double x : {1.5, 3.0, 4.2, 0.5}) {
+    const std::vector<Pose7> poses{at(x), at(-x)};
+    const Result one = engine.distances({.bodies = moved, .configurations = poses}), again = prepared.run(poses);
+    ASSERT_EQ(one.rows(), 4u);
+    ASSERT_EQ(again.rows(), 4u);
+    for (std::size_t i = 0; i < 4; ++i) {
+      EXPECT_EQ(again.lower()[i], one.lower()[i]);
+      EXPECT_EQ(again.upper()[i], one.upper()[i]);
+      EXPECT_EQ(again.status()[i], one.status()[i]);
+    }
+  }
+  EXPECT_NEAR(prepared.run(std::vector<Pose7>{at(3)}).distance()[0], 2, 1e-6);
+}
+
+TEST(EngineApi, PreparedOwnsItsArrays) {
+  const Engine engine(boxes());
+  std::vector<std::uint32_t> moved{1};
+  std::vector<IdPair> pairs{{0, 1}};
+  std::vector<MarginEntry> margins{{0, 1, 0.75}};
+  Prepared prepared = engine.prepare(as_check({.pairs = pairs, .bodies = moved, .margins = margins}));
+  moved[0] = 2;
+  pairs[0] = {0, 2};
+  margins[0].margin = 0;
+  const std::vector<Pose7> poses{at(1.7), at(1.8)};
+  const Check check = check_of(prepared.run(poses));
+  EXPECT_EQ(check.free, (std::vector<bool>{false, true}));
+  EXPECT_EQ(check.pair[0], (IdPair{0, 1}));
+}
+
+TEST(EngineApi, MemoryOfAResultIsReusedOnceNoCopyOfItExists) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  Prepared prepared = engine.prepare({.bodies = moved});
+  const std::vector<Pose7> near{at(1.5)}, far{at(4)};
+  Result first = prepared.run(near);
+  const double* const memory = first.lower().data();
+  const Result copy = first;
+  first = prepared.run(far);
+  EXPECT_NE(first.lower().data(), memory);
+  EXPECT_NEAR(copy.lower()[0], 0.5, 1e-6);
+  EXPECT_NEAR(first.lower()[0], 3, 1e-6);
+  const double* const second = first.lower().data();
+  first = Result();
+  EXPECT_EQ(prepared.run(near).lower().data(), second);
+}
+
+TEST(EngineApi, PreparedSurvivesChangesThatKeepItsIds) {
+  Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  Prepared prepared = engine.prepare({.bodies = moved});
+  const std::vector<Pose7> poses{at(2)};
+  EXPECT_EQ(prepared.run(poses).rows(), 2u);
+  engine.allow(0, 1);
+  EXPECT_FALSE(prepared.is_stale());
+  EXPECT_EQ(prepared.run(poses).rows(), 1u);
+  engine.attach(1, 2);  // poses of "b" are relative to "c" from now on
+  EXPECT_TRUE(prepared.is_stale());
+  EXPECT_EQ(text_of<StaleQuery>([&] { prepared.run(poses); }),
+            "prepared query: the body \"b\" is now \"b on c\": prepare it again");
+  engine.attach(1, kNone);
+  EXPECT_FALSE(prepared.is_stale());
+  EXPECT_EQ(prepared.run(poses).rows(), 2u);
+}
+
+TEST(EngineApi, PrepareRejectsInputsAndBadQueries) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses{at(2)};
+  EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.prepare({.bodies = moved, .configurations = poses}); }),
+            "prepare: configurations and positions are inputs of run(), not of the query");
+  EXPECT_NE(text_of<QueryError>([&] { engine.prepare({.rel_tol = NAN}); }), "nothing was thrown");
+  EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.prepare({.deadline_ns = 1}); }),
+            "query: deadline_ns is for a daemon's client");
+  Prepared prepared = engine.prepare({.bodies = moved});
+  EXPECT_NE(text_of<std::invalid_argument>([&] { prepared.run(std::vector<double>{1}); }), "nothing was thrown");
+}
+
+TEST(EngineApi, SubmittedQueriesCallBack) {
+  const Engine engine(boxes());
+  std::mutex mutex;
+  std::condition_variable changed;
+  int called = 0;
+  const auto count = [&] {
+    const std::lock_guard lock(mutex);
+    ++called;
+    changed.notify_one();
+  };
+  Pending pending = engine.submit({.reduce = Reduce::kMin}, count);
+  {
+    std::unique_lock lock(mutex);
+    changed.wait(lock, [&] { return called == 1; });
+  }
+  EXPECT_TRUE(pending.ready());
+  const Result result = pending.get();
+  EXPECT_NEAR(result.distance()[0], 1, 1e-6);
+  EXPECT_THROW(pending.get(), std::logic_error);
+
+  const std::vector<std::uint32_t> moved{1};
+  Prepared prepared = engine.prepare({.bodies = moved});
+  std::vector<Pose7> poses{at(3)};
+  Pending first = prepared.submit({.configurations = poses});
+  poses[0] = at(4);
+  Pending second = prepared.submit({.configurations = poses}, count);
+  EXPECT_NEAR(second.get().distance()[0], 3, 1e-6);
+  EXPECT_TRUE(first.wait_for(std::chrono::nanoseconds(0)));  // answered in order
+  EXPECT_NEAR(first.get().distance()[0], 2, 1e-6);
+}
+
+TEST(EngineApi, AbandonedQueriesLeaveTheEngineUsable) {
+  std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses(100000, at(2.25));
+  const Engine engine(boxes());
+  for (int i = 0; i < 3; ++i) (void)engine.submit({.bodies = moved, .configurations = poses});
+  EXPECT_NEAR(engine.submit({.reduce = Reduce::kMin}).get().distance()[0], 1, 1e-6);
+}
+
+TEST(EngineApi, PathsAreCheckedBetweenTheirWaypoints) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{2};
+  const std::vector<Pose7> through{at(8), at(5), at(3.5), at(-3)}, away{at(5), at(8)};
+  const PathCheck hit = engine.check_path({.bodies = moved, .configurations = through});
+  EXPECT_FALSE(hit.ok());
+  EXPECT_TRUE(hit.hit());
+  EXPECT_EQ(hit.index, 2u);  // both of its ends are free
+  EXPECT_EQ(hit.pair, (IdPair{1, 2}));
+  EXPECT_TRUE(engine.check_path({.bodies = moved, .configurations = away}).ok());
+  EXPECT_EQ(text_of<std::invalid_argument>(
+                [&] { engine.check_path({.bodies = moved, .configurations = std::span(away).first(1)}); }),
+            "check_path: expected two waypoints or more, got 1");
+  const Result motions =
+      engine.motions({.bodies = moved, .configurations = std::span(through).last(2), .reduce = Reduce::kMin});
+  EXPECT_EQ(motions.rows(), 1u);
+  EXPECT_LE(motions.upper()[0], 1e-3);
+  EXPECT_EQ(motions.first_contact().size(), 2u);
+}
+
+TEST(EngineApi, JointsByGroupWithLimits) {
+  const Engine engine(cell());
+  const Joints joints = engine.joints("arm");
+  ASSERT_EQ(joints.size(), 6u);
+  EXPECT_EQ(joints.names[0], "arm/turn");
+  EXPECT_EQ(joints.ids, engine.joints("*").ids);
+  EXPECT_EQ(engine.joints("arm/elbow").ids, (std::vector<std::uint32_t>{joints.ids[2]}));
+  EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.joints("arn"); }),
+            "no robot or group of joints \"arn\" in the scene; did you mean \"arm\"?");
+
+  std::vector<double> home;
+  for (const JointInfo& joint : engine.joint_states().joints) home.push_back(joint.position);
+  EXPECT_DOUBLE_EQ(home[2], 1.3);
+  EXPECT_TRUE(engine.check({.joints = joints.ids, .positions = home}).ok(0));
+  const std::vector<double> scales = engine.free_scale({.joints = joints.ids, .positions = home}, std::vector(6, 1.0));
+  EXPECT_GT(scales.at(0), 0);
+
+  std::vector<double> path = home;
+  path.insert(path.end(), home.begin(), home.end());
+  path[6] = joints.limits[0].upper + 0.01;
+  const PathCheck check = engine.check_path({.joints = joints.ids, .positions = path});
+  ASSERT_EQ(check.limit_violations.size(), 1u);
+  EXPECT_EQ(check.limit_violations[0].configuration, 1u);
+  EXPECT_NEAR(check.limit_violations[0].excess(), 0.01, 1e-12);
+  EXPECT_FALSE(check.ok());
+}
+
+TEST(EngineApi, ScenesAreSavedAndDescribed) {
+  const TemporaryFolder folder;
+  const Scene scene = cell();
+  scene.save(folder / "saved");
+  EXPECT_EQ(Scene::load((folder / "saved") + "/scene.yaml").revision(), scene.revision());
+  const Engine engine(scene);
+  const SceneInfo info = engine.scene();
+  EXPECT_EQ(info.bodies[engine.body("ball")].name, "ball");
+  EXPECT_EQ(info.groups[engine.group("held") & ~kGroupBit].bodies.size(), 3u);
+  EXPECT_EQ(info.pair_count, engine.pairs().size());
+  EXPECT_EQ(engine.body_states()[engine.body("ball")].pose, (Pose7{0.35, -0.35, 1.6, 1, 0, 0, 0}));
+  EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.body("bal"); }),
+            "no body \"bal\" in the scene; did you mean \"ball\"?");
+}
+
+TEST(EngineApi, UncertaintyAndCloudsCount) {
+  Scene scene = boxes();
+  scene.add_box("vague", {1, 1, 1}, {.X_parent_body = at(-3), .uncertainty_position = 0.25});
+  const std::uint32_t cloud = scene.add_points("cloud", {}, 0, {.X_parent_body = at(-6)});
+  Engine engine(std::move(scene));
+  const std::vector<IdPair> pair{{0, 3}}, of_cloud{{0, cloud}};
+  const Result vague = engine.distances({.pairs = pair});
+  EXPECT_LE(vague.lower()[0], 1.75);
+  EXPECT_GE(vague.upper()[0], 2.25);
+  const std::vector<std::array<float, 3>> points{{0, 0, 0}, {1, 0, 0}};
+  EXPECT_EQ(engine.set_points(cloud, points).applied, 2u);
+  EXPECT_NEAR(engine.distances({.pairs = of_cloud}).distance()[0], 4.5, 1e-6);
+}
+
+TEST(EngineApi, CertificatesAreDocuments) {
+  const Engine engine(boxes());
+  const std::string document = engine.certificate({}, std::vector<std::uint64_t>{0});
+  EXPECT_EQ(document.front(), '{');
+  EXPECT_NE(document.find("\"rows\""), std::string::npos);
+}
+
+}  // namespace
+}  // namespace clearance

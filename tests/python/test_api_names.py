@@ -1,0 +1,111 @@
+"""The public names of C++ and Python: the same but for the tables below."""
+
+import re
+from pathlib import Path
+
+import pytest
+
+import clearance
+
+ROOT = Path(__file__).resolve().parents[2]
+
+#: Headers of the C++ classes, and their Python classes.
+CLASSES = {
+    "Engine": ("engine/api/engine.h", clearance.Engine),
+    "Client": ("client/client.h", clearance.Client),
+    "Scene": ("engine/api/scene.h", clearance.Scene),
+    "Result": ("wire/result.h", clearance.Result),
+    "Check": ("wire/check.h", clearance.Check),
+    "PathCheck": ("wire/check.h", clearance.PathCheck),
+    "Joints": ("wire/scene_info.h", clearance.Joints),
+}
+#: C++ name: Python name, for the same thing.
+OTHER_NAMES = {
+    "body": "body_id",
+    "scene": "bodies",
+    "pair": "pairs",
+    "pairs": "pair_table",
+    "set_timeout": "timeout_s",
+    "warnings": "load",  # Python warns while it loads
+}
+#: Names that only C++ has, with the reason.
+CPP_ONLY = {
+    "Engine": {"group": "names of groups are accepted wherever selectors are"},
+    "Client": {"group": "as of an Engine", "Duration": "a type", "wait_for_poses": "an option of queries"},
+    "Result": {
+        "info": "all properties at once",
+        "bytes": "of a column",
+        "rows": "the length of columns",
+        "joints": "the shape of gradient_joints",
+        "epoch": "of the client",
+    },
+    "Check": {"upper": "in `result`"},
+    "Joints": {"size": "len()"},
+}
+#: Names that only Python has, with the reason.
+PYTHON_ONLY = {
+    "Engine": {
+        "groups": "in scene()",
+        "scene_revision": "in scene()",
+        "pose_revision": "in results of updates",
+        "plan_on_device": "device queries take arrays of PyTorch and JAX",
+        "add_body": "of the client",
+        "remove_body": "of the client",
+        "replace": "scenes are built anew",
+    },
+    "Client": {
+        "groups": "in scene()",
+        "scene_revision": "in scene()",
+        "backend": "in scene()",
+        "close": "the destructor",
+        "replace": "remove_body() and add_body()",
+    },
+    "Scene": {
+        "add_body": "add_* by a word",
+        "load_urdf": "load()",
+        **dict.fromkeys(("display_mesh", "ignored", "initial_pose", "pieces", "source"), "for viewers and tools"),
+    },
+    "Result": {
+        "columns": "numpy arrays by name",
+        "neighbours": "numpy",
+        "reduce": "the shape of columns depends on it",
+        "compact": "a format",
+        **dict.fromkeys(("names", "pair_names", "to_pandas"), "pandas"),
+    },
+    "Check": {"result": "its columns are members"},
+    "Joints": {"lower": "in `limits`", "upper": "in `limits`"},
+}
+
+
+def cpp_names(name: str, header: str) -> set[str]:
+    """Returns the public members of a class in an installed header."""
+    text = re.sub(r"//[^\n]*", "", (ROOT / header).read_text())
+    body = re.search(rf"^(?:class|struct)(?: CLEARANCE_API)? {name} \{{\n(.*?)^\}};", text, re.M | re.S)
+    assert body, f"{header} has no {name}"
+    public = body[1].split("private:")[0]
+    functions = re.findall(r"^  [^\s{}][^(\n]*?\b(\w+)\(", public, re.M)
+    members = re.findall(r"^  [^\s{}(][^(\n]*?\b(\w+)(?: = [^;\n]*|\{[^;\n]*\})?;", public, re.M)
+    return {found for found in (*functions, *members) if found not in (name, "operator", "bool", "default")}
+
+
+def python_names(cls: type) -> set[str]:
+    fields = getattr(cls, "__dataclass_fields__", {})
+    slots = getattr(cls, "__slots__", ())
+    return {name for name in (*dir(cls), *fields, *slots) if not name.startswith("_")}
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_cpp_has_what_python_has(name):
+    header, cls = CLASSES[name]
+    theirs = cpp_names(name, header)
+    theirs |= {OTHER_NAMES[known] for known in theirs if known in OTHER_NAMES}
+    assert len(theirs) > 2
+    assert python_names(cls) - theirs - set(PYTHON_ONLY.get(name, ())) == set()
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_python_has_what_cpp_has(name):
+    header, cls = CLASSES[name]
+    ours = python_names(cls)
+    missing = {found for found in cpp_names(name, header) if not {found, OTHER_NAMES.get(found)} & ours}
+    assert missing - set(CPP_ONLY.get(name, ())) == set()
