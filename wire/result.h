@@ -74,6 +74,8 @@ class Result {
   std::span<const std::uint32_t> steps() const { return column<std::uint32_t>(kFieldSteps); }  ///< of motions
   /// (rows * 2,) lower and upper, metres, rounded outward.
   std::span<const float> bounds() const { return column<float>(kFieldBounds); }
+  /// (rows * 6,) both witness points, each relative to its body's origin, along the world's axes; kFieldPoints32.
+  std::span<const float> points32() const { return column<float>(kFieldPoints32); }
   std::span<const double> free_scale() const { return column<double>(kFieldFreeScale); }
 
   std::uint64_t epoch() const { return info_.epoch; }
