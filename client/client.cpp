@@ -138,6 +138,11 @@ SceneChanged Client::add_body(const NewBody& body) {
                              body.parent == kNone ? 0 : impl().revision_of_ids(), records_of(body));
 }
 
+SceneChanged Client::replace(const NewBody& shape) {
+  return impl().change_scene(FrameType::kAddBody, payload_of(shape), impl().connection.timeout(), 0,
+                             records_of(shape, true));
+}
+
 SceneChanged Client::remove_body(std::string_view name) {
   wire::RemoveBodyRecord record;
   set_body_name(record.name, name);

@@ -146,6 +146,10 @@ class CLEARANCE_API Client {
   /// bodies keep their ids and poses. Running queries finish on the scene that they started with. Throws RequestError
   /// for a name in use, an invalid shape or too many bodies; std::invalid_argument unless there is exactly one shape.
   SceneChanged add_body(const NewBody& body);
+  /// Replaces the shape of a body by that of `shape`, grown by its `radius`, and waits until the scene contains it. The
+  /// body of this name keeps its id, pose, attachments, allowed pairs, padding and uncertainty; the other members of
+  /// `shape` are ignored. Received points of a cloud are dropped. Throws as add_body(), and for links of robots.
+  SceneChanged replace(const NewBody& shape);
   /// Removes a body that add_body() added. The ids of bodies added after it change. Throws RequestError for any other
   /// body, and for the parent of another body.
   SceneChanged remove_body(std::string_view name);

@@ -204,8 +204,8 @@ struct Client::Impl {
   /// \param scene_revision scene of its ids; 0 without ids
   SceneChanged change_scene(wire::FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
                             std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
-    const std::uint64_t request =
-        send_with(type, payload, scene_revision, std::move(records), "add_body: uncertainty, padding, max_speed, mesh");
+    const std::uint64_t request = send_with(type, payload, scene_revision, std::move(records),
+                                            "add_body: uncertainty, padding, max_speed, mesh, replace");
     const auto frame = receive(request, wire::FrameType::kSceneChanged, limit);
     scene_is_old = changed_by_us = true;
     const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });

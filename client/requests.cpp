@@ -125,7 +125,7 @@ std::vector<std::byte> payload_of(const NewBody& body) {
   return payload;
 }
 
-std::vector<std::byte> records_of(const NewBody& body) {
+std::vector<std::byte> records_of(const NewBody& body, bool replaces) {
   const wire::BodyUncertaintyRecord uncertainties{body.uncertainty_position, body.uncertainty_angle, body.padding,
                                                   body.max_speed};
   std::vector<std::byte> records;
@@ -136,6 +136,8 @@ std::vector<std::byte> records_of(const NewBody& body) {
   if (body.points)
     wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kPoints), wire::kRecordRequired,
                         std::as_bytes(*body.points));
+  if (replaces)
+    wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kReplace), wire::kRecordRequired, {});
   if (body.triangles.empty()) return records;
   static_assert(sizeof(body.triangles[0]) == sizeof(wire::TriangleRecord));
   wire::append_record(records, static_cast<std::uint16_t>(wire::NewBodyTag::kTriangles), wire::kRecordRequired,

@@ -42,7 +42,8 @@ void set_body_name(char (&field)[64], std::string_view name);
 
 /// Returns the payload of kAddBody. Throws std::invalid_argument unless there is exactly one shape.
 std::vector<std::byte> payload_of(const NewBody& body);
-/// Returns the records of kAddBody with the body's uncertainty, or none if it is 0.
-std::vector<std::byte> records_of(const NewBody& body);
+/// Returns the records of kAddBody: what differs from its defaults.
+/// @param replaces whether the shape replaces that of an existing body
+std::vector<std::byte> records_of(const NewBody& body, bool replaces = false);
 
 }  // namespace clearance

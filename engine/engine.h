@@ -111,7 +111,11 @@ class Engine {
   bool joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const;
   /// Takes over the received poses, joint positions and attachments of another engine for bodies with the same names,
   /// as a daemon does that reloads its scene. Other bodies keep the state of this scene.
-  void take_poses(const Engine& old);
+  /// \param reshaped body whose shape was replaced, so that points received for it are dropped; or empty
+  void take_poses(const Engine& old, std::string_view reshaped = {});
+  /// Makes updates of poses, joints, points, attachments and allowed pairs throw UpdatesStopped, or accepts them again.
+  /// Nothing can then be lost while another engine takes over.
+  void stop_updates(bool stop);
   BodyState body_state(std::uint32_t body) const;
   /// Oldest stamp of the poses of a body or group (selector). Unstamped bodies are ignored; 0 if none is stamped.
   /// Throws QueryError for an unknown body or group.

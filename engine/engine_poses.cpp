@@ -82,9 +82,13 @@ bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std
   return ids_valid_since(scene_revision, links, false);
 }
 
-void Engine::take_poses(const Engine& old) {
+void Engine::take_poses(const Engine& old, std::string_view reshaped) {
   const FpEnvironment environment;
-  impl_->poses.take_over(old.impl_->poses);
+  impl_->poses.take_over(old.impl_->poses, reshaped);
+}
+
+void Engine::stop_updates(bool stop) {
+  impl_->poses.stop_updates(stop);
 }
 
 BodyState Engine::body_state(std::uint32_t body) const {

@@ -234,6 +234,10 @@ bool read_new_body_record(const RecordView& record, NewBodyParts& parts) {
         bad_query("new body: points are only for a cloud");
       parts.points = Records<std::array<float, 3>>(record.bytes.data(), size / sizeof parts.points[0]);
       return true;
+    case NewBodyTag::kReplace:
+      if (size != 0) bad_frame("new body: replace (record 24) has " + str(size) + " bytes, expected 0");
+      parts.replaces = true;
+      return true;
   }
   return false;
 }

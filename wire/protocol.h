@@ -131,6 +131,7 @@ enum class NewBodyTag : std::uint16_t {
   kTriangles = 21,    ///< TriangleRecord array; makes the vertices of a kHull those of a mesh
   kMeshAs = 22,       ///< uint8 MeshAs of that mesh, by default kHull
   kPoints = 23,       ///< points of a cloud: three float32 each, metres, in the body's frame; by default none
+  kReplace = 24,      ///< no payload; the shape and radius replace those of the body of this name, the rest is ignored
 };
 
 /// Records of a kReply.

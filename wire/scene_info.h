@@ -84,7 +84,7 @@ struct UpdateResult {
 struct SceneChanged {
   std::uint64_t scene_revision = 0;
   std::uint32_t body_count = 0;
-  std::uint32_t body = kNone;  ///< id of the new body, after add_body()
+  std::uint32_t body = kNone;  ///< id of the body, after add_body() and replace()
   double seconds = 0;          ///< time to build the scene
 };
 

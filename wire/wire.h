@@ -268,6 +268,7 @@ struct NewBodyParts {
   MeshAs mesh_as = MeshAs::kHull;
   Records<std::array<float, 3>> points;  ///< points of a cloud
   BodyUncertaintyRecord uncertainties;
+  bool replaces = false;  ///< whether this is the new shape of an existing body
   PassedOver passed_over;
   std::uint64_t epoch = 0;  ///< as QueryParts::epoch
 };

@@ -24,4 +24,10 @@ struct QueryError : std::runtime_error {
 
 }  // namespace engine
 
+/// A rejected update of an engine that is being replaced, which must be applied to its successor instead.
+struct UpdatesStopped : engine::QueryError {
+  UpdatesStopped()
+      : engine::QueryError(QueryErrorCode::kWrongScene, "another engine takes over the state of this one") {}
+};
+
 }  // namespace clearance

@@ -14,6 +14,7 @@
 #include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
+#include "engine/python/editor_binding.h"
 #include "engine/python/scene_bindings.h"
 
 namespace clearance::python {
@@ -126,11 +127,10 @@ BlockPool& pinned_blocks() {
 
 using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-class PyEngine {
+class PyEngine : public PyEditor {
  public:
   PyEngine(const engine::Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
            std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices) {
-    const GilRelease release;
     engine::Engine::Options options;
     options.backend = backend;
     options.threads = threads;
@@ -138,25 +138,20 @@ class PyEngine {
     options.device_memory = device_memory;
     options.device_fallback = device_fallback;
     options.devices = devices;
-    engine_ = std::make_shared<engine::Engine>(scene, options);
-  }
-
-  engine::Engine& use() const {
-    guard_.check("this Engine");
-    return *engine_;
+    open(scene, options);
   }
 
   std::unique_ptr<PyJob> start(const Query& query, nb::handle out_list) const {
-    engine::Engine& engine = use();
+    const std::shared_ptr<engine::Engine> engine = use();
     OutArrays out(out_list);
-    PreparedQuery prepared = prepare(query);
+    PreparedQuery prepared = prepare(*engine, query);
     const QuerySize size = prepared.size();
     out.check(view_of(query).reduce, size.configurations, size.pairs, size.joints, size.rows);
 
     const std::uint32_t own = size.fields & ~out.fields();
     const Layout layout = layout_of(own, size.rows, size.joints);
     Answer answer;
-    answer.owner = allocate(layout.bytes);
+    answer.owner = allocate(*engine, layout.bytes);
     answer.base = static_cast<const std::byte*>(answer.owner.get());
     answer.bytes = layout.bytes;
     answer.offset = layout.offset;
@@ -181,7 +176,7 @@ class PyEngine {
         },
         reply);
     const GilRelease release;
-    return std::make_unique<PyJob>(engine_, guard_, engine.start(std::move(prepared), reply), std::move(answer),
+    return std::make_unique<PyJob>(engine, guard_, engine->start(std::move(prepared), reply), std::move(answer),
                                    std::move(out));
   }
 
@@ -197,7 +192,9 @@ class PyEngine {
     view.configuration_count = configurations;
     view.configurations = {};
     const GilRelease release;
-    return std::make_unique<PyDevicePlan>(engine_, guard_, use().plan_on_device(view));
+    const std::shared_ptr<engine::Engine> engine = use();
+    check_query_ids(*engine, query.scene_revision, view);
+    return std::make_unique<PyDevicePlan>(engine, guard_, engine->plan_on_device(view));
   }
 
   nb::object pairs(const Query& query) const {
@@ -205,7 +202,7 @@ class PyEngine {
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
     {
       const GilRelease release;
-      *pairs = use().pairs(view_of(query));
+      *pairs = use()->pairs(view_of(query));
     }
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
@@ -214,19 +211,26 @@ class PyEngine {
   std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
     const GilRelease release;
     const QueryView view = view_of(query);
-    if (rows) return use().certificate(view, std::span(rows->data(), rows->shape(0)));
-    return use().certificate(view);
+    const std::shared_ptr<engine::Engine> engine = use();
+    check_query_ids(*engine, query.scene_revision, view);
+    if (rows) return engine->certificate(view, std::span(rows->data(), rows->shape(0)));
+    return engine->certificate(view);
   }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
-                      std::int64_t sequence) const {
+  // Updates. `revision` is the scene revision of their body ids.
+
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence,
+                      std::uint64_t revision) const {
     if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
     std::vector<BodyPose> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) {
       batch[i].body = ids.data()[i];
       batch[i].pose = pose_from(poses.data() + 7 * i);
     }
-    return update([&] { return use().set_poses(batch, stamp_ns, sequence); });
+    return update([&](engine::Engine& engine) {
+      check_ids(engine, revision, {ids.data(), ids.shape(0)}, true);
+      return engine.set_poses(batch, stamp_ns, sequence);
+    });
   }
 
   nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
@@ -234,23 +238,27 @@ class PyEngine {
     if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
     std::vector<JointPosition> batch(ids.shape(0));
     for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
-    return update([&] { return use().set_joints(batch, stamp_ns, sequence); });
+    return update([&](engine::Engine& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
   }
 
   nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
-                       std::int64_t stamp_ns, std::int64_t sequence) const {
+                       std::int64_t stamp_ns, std::int64_t sequence, std::uint64_t revision) const {
     const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
-    return update([&] { return use().set_points(body, points, radius, stamp_ns, sequence); });
+    return update([&](engine::Engine& engine) {
+      check_ids(engine, revision, {&body, 1});
+      return engine.set_points(body, points, radius, stamp_ns, sequence);
+    });
   }
 
   /// See Client.joints().
   nb::tuple joints() const {
-    const engine::Scene& scene = use().scene();
+    const std::shared_ptr<engine::Engine> engine = use();
+    const engine::Scene& scene = engine->scene();
     const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
     nb::list joints, groups;
     for (std::uint32_t j = 0; j < scene.joints().size(); ++j) {
       const SceneJoint& joint = scene.joints()[j];
-      const JointState s = engine_->joint_state(j);
+      const JointState s = engine->joint_state(j);
       joints.append(nb::make_tuple(joint.name, joint.lower, joint.upper, s.position, static_cast<int>(s.status),
                                    s.beyond_limits, s.stamp_ns, s.receipt_ns ? now - s.receipt_ns : -1));
     }
@@ -259,26 +267,35 @@ class PyEngine {
   }
 
   nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose,
-                   const BodiesArray& allow) const {
+                   const BodiesArray& allow, std::uint64_t revision) const {
     Pose X_pc;
     if (pose) {
       if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
       X_pc = pose_from(pose->data());
     }
     const std::span<const std::uint32_t> allowed(allow.data(), allow.shape(0));
-    return update([&] { return use().attach(child, parent, pose ? &X_pc : nullptr, allowed); });
+    return update([&](engine::Engine& engine) {
+      check_ids(engine, revision, {&child, 1}, true);
+      if (parent != kNone) check_ids(engine, revision, {&parent, 1});
+      check_ids(engine, revision, allowed);
+      return engine.attach(child, parent, pose ? &X_pc : nullptr, allowed);
+    });
   }
 
-  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow) const {
-    return update([&] { return use().allow(a, b, allow); });
+  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow, std::uint64_t revision) const {
+    return update([&](engine::Engine& engine) {
+      check_ids(engine, revision, std::array{a, b});
+      return engine.allow(a, b, allow);
+    });
   }
 
   nb::list body_states() const {
     nb::list states;
-    const std::size_t count = use().scene().bodies().size();
+    const std::shared_ptr<engine::Engine> engine = use();
+    const std::size_t count = engine->scene().bodies().size();
     const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
     for (std::size_t i = 0; i < count; ++i) {
-      const BodyState s = engine_->body_state(static_cast<std::uint32_t>(i));
+      const BodyState s = engine->body_state(static_cast<std::uint32_t>(i));
       states.append(nb::make_tuple(tuple_of(s.X_wb), static_cast<int>(s.status), s.parent, s.stamp_ns,
                                    s.receipt_ns ? now - s.receipt_ns : -1));
     }
@@ -286,36 +303,24 @@ class PyEngine {
   }
 
  private:
-  PreparedQuery prepare(const Query& query) const {
+  static PreparedQuery prepare(const engine::Engine& engine, const Query& query) {
     constexpr std::uint32_t kPoints = kFieldPoints | kFieldNormal;
     QueryView view = view_of(query);
     const GilRelease release;
-    if (!query.points_by_default) return engine_->prepare(view);
+    check_query_ids(engine, query.scene_revision, view);
+    if (!query.points_by_default) return engine.prepare(view);
     const std::uint32_t without = view.fields;
     view.fields |= kPoints;
-    PreparedQuery prepared = engine_->prepare(view);
+    PreparedQuery prepared = engine.prepare(view);
     if (prepared.size().rows <= kDefaultPointsRows) return prepared;
     view.fields = without;
-    return engine_->prepare(view);
+    return engine.prepare(view);
   }
 
-  std::shared_ptr<void> allocate(std::size_t bytes) const {
-    const std::string_view backend = engine_->backend();
+  static std::shared_ptr<void> allocate(const engine::Engine& engine, std::size_t bytes) {
+    const std::string_view backend = engine.backend();
     return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);
   }
-
-  // Calls a function without the interpreter's lock, and returns its PoseUpdateResult.
-  template <class F>
-  nb::tuple update(F&& f) const {
-    const PoseUpdateResult r = [&] {
-      const GilRelease release;
-      return f();
-    }();
-    return nb::make_tuple(r.revision, engine_->scene_revision(), r.applied, r.bad, r.unknown, r.fixed);
-  }
-
-  ProcessGuard guard_;
-  std::shared_ptr<engine::Engine> engine_;
 };
 
 }  // namespace
@@ -342,34 +347,35 @@ NB_MODULE(_engine, m) {
       .def("run", &PyJob::run, nb::arg("timeout_s"))
       .def("answer", &PyJob::answer);
 
-  nb::class_<PyEngine>(m, "Engine")
+  nb::class_<PyEngine> engine(m, "Engine");
+  bind_scene_changes(engine);
+  engine
       .def(nb::init<const engine::Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
                     const std::vector<int>&>(),
            nb::arg("scene"), nb::arg("backend"), nb::arg("threads"), nb::arg("max_rows"), nb::arg("device_memory"),
            nb::arg("device_fallback"), nb::arg("devices"))
-      .def_prop_ro("device_error", [](const PyEngine& e) { return e.use().device_error(); })
+      .def_prop_ro("device_error", [](const PyEngine& e) { return e.use()->device_error(); })
       .def_static("backends", &engine::Engine::backends)
-      .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use().backend()); })
-      .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use().scene_revision(); })
-      .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use().pose_revision(); })
-      .def_prop_ro(
-          "scene", [](const PyEngine& e) { return e.use().scene(); }, nb::rv_policy::move)
+      .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use()->backend()); })
+      .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use()->scene_revision(); })
+      .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use()->pose_revision(); })
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
-           nb::arg("sequence"))
+           nb::arg("sequence"), nb::arg("revision"))
       .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
-           nb::arg("stamp_ns"), nb::arg("sequence"))
+           nb::arg("stamp_ns"), nb::arg("sequence"), nb::arg("revision"))
       .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
            nb::arg("sequence"))
       .def("joints", &PyEngine::joints)
-      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"))
-      .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
+      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"),
+           nb::arg("revision"))
+      .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"), nb::arg("revision"))
       .def("body_states", &PyEngine::body_states)
-      .def("stats", [](const PyEngine& e) { return e.use().stats(); });
+      .def("stats", [](const PyEngine& e) { return e.use()->stats(); });
 }
 
 }  // namespace clearance::python

@@ -65,6 +65,29 @@ std::uint32_t Scene::insert_body(Body body) {
   return id;
 }
 
+void Scene::replace_shape(const std::string& name, const Geometry& shape) {
+  const FpEnvironment environment;
+  const std::uint32_t id = find_body(name);
+  if (id == kNone) throw SceneError("there is no body " + in_quotes(name));
+  Body next = bodies_[id];
+  const std::string who = "body " + in_quotes(name) + ": ";
+  // The bounds on a link's pose contain its size (LinkErrors).
+  if (next.robot != kNone) throw SceneError(who + "the shape of a robot's link cannot be replaced");
+  if (next.parts.empty()) throw SceneError(who + "a frame has no shape to replace");
+  static_cast<Geometry&>(next) = shape;
+  for (ConvexPartPtr& part : next.parts) part = shared_part(part);
+  if (is_plane(next) && !next.is_static) throw SceneError(who + "a half_space is static, and this body may move");
+  fix_half_space(next);
+  adopt_cloud(next);
+  next.is_grown = false;
+  next.reach = 0;
+  grow(next);
+  bodies_[id] = std::move(next);
+  by_parts_ = nullptr;
+  has_uncertainties_ = std::any_of(bodies_.begin(), bodies_.end(), has_uncertainty);
+  has_surfaces_ = std::any_of(bodies_.begin(), bodies_.end(), has_surface);
+}
+
 void Scene::set_parent(const std::string& child, const std::string& parent) {
   const std::uint32_t c = find_body(child), p = find_body(parent);
   if (c == kNone) throw SceneError("there is no body " + in_quotes(child));

@@ -126,6 +126,9 @@ class Scene {
   std::uint32_t add_half_space(const std::string& name, const BodyOptions& options);
   /// Adds a body with its parts. Grows them by padding and uncertainty of position unless `is_grown`.
   std::uint32_t add_body(Body body);
+  /// Gives a body the geometry of another one, which is not yet grown by padding or uncertainty, and keeps the rest.
+  /// Throws SceneError for an unknown body, a frame, a link of a robot, and for the half-space of a movable body.
+  void replace_shape(const std::string& name, const Geometry& shape);
   /// Adds a robot: a frame NAME that places it, a body NAME/LINK for each link, a group NAME of all links and a group
   /// NAME/GROUP for each group of the SRDF. Ignores pairs that the SRDF disables, pairs of links without a moving joint
   /// between them and, without an SRDF, pairs that a joint connects. Returns its index in robots(). If it throws

@@ -57,7 +57,7 @@ std::vector<std::uint32_t> PoseSnapshot::move_links(const SceneRobot& robot, std
 PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns,
                                        std::int64_t sequence, std::uint64_t publisher) {
   check_stamp(stamp_ns);
-  const std::lock_guard lock(writers_);
+  const auto lock = lock_for_update();
   const std::vector<SceneJoint>& joints = scene_.joints();
   PoseUpdateResult result;
   std::vector<std::uint32_t> changed;

@@ -46,7 +46,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   std::erase_if(scenes_, [](const std::shared_ptr<const engine::Scene>& old) { return old.use_count() == 1; });
   scenes_.push_back(scene);
 
-  const std::lock_guard lock(writers_);
+  const auto lock = lock_for_update();
   check_not_late(points_marks_, body, of.name, stamp_ns, publisher);
   points_marks_.note(body, publisher, stamp_ns);
   const std::shared_ptr<PoseSnapshot> next = copy();
@@ -65,12 +65,13 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   return result;
 }
 
-void PoseStore::take_over_points(const PoseStore& old_store, PoseSnapshot& next) {
+void PoseStore::take_over_points(const PoseStore& old_store, PoseSnapshot& next, std::string_view reshaped) {
   const PoseSnapshot& old = *old_store.current_;
   if (!old.points) return;
   for (ReceivedPoints received : *old.points) {
-    const std::uint32_t now = scene_.find_body(old_store.scene_.bodies()[received.body].name);
-    if (now == kNone || !is_cloud(scene_.bodies()[now])) continue;
+    const std::string& name = old_store.scene_.bodies()[received.body].name;
+    const std::uint32_t now = scene_.find_body(name);
+    if (now == kNone || name == reshaped || !is_cloud(scene_.bodies()[now])) continue;
     if (received.cloud && received.cloud->surface->edge() != scene_.bodies()[now].voxel) continue;
     received.body = now;
     next.scene = std::make_shared<const engine::Scene>(next.scene->with_points(now, received.cloud));

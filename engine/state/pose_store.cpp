@@ -258,7 +258,7 @@ void PoseStore::check_not_late(const StampMarks& marks, std::uint32_t id, const 
 PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                                 std::uint64_t publisher) {
   check_stamp(stamp_ns);
-  const std::lock_guard lock(writers_);
+  const auto lock = lock_for_update();
   for (const BodyPose& p : poses) {
     if (p.body >= scene_.bodies().size()) continue;
     const Body& body = scene_.bodies()[p.body];
@@ -299,57 +299,20 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
   return result;
 }
 
-void PoseStore::take_over(const PoseStore& old_store) {
-  const std::scoped_lock lock(writers_, old_store.writers_);
-  const PoseSnapshot& old = *old_store.current_;  // safe to read: the old store's writers are locked out
-  out_of_range_ += old_store.out_of_range_;
-  late_ += old_store.late_;
-  const std::shared_ptr<PoseSnapshot> next = copy();
-  const std::vector<Body>&bodies = scene_.bodies(), &old_bodies = old_store.scene_.bodies();
-  std::vector<std::uint32_t> ids(old_bodies.size(), kNone);
-  std::vector<std::uint8_t> keeps(bodies.size(), 0);
-  const auto follows = [&](std::uint32_t body, std::uint32_t leader) {
-    for (std::uint32_t b = body; b != kNone; b = next->parent[b])
-      if (b == leader) return true;
-    return false;
-  };
-  for (std::uint32_t was = 0; was < old_bodies.size(); ++was) {
-    const std::uint32_t now = scene_.find_body(old_bodies[was].name);
-    if (now == kNone) continue;
-    ids[was] = now;
-    marks_.take_over(now, old_store.marks_, was);
-    points_marks_.take_over(now, old_store.points_marks_, was);
-    if (bodies[now].is_static || bodies[now].robot != kNone || old.receipt_ns[was] == 0) continue;
-    const std::uint32_t leader = old.parent[was] == kNone ? kNone : scene_.find_body(old_bodies[old.parent[was]].name);
-    if (old.parent[was] != kNone && leader == kNone) continue;  // its parent is gone, so its pose has no frame
-    if (leader != next->parent[now]) {
-      if (leader != kNone && follows(leader, now)) continue;
-      next->parent[now] = leader;
-    }
-    keeps[now] = leader != kNone;
-    next->local[now] = old.local[was];
-    next->given[now] = old.given[was];
-    next->stamp_ns[now] = old.stamp_ns[was];
-    next->receipt_ns[now] = old.receipt_ns[was];
-    next->sequence[now] = old.sequence[was];
-  }
-  changes_.clear();
-  take_over_joints(old_store, *next);
-  take_over_points(old_store, *next);
-  IgnoredPairs ignored(scene_);
-  ignored.take_over(*old.ignored, old_store.scene_, ids, keeps, scene_);
-  next->ignored = std::make_shared<const IgnoredPairs>(std::move(ignored));
-  history_->replaced(*old_store.history_, old.scene_revision, {old_store.scene_, old.parent, old.ignored->all()},
-                     {scene_, next->parent, next->ignored->all()});
-  enable_pairs(*next);
-  next->place_again(*next->order);
-  next->revision = old.revision + 1;
-  publish(next);
+std::unique_lock<std::mutex> PoseStore::lock_for_update() {
+  std::unique_lock lock(writers_);
+  if (is_stopped_) throw UpdatesStopped();
+  return lock;
+}
+
+void PoseStore::stop_updates(bool stop) {
+  const std::lock_guard lock(writers_);
+  is_stopped_ = stop;
 }
 
 PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, const Pose* X_pc,
                                    std::span<const std::uint32_t> allow) {
-  const std::lock_guard lock(writers_);
+  const auto lock = lock_for_update();
   const std::shared_ptr<PoseSnapshot> next = copy();
   const auto& bodies = scene_.bodies();
   const auto reject = [](const std::string& why) {
@@ -396,7 +359,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
 }
 
 PoseUpdateResult PoseStore::allow(std::uint32_t a, std::uint32_t b, bool allow) {
-  const std::lock_guard lock(writers_);
+  const auto lock = lock_for_update();
   IgnoredPairs ignored = *snapshot()->ignored;
   allow ? ignored.allow(a, b, scene_) : ignored.forbid(a, b, scene_);
   const std::shared_ptr<PoseSnapshot> next = copy();

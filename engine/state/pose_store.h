@@ -9,6 +9,7 @@
 #include <optional>
 #include <span>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "engine/base/query_error.h"
@@ -104,7 +105,10 @@ class PoseStore {
   PoseUpdateResult set_points(std::uint32_t body, std::span<const CloudPoint> points, std::optional<double> radius,
                               std::int64_t stamp_ns, std::int64_t sequence, std::uint64_t publisher);
   /// Takes over updates and attachments since `old` was loaded, for bodies whose names are in both scenes.
-  void take_over(const PoseStore& old);
+  /// \param reshaped body whose shape was replaced, and with it the points received; or empty
+  void take_over(const PoseStore& old, std::string_view reshaped = {});
+  /// Makes updates throw UpdatesStopped, or accepts them again.
+  void stop_updates(bool stop);
   void check_stamp(std::int64_t stamp_ns) const;
   std::uint64_t stamps_out_of_range() const { return out_of_range_; }
   std::uint64_t stamps_late() const { return late_; }
@@ -119,6 +123,8 @@ class PoseStore {
     std::mutex mutex;
     std::vector<std::unique_ptr<PoseSnapshot>> snapshots;
   };
+  std::unique_lock<std::mutex> lock_for_update();
+  std::vector<std::uint32_t> take_over_poses(const PoseStore& old_store, PoseSnapshot& next);
   std::shared_ptr<PoseSnapshot> copy();
   bool catch_up(PoseSnapshot& old, const PoseSnapshot& current);
   void record_changes(std::vector<std::uint32_t> changed);
@@ -126,7 +132,7 @@ class PoseStore {
   void publish(std::shared_ptr<PoseSnapshot> next);
   void check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name, std::int64_t stamp_ns,
                       std::uint64_t publisher);
-  void take_over_points(const PoseStore& old_store, PoseSnapshot& next);
+  void take_over_points(const PoseStore& old_store, PoseSnapshot& next, std::string_view reshaped);
   static void note_points(PoseSnapshot& next, ReceivedPoints received);
   void take_over_joints(const PoseStore& old_store, PoseSnapshot& next);
 
@@ -135,6 +141,7 @@ class PoseStore {
   mutable std::atomic<std::uint64_t> out_of_range_{0};  // number of stamps
   std::atomic<std::uint64_t> late_{0};
   mutable std::mutex writers_;  // guards the following members
+  bool is_stopped_ = false;
   StampMarks marks_, joint_marks_, points_marks_;
   std::shared_ptr<SceneHistory> history_ = std::make_shared<SceneHistory>();
   std::deque<std::vector<std::uint32_t>> changes_;  // bodies changed by the newest revisions, newest last

@@ -7,26 +7,6 @@
 
 namespace clearance {
 
-namespace {
-
-void append(engine::Scene& scene, const AddedBody& added) {
-  Body body = added.body;
-  if (!added.parent.empty()) {
-    body.parent = scene.find_body(added.parent);
-    if (body.parent == kNone)
-      throw engine::SceneError("body \"" + body.name + "\": parent: there is no body \"" + added.parent + "\"");
-  }
-  scene.add_body(std::move(body));
-}
-
-}  // namespace
-
-engine::Scene SceneParts::whole() const {
-  engine::Scene scene = *file;  // convex parts are shared, not copied
-  for (const AddedBody& body : added) append(scene, body);
-  return scene;
-}
-
 Reloader::~Reloader() {
   if (thread_.joinable()) thread_.join();
 }
@@ -59,7 +39,7 @@ void Reloader::begin(const std::shared_ptr<engine::Engine>& current, const Scene
   } else if (!edits_.empty()) {
     outcome_.edit = ++edits_begun_;
     start([this, current = current, parts = parts, edit = std::move(edits_.front())]() mutable {
-      if (!parts.file) parts.file = std::make_shared<const engine::Scene>(current->scene());
+      if (!parts.loaded) parts.loaded = std::make_shared<const engine::Scene>(current->scene());
       current.reset();  // its memory may be freed while the new one is made
       const std::size_t before = parts.added.size();
       edit(parts);
@@ -75,17 +55,10 @@ void Reloader::begin(const std::shared_ptr<engine::Engine>& current, const Scene
 
 void Reloader::load(SceneParts parts) {
   outcome_.engine = make_();
-  if (parts.added.empty()) return;
-  SceneParts fresh{std::make_shared<const engine::Scene>(outcome_.engine->scene()), {}};
-  engine::Scene scene = *fresh.file;
-  for (const AddedBody& body : parts.added) try {
-      append(scene, body);
-      fresh.added.push_back(body);
-    } catch (const engine::SceneError& error) {
-      outcome_.left_out += (outcome_.left_out.empty() ? "" : "; ") + std::string(error.what());
-    }
-  outcome_.engine = build_(std::move(scene));
-  outcome_.parts = std::move(fresh);
+  if (parts.added.empty() && parts.reshaped.empty()) return;
+  parts.loaded = std::make_shared<const engine::Scene>(outcome_.engine->scene());
+  outcome_.engine = build_(parts.whole_as_far_as_possible(outcome_.left_out));
+  outcome_.parts = std::move(parts);
 }
 
 template <class Work>

@@ -12,25 +12,11 @@
 #include <thread>
 #include <vector>
 
+#include "engine/editor/scene_parts.h"
 #include "engine/engine.h"
 #include "engine/scene/mesh_warning.h"
 
 namespace clearance {
-
-/// A body added while the daemon runs.
-struct AddedBody {
-  Body body;           ///< geometry and initial pose; no parent, whose id may change
-  std::string parent;  ///< initial parent, or empty
-};
-
-/// Parts of a scene: the bodies of a file and, behind them so that those keep their ids, the added ones.
-struct SceneParts {
-  std::shared_ptr<const engine::Scene> file;  ///< if nothing was added null, as the engine has the file's scene
-  std::vector<AddedBody> added;
-
-  /// Returns the whole scene. Throws SceneError for a name that is taken or a missing parent.
-  engine::Scene whole() const;
-};
 
 class Reloader {
  public:
@@ -38,7 +24,7 @@ class Reloader {
   using Make = std::function<std::unique_ptr<engine::Engine>()>;
   /// Makes an engine of a scene. On the reloader's thread.
   using Build = std::function<std::unique_ptr<engine::Engine>(engine::Scene)>;
-  /// Changes the parts, in which `file` is set, on the reloader's thread. An exception is the outcome's error.
+  /// Changes the parts, in which `loaded` is set, on the reloader's thread. An exception is the outcome's error.
   using Edit = std::function<void(SceneParts& parts)>;
 
   struct Outcome {
@@ -50,7 +36,7 @@ class Reloader {
     std::uint64_t load = 0;             ///< number of a load, from 1, or 0
     std::uint64_t edit = 0;             ///< number of an edit, from 1, or 0
     std::vector<MeshWarning> warnings;  ///< of a load, or of the body that an edit added
-    std::string left_out;               ///< of a load: added bodies that do not fit the file any more, and why
+    std::string left_out;               ///< of a load: changes that do not fit the file any more, and why
   };
 
   /// @param build null if edits are rejected

@@ -4,6 +4,7 @@
 #include <array>
 #include <cstring>
 #include <iterator>
+#include <utility>
 
 #include "server/base/log.h"
 #include "server/base/log_text.h"
@@ -16,106 +17,51 @@ namespace {
 using wire::ErrorCode;
 
 /// Copy of a body's shape as a client sent it.
-struct NewGeometry {
-  std::vector<Vec3d> vertices;
-  std::vector<Triangle> triangles;
-  std::vector<CloudPoint> points;
-  MeshAs mesh_as;
+NewShape shape_of(const wire::NewBodyParts& parts) {
+  static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
+  const auto& [x, y, z] = parts.record.size;
+  NewShape shape{static_cast<wire::BodyShape>(parts.record.shape), {x, y, z}};
+  shape.vertices.resize(parts.vertices.size());
+  shape.triangles.resize(parts.triangles.size());
+  shape.mesh_as = parts.mesh_as;
+  shape.points.resize(parts.points.size());
+  if (!shape.vertices.empty()) std::memcpy(shape.vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
+  if (!shape.triangles.empty())
+    std::memcpy(shape.triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
+  if (!shape.points.empty()) std::memcpy(shape.points.data(), parts.points.data(), parts.points.size_bytes());
+  return shape;
+}
 
-  explicit NewGeometry(const wire::NewBodyParts& parts)
-      : vertices(parts.vertices.size()),
-        triangles(parts.triangles.size()),
-        points(parts.points.size()),
-        mesh_as(parts.mesh_as) {
-    static_assert(sizeof(Vec3d) == sizeof(wire::VertexRecord) && sizeof(Triangle) == sizeof(wire::TriangleRecord));
-    if (!vertices.empty()) std::memcpy(vertices.data(), parts.vertices.data(), parts.vertices.size_bytes());
-    if (!triangles.empty()) std::memcpy(triangles.data(), parts.triangles.data(), parts.triangles.size_bytes());
-    if (!points.empty()) std::memcpy(points.data(), parts.points.data(), parts.points.size_bytes());
-  }
-};
-
-/// Body as a client describes it. Throws SceneError.
-/// @param geometry vertices and triangles of a hull or mesh, or points of a cloud
-Body body_of(const wire::NewBodyRecord& record, const wire::BodyUncertaintyRecord& uncertainties,
-             const NewGeometry& geometry) {
-  const std::string name = wire::name_of(record.name);
+engine::Scene::BodyOptions options_of(const wire::NewBodyParts& parts, std::string parent) {
   engine::Scene::BodyOptions options;
-  options.uncertainty = {uncertainties.uncertainty_position, uncertainties.uncertainty_angle};
-  options.padding = uncertainties.padding;
-  options.max_speed = uncertainties.max_speed;
-  options.radius = record.radius;
-  options.is_static = record.is_static;
-  if (record.has_pose) {
+  options.parent = std::move(parent);
+  options.uncertainty = {parts.uncertainties.uncertainty_position, parts.uncertainties.uncertainty_angle};
+  options.padding = parts.uncertainties.padding;
+  options.max_speed = parts.uncertainties.max_speed;
+  options.radius = parts.record.radius;
+  options.is_static = parts.record.is_static;
+  if (parts.record.has_pose) {
     options.pose.emplace();
-    static_assert(sizeof record.pose == sizeof(Pose));
-    std::memcpy(&*options.pose, record.pose, sizeof record.pose);
+    static_assert(sizeof parts.record.pose == sizeof(Pose));
+    std::memcpy(&*options.pose, parts.record.pose, sizeof parts.record.pose);
   }
-  engine::Scene alone;
-  switch (static_cast<wire::BodyShape>(record.shape)) {
-    case wire::BodyShape::kHull:
-      if (geometry.triangles.empty())
-        alone.add_hull(name, geometry.vertices, options);
-      else
-        alone.add_mesh(name, geometry.vertices, geometry.triangles, geometry.mesh_as, options);
-      break;
-    case wire::BodyShape::kBox:
-      alone.add_box(name, {record.size[0], record.size[1], record.size[2]}, options);
-      break;
-    case wire::BodyShape::kSphere:
-      alone.add_sphere(name, record.size[0], options);
-      break;
-    case wire::BodyShape::kCapsule:
-      alone.add_capsule(name, record.size[0], record.size[1], options);
-      break;
-    case wire::BodyShape::kCylinder:
-      alone.add_cylinder(name, record.size[0], record.size[1], options);
-      break;
-    case wire::BodyShape::kCone:
-      alone.add_cone(name, record.size[0], record.size[1], options);
-      break;
-    case wire::BodyShape::kEllipsoid:
-      alone.add_ellipsoid(name, {record.size[0], record.size[1], record.size[2]}, options);
-      break;
-    case wire::BodyShape::kHalfSpace:
-      alone.add_half_space(name, options);
-      break;
-    case wire::BodyShape::kCloud:
-      alone.add_points(name, geometry.points, record.size[0], options);
-      break;
-  }
-  Body body = alone.bodies()[0];
-  if (!record.has_pose) body.pose.reset();
-  return body;
+  return options;
 }
 
 /// Adds a body up to the limit. Throws SceneError.
 Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std::uint32_t most) {
-  return [record = parts.record, uncertainties = parts.uncertainties, geometry = NewGeometry(parts),
-          parent = std::move(parent), most](SceneParts& scene) {
+  return [name = wire::name_of(parts.record.name), shape = shape_of(parts),
+          options = options_of(parts, std::move(parent)), most](SceneParts& scene) {
     if (scene.added.size() >= most)
       throw engine::SceneError("add_body: " + std::to_string(most) +
                                " bodies were added already, the maximum (limit max-added-bodies)");
-    scene.added.push_back({body_of(record, uncertainties, geometry), parent});
+    scene.added.push_back(make_body(name, shape, options));
   };
 }
 
-/// Removes an added body. Throws SceneError.
-Reloader::Edit removal(const std::string& name) {
-  return [name](SceneParts& scene) {
-    const auto found = std::find_if(scene.added.begin(), scene.added.end(),
-                                    [&](const AddedBody& added) { return added.body.name == name; });
-    if (found == scene.added.end())
-      throw engine::SceneError("remove_body: \"" + name + "\" " +
-                               (scene.file->find_body(name) == kNone
-                                    ? "is not in the scene"
-                                    : "belongs to the scene file: change the file, and reload it"));
-    scene.added.erase(found);
-    for (AddedBody& other : scene.added)  // former children, detached since: see why_not()
-      if (other.parent == name) {
-        other.parent.clear();
-        other.body.pose.reset();
-      }
-  };
+Reloader::Edit reshaping(const wire::NewBodyParts& parts) {
+  return [name = wire::name_of(parts.record.name), shape = shape_of(parts),
+          radius = parts.record.radius](SceneParts& scene) { scene.reshape(name, shape, radius); };
 }
 
 }  // namespace
@@ -146,12 +92,12 @@ void SceneChanges::request_reload(Request& request) {
   reloader_->request();
 }
 
-void SceneChanges::begin_edit(Request& request, const std::string& name, bool removes, Reloader::Edit edit) {
+void SceneChanges::begin_edit(Request& request, const std::string& name, Change change, Reloader::Edit edit) {
   if (!reloader_ || !reloader_->can_edit())
     throw RejectedRequest{ErrorCode::kNotSupported, "bodies can be neither added nor removed here"};
   quotas_.check_requests(request.sink->client());
   const std::uint64_t number = reloader_->push(std::move(edit));
-  let_wait(request, {.pending = {}, .edit = number, .name = name, .removes = removes});
+  let_wait(request, {.pending = {}, .edit = number, .name = name, .change = change});
 }
 
 void SceneChanges::add_body(Request& request) {
@@ -159,14 +105,19 @@ void SceneChanges::add_body(Request& request) {
   const wire::NewBodyParts parts = wire::parse_new_body(split.body, split.records);
   answers_.check_epoch(request.header, parts.epoch);
   stats_.records_ignored += parts.passed_over.size();
+  check_size(parts);
+  const std::string name = wire::name_of(parts.record.name);
+  if (parts.replaces) {
+    check_scene(*engine_, request.header, std::array{engine_->scene().find_body(name)});
+    return begin_edit(request, name, Change::kReshape, reshaping(parts));
+  }
   const std::uint32_t parent = parts.record.parent;
   if (parent != kNone) check_scene(*engine_, request.header, std::array{parent});
   const auto& bodies = engine_->scene().bodies();
   if (parent != kNone && parent >= bodies.size())
     throw RejectedRequest{ErrorCode::kBadQuery,
                           "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
-  check_size(parts);
-  begin_edit(request, wire::name_of(parts.record.name), false,
+  begin_edit(request, name, Change::kAdd,
              addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
 }
 
@@ -185,7 +136,7 @@ void SceneChanges::check_size(const wire::NewBodyParts& parts) const {
 void SceneChanges::remove_body(Request& request) {
   const std::string name = wire::name_of(wire::parse_remove_body(request.payload).name);
   check_scene(*engine_, request.header, std::array{engine_->scene().find_body(name)});
-  begin_edit(request, name, true, removal(name));
+  begin_edit(request, name, Change::kRemove, [name](SceneParts& scene) { scene.remove(name); });
 }
 
 // --- ends of changes
@@ -207,7 +158,8 @@ bool SceneChanges::end(Reloader::Outcome& outcome) {
         outcome.bad_input = true;
         outcome.error = std::move(why);
       }
-  const bool is_new = install(outcome);
+  const auto reshapes = std::ranges::find(waiters, Change::kReshape, &Waiter::change);
+  const bool is_new = install(outcome, reshapes == waiters.end() ? "" : reshapes->name);
   for (Waiter& waiter : waiters) answer(waiter, outcome);
   return is_new;
 }
@@ -225,16 +177,12 @@ std::vector<SceneChanges::Waiter> SceneChanges::take_waiters(const Reloader::Out
 
 /// Reason for which a body cannot be removed now, or empty.
 std::string SceneChanges::why_not(const Waiter& waiter) const {
-  if (!waiter.removes) return "";
-  const auto& bodies = engine_->scene().bodies();
-  const std::uint32_t gone = engine_->scene().find_body(waiter.name);
-  for (std::uint32_t i = 0; i < bodies.size(); ++i)
-    if (engine_->body_state(i).parent == gone)
-      return "remove_body: \"" + bodies[i].name + "\" follows \"" + waiter.name + "\": detach it first";
-  return "";
+  if (waiter.change != Change::kRemove) return "";
+  return why_not_removed(engine_->scene(), waiter.name,
+                         [this](std::uint32_t body) { return engine_->body_state(body).parent; });
 }
 
-bool SceneChanges::install(Reloader::Outcome& outcome) {
+bool SceneChanges::install(Reloader::Outcome& outcome, std::string_view reshaped) {
   const char* what = outcome.edit ? "scene_edit" : "reload";
   if (!outcome.engine) {
     ++stats_[std::string(what) + "s.failed"];
@@ -244,7 +192,7 @@ bool SceneChanges::install(Reloader::Outcome& outcome) {
       log::error("event=reload_failed seconds={:.3f} error=\"{}\"", outcome.seconds, log_text(outcome.error));
     return false;
   }
-  outcome.engine->take_poses(*engine_);
+  outcome.engine->take_poses(*engine_, reshaped);
   engine_ = std::move(outcome.engine);
   parts_ = std::move(outcome.parts);
   ++stats_[std::string(what) + "s"];
@@ -274,7 +222,7 @@ void SceneChanges::answer(Waiter& waiter, const Reloader::Outcome& outcome) {
 
 std::size_t SceneChanges::drop_gone() {
   return std::erase_if(waiters_, [](const Waiter& waiter) {
-    return !waiter.pending.sink->alive() && !waiter.removes;  // a removal is checked once more: why_not()
+    return !waiter.pending.sink->alive() && waiter.change == Change::kAdd;  // end() needs those of the others
   });
 }
 

@@ -1,9 +1,10 @@
-// Changes of the scene while the daemon runs: reloading it, adding and removing bodies. Each is made in the background
+// Changes of the scene while the daemon runs: reloading it, adding, removing and replacing bodies. Each is made in the background
 // while the old engine serves, and answered once the new engine has taken over.
 #pragma once
 
 #include <memory>
 #include <string>
+#include <string_view>
 #include <vector>
 
 #include "server/core/reloader.h"
@@ -37,7 +38,7 @@ class SceneChanges {
 
   // Requests. They take the sink, which is answered later, unless they throw RejectedRequest.
   void request_reload(Request& request);
-  void add_body(Request& request);
+  void add_body(Request& request);  ///< or replaces the shape of one
   void remove_body(Request& request);
 
   /// Installs the engine of a finished change, answers its requests, and begins the next change. Returns whether the
@@ -50,20 +51,21 @@ class SceneChanges {
   std::size_t waiting() const { return waiters_.size(); }
 
  private:
+  enum class Change : std::uint8_t { kAdd, kRemove, kReshape };
   /// A request answered when the load or edit of this number has ended.
   struct Waiter {
     PendingRequest pending;
     std::uint64_t load = 0, edit = 0;  ///< one of them is 0
-    std::string name;                  ///< of the added or removed body
-    bool removes = false;
+    std::string name;                  ///< of the body
+    Change change = Change::kAdd;      ///< of an edit
   };
   void check_size(const wire::NewBodyParts& parts) const;
-  void begin_edit(Request& request, const std::string& name, bool removes, Reloader::Edit edit);
+  void begin_edit(Request& request, const std::string& name, Change change, Reloader::Edit edit);
   void let_wait(Request& request, Waiter waiter);
   std::vector<Waiter> take_waiters(const Reloader::Outcome& outcome);
   std::string why_not(const Waiter& waiter) const;
   bool end(Reloader::Outcome& outcome);
-  bool install(Reloader::Outcome& outcome);
+  bool install(Reloader::Outcome& outcome, std::string_view reshaped);
   void answer(Waiter& waiter, const Reloader::Outcome& outcome);
 
   std::shared_ptr<engine::Engine>& engine_;

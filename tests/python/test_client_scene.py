@@ -61,7 +61,7 @@ def test_bodies_come_and_go(start_daemon, cell, tmp_path):
 
         with pytest.raises(clearance.QueryError, match="is already that of a body"):
             client.add_body("mug", sphere=1.0)
-        with pytest.raises(clearance.QueryError, match="belongs to the scene file"):
+        with pytest.raises(clearance.QueryError, match="was loaded with the scene"):
             client.remove_body("wall")
         with pytest.raises(ValueError, match="capsule, cylinder, cone, ellipsoid, half_space, points, got none"):
             client.add_body("thing")

@@ -116,7 +116,7 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   change(box_frame("crate"));
   change(box_frame("lid", 4));
   EXPECT_EQ(rejection(remove_frame("cup")),
-            "remove_body: \"cup\" belongs to the scene file: change the file, and reload it");
+            "remove_body: \"cup\" was loaded with the scene: only added bodies can be removed");
   EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
   EXPECT_EQ(rejection(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
   loop_->engine().attach(5, kNone);

@@ -110,7 +110,7 @@ TEST_F(CommandLine, BodiesComeAndGo) {
       {{"scene", "remove", "ball"}, 1, "clearance: remove_body: \"ball\" is not in the scene\n"},
       {{"scene", "remove", "cup"},
        1,
-       "clearance: remove_body: \"cup\" belongs to the scene file: change the file, and reload it\n"},
+       "clearance: remove_body: \"cup\" was loaded with the scene: only added bodies can be removed\n"},
       {{"scene", "add", "mug", "--sphere", "1"}, 1, "clearance: body name \"mug\" is already that of a body\n"},
       {{"scene", "add", "x", "--sphere", "-1"},
        1,

@@ -322,10 +322,11 @@ class PyClient {
   /// \param uncertainties of position and angle, padding, max_speed
   /// \param triangles (T, 3) of a mesh, otherwise empty
   /// \param cloud (N, 3) points, otherwise empty
+  /// \param replaces whether shape and radius replace those of a body
   nb::tuple add_body(const std::string& name, const std::string& shape, const VertexRows& numbers, double radius,
                      std::uint32_t parent, bool is_static, const std::optional<PoseRows>& pose,
                      const std::array<double, 4>& uncertainties, const TriangleRows& triangles, int mesh_as,
-                     const CloudRows& cloud) const {
+                     const CloudRows& cloud, bool replaces) const {
     const auto* rows = reinterpret_cast<const std::array<double, 3>*>(numbers.data());
     NewBody body;
     body.name = name;
@@ -351,7 +352,7 @@ class PyClient {
     body.padding = uncertainties[2];
     body.max_speed = uncertainties[3];
     if (pose) std::copy_n(pose->data(), 7, body.pose.emplace().begin());
-    return changed(use().with([&](Client& client) { return client.add_body(body); }));
+    return changed(use().with([&](Client& client) { return replaces ? client.replace(body) : client.add_body(body); }));
   }
   nb::tuple remove_body(const std::string& name) const {
     return changed(use().with([&](Client& client) { return client.remove_body(name); }));
@@ -458,7 +459,7 @@ NB_MODULE(_client, m) {
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
            nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
-           nb::arg("mesh_as"), nb::arg("cloud"))
+           nb::arg("mesh_as"), nb::arg("cloud"), nb::arg("replaces"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))
       .def("body_states", &PyClient::body_states)

@@ -55,6 +55,7 @@ struct Query : QueryOptions {
   std::optional<PairMargins> pair_margins;
   std::optional<PositionRow> weights;  ///< (J,)
   bool points_by_default;              ///< whether to add points and normal if there are few rows
+  std::uint64_t scene_revision = 0;    ///< in process: that of the ids; 0 for the present one
 };
 
 /// Copies the margins and weights of a query to a type with such members.
@@ -110,6 +111,7 @@ inline void bind_query(nb::module_& m) {
       },
       nb::arg("configurations").none(), nb::arg("positions").none(),
       "The same in other configurations, whose shapes are for the caller to have checked.");
+  query.def_rw("scene_revision", &Query::scene_revision);
   query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
   query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
   query.def("set_weights", [](Query& q, PositionRow weights) { q.weights = std::move(weights); });

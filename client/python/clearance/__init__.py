@@ -33,7 +33,7 @@ from ._errors import (
     SceneError,
     TimeoutError,
 )
-from ._front import BodyState, SceneChanged
+from ._front import BodyState
 from ._future import Future
 from ._joints import Joints, JointState
 from ._limits import LimitViolation
@@ -42,6 +42,7 @@ from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._prepared import Prepared
 from ._result import Check, Result
+from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status

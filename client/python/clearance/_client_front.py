@@ -4,34 +4,25 @@ from __future__ import annotations
 
 import concurrent.futures
 import os
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, Optional, Union
+from collections.abc import Sequence
+from typing import Any, Optional, Union
 
 import numpy as np
 
 from . import _client
-from ._arguments import (
-    to_bool,
-    to_doubts,
-    to_number,
-    to_number_from_0,
-    to_path,
-    to_shape,
-    to_text,
-    to_word,
-)
+from ._arguments import ShapeArgument, to_number_from_0, to_path, to_text
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front, Pairs, SceneChanged
+from ._front import BodyState, Front, Pairs
 from ._future import Future
 from ._joints import JointsRef
 from ._names import BodyInfo, BodyRef, NameTable
 from ._plan_arguments import plan_query
-from ._poses import as_first_pose
 from ._query import Query
 from ._remote_plan import RemotePlan
 from ._result import Result
+from ._scene_changes import NewBody, SceneChanged
 from ._updates import UpdateResult
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, MeshAsWord, Reduce, ReduceWord, Status
+from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, ReduceWord, Status
 from .wire import ErrorCode
 
 
@@ -150,85 +141,6 @@ class Client(Front):
         RequestError with the code RELOAD_FAILED and the loader's message. timeout_s applies to this call only.
         """
         return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
-
-    def add_body(
-        self,
-        name: str,
-        vertices: Any = None,
-        *,
-        mesh: Any = None,
-        box: Any = None,
-        sphere: Optional[float] = None,
-        capsule: Any = None,
-        cylinder: Any = None,
-        cone: Any = None,
-        ellipsoid: Any = None,
-        half_space: bool = False,
-        points: Any = None,
-        voxel: float = 0.0,
-        radius: float = 0.0,
-        parent: Optional[BodyRef] = None,
-        static: bool = False,
-        pose: Any = None,
-        uncertainty: Optional[Mapping[str, float]] = None,
-        padding: float = 0.0,
-        max_speed: float = 0.0,
-        mesh_as: MeshAsWord = "auto",
-    ) -> SceneChanged:
-        """Adds a body at run time (for example a grasped object), and waits until the scene contains it.
-
-        vertices: (V, 3) metres in the body's frame; the shape is their hull. Or one of mesh: a pair of such
-            vertices and (T, 3) indices of them, box: (x, y, z) edge lengths, sphere: radius, capsule,
-            cylinder and cone: (radius, length), ellipsoid: (x, y, z) half axes, half_space: True, points: (N, 3) of a
-            cloud, which set_points() replaces, as in clearance.Scene.
-        voxel: metres, for a cloud; above 0, boxes of this edge around the points are the body.
-        mesh_as: body made from a mesh: "hull", "surface" (its triangles), "solid" (the volume that they enclose, for
-            a closed mesh), or "auto": the hull of a convex or an open mesh, otherwise a solid.
-        radius: metres, grows the shape.
-        parent: name or id of the body that it follows.
-        pose: X_world_body, or X_parent_body with a parent. Default: the identity with a parent or static, otherwise
-            none until one arrives. Warns (PoseWarning) of a quaternion that looks like x, y, z, w.
-        uncertainty: {"position": metres, "angle": radians}, bounds on the error of its pose; padding: metres of
-            growth; max_speed: metres per second, a bound on the speed of its points. As in a scene file; the bounds of
-            answers include all of these.
-
-        The body gets the next id; the others keep their ids and poses. Running queries finish on the scene that they
-        started with. Raises QueryError for a name in use, an invalid shape or too many bodies; ValueError and TypeError
-        for a wrong argument.
-        """
-        shape = to_shape(
-            mesh_as, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
-            cone=cone, ellipsoid=ellipsoid, half_space=half_space, points=points,
-        )  # fmt: skip
-        parent_id = NONE if parent is None else self._names.body(parent, "parent")
-        row = None if pose is None else as_first_pose(pose, "pose").reshape(1, 7)
-        return self._changed(
-            *self._guarded(
-                self._use().add_body,
-                to_text(name, "name"),
-                shape.kind,
-                shape.numbers,
-                to_number(radius, "radius"),
-                parent_id,
-                to_bool(static, "static"),
-                row,
-                to_doubts(uncertainty, padding, max_speed),
-                shape.triangles,
-                shape.mesh_as,
-                shape.cloud,
-            )
-        )
-
-    def remove_body(self, name: str) -> SceneChanged:
-        """Removes a body that add_body() added. The ids of bodies added after it change.
-
-        Raises QueryError for any other body, and for the parent of another body.
-        """
-        return self._changed(*self._guarded(self._use().remove_body, to_text(name, "name")))
-
-    def _changed(self, revision: int, body_count: int, body: int, seconds: float) -> SceneChanged:
-        self._names_cache = None
-        return SceneChanged(revision, body_count, None if body == NONE else body, seconds)
 
     def plan_on_device(
         self,
@@ -358,7 +270,11 @@ class Client(Front):
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return self._guarded(pending.answer)
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+    # The connection sends the scene revision of its own copy of the scene, and needs none of these.
+
+    def _send_poses(
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+    ) -> UpdateResult:
         return UpdateResult(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
@@ -368,17 +284,30 @@ class Client(Front):
         return UpdateResult(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
 
     def _send_points(
-        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
+        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int
     ) -> UpdateResult:
         return UpdateResult(*self._guarded(self._use().set_points, body, xyz, radius, stamp_ns, sequence))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
+    def _send_attach(
+        self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray, revision: int
+    ) -> UpdateResult:
         return UpdateResult(
             *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7), allow)
         )
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
+    def _send_allow(self, a: int, b: int, allow: bool, revision: int) -> UpdateResult:
         return UpdateResult(*self._guarded(self._use().allow, a, b, allow))
+
+    def _send_body(self, body: NewBody, revision: int) -> tuple[int, int, int, float]:
+        return self._guarded(self._use().add_body, *body, False)
+
+    def _send_shape(self, name: str, shape: ShapeArgument, radius: float) -> tuple[int, int, int, float]:
+        kind, numbers, triangles, mesh_as, cloud = shape
+        rest = NONE, False, None, (0.0, 0.0, 0.0, 0.0)
+        return self._guarded(self._use().add_body, name, kind, numbers, radius, *rest, triangles, mesh_as, cloud, True)
+
+    def _send_removal(self, name: str) -> tuple[int, int, int, float]:
+        return self._guarded(self._use().remove_body, name)
 
     def _guarded(self, call: Any, *args: Any) -> Any:
         """Calls, and discards the cached names if the daemon rejects the request for its scene."""

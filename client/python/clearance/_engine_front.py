@@ -11,7 +11,7 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import to_bool, to_count, to_integer, to_list, to_word
+from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_word
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import BodyState, Front, Pairs
@@ -21,6 +21,7 @@ from ._names import BodyRef, NameTable
 from ._plan_arguments import plan_query
 from ._query import POINTS_BY_DEFAULT, Query
 from ._scene import Scene, name_table
+from ._scene_changes import NewBody
 from ._updates import UpdateResult
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, ReduceWord, Status
 
@@ -135,11 +136,25 @@ class Engine(Front):
 
     # ---- required by Front ----------------------------------------------------------------------------------------
 
+    @property
+    def _names(self) -> NameTable:
+        # Another thread may have changed the scene while this one loaded the names.
+        names = self._names_cache
+        if names is None or names.revision != self._engine.scene_revision:
+            names = self._names_cache = self._load_names()
+        return names
+
     def _load_names(self) -> NameTable:
-        table = name_table(self._engine.scene, self._engine.scene_revision)
-        # The scene has the parents at load, the states the current ones.
-        bodies = [replace(body, parent=state.parent) for body, state in zip(table.bodies, self.body_states())]
-        return NameTable(table.revision, bodies, table.groups)
+        scene, revision, parents = self._engine.scene_state()
+        table = name_table(scene, revision)  # with the parents at load
+        bodies = [replace(b, parent=None if p == NONE else p) for b, p in zip(table.bodies, parents)]
+        return NameTable(revision, bodies, table.groups)
+
+    def _parse(self, *arguments: Any, **more: Any) -> Query:
+        revision = self._names.revision  # before names are resolved, so that a later change of their ids is found
+        query = super()._parse(*arguments, **more)
+        query.raw.scene_revision = revision
+        return query
 
     def _scene_revision(self) -> int:
         return self._engine.scene_revision
@@ -166,8 +181,10 @@ class Engine(Front):
         job = self._engine.start(query.raw, query.out_list())
         return EngineFuture(self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s)
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
-        return UpdateResult(*self._engine.set_poses(ids, poses, stamp_ns, sequence))
+    def _send_poses(
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+    ) -> UpdateResult:
+        return UpdateResult(*self._engine.set_poses(ids, poses, stamp_ns, sequence, revision))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         return self._engine.joints()
@@ -176,15 +193,27 @@ class Engine(Front):
         return UpdateResult(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
 
     def _send_points(
-        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
+        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int
     ) -> UpdateResult:
-        return UpdateResult(*self._engine.set_points(body, xyz, radius, stamp_ns, sequence))
+        return UpdateResult(*self._engine.set_points(body, xyz, radius, stamp_ns, sequence, revision))
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
-        return UpdateResult(*self._engine.attach(child, parent, None if pose is None else pose.reshape(1, 7), allow))
+    def _send_attach(
+        self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray, revision: int
+    ) -> UpdateResult:
+        row = None if pose is None else pose.reshape(1, 7)
+        return UpdateResult(*self._engine.attach(child, parent, row, allow, revision))
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
-        return UpdateResult(*self._engine.allow(a, b, allow))
+    def _send_allow(self, a: int, b: int, allow: bool, revision: int) -> UpdateResult:
+        return UpdateResult(*self._engine.allow(a, b, allow, revision))
+
+    def _send_body(self, body: NewBody, revision: int) -> tuple[int, int, int, float]:
+        return self._engine.add_body(*body, revision)
+
+    def _send_shape(self, name: str, shape: ShapeArgument, radius: float) -> tuple[int, int, int, float]:
+        return self._engine.replace(name, shape.kind, shape.numbers, radius, *shape[2:])
+
+    def _send_removal(self, name: str) -> tuple[int, int, int, float]:
+        return self._engine.remove_body(name)
 
     def __repr__(self) -> str:
         return f"<clearance.Engine {self.backend}: {len(self.bodies)} bodies>"

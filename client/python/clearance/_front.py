@@ -26,6 +26,7 @@ from ._names import BodyInfo, BodyRef, NameTable
 from ._prepared import Prepared, TableOf
 from ._query import Parser, Query
 from ._result import Check, Out, Result
+from ._scene_changes import SceneChanges
 from ._updates import Updates
 from ._words import Field, ModelWord, PrecisionWord, ReduceWord, Status
 
@@ -40,16 +41,6 @@ Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, Body
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16
 _CHECKED: Any = int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)  #: columns of check()
-
-
-@dataclass(frozen=True)
-class SceneChanged:
-    """The scene after a change."""
-
-    scene_revision: int
-    body_count: int
-    body: Optional[int]  #: the id of the body that was added
-    seconds: float  #: time to build the scene
 
 
 @dataclass(frozen=True)
@@ -76,7 +67,7 @@ def _takes_the_arguments_of(
     return decorate
 
 
-class Front(MotionQueries, Certificates, Updates, Parser):
+class Front(MotionQueries, Certificates, Updates, SceneChanges, Parser):
     """Methods of both clearance.Engine and clearance.Client."""
 
     _instead: str  #: how to use one in another process, for the error of pickling

@@ -33,7 +33,7 @@ class Updates:
 
     _names_cache: Optional[NameTable]
 
-    # ---- for subclasses -------------------------------------------------------------------------------------------
+    # ---- for subclasses; `revision` is the scene revision of the ids ----------------------------------------------
 
     @property
     def _names(self) -> NameTable:
@@ -43,21 +43,25 @@ class Updates:
     def _joint_table(self) -> JointTable:
         raise NotImplementedError
 
-    def _send_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+    def _send_poses(
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+    ) -> UpdateResult:
         raise NotImplementedError
 
     def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
         raise NotImplementedError
 
     def _send_points(
-        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int
+        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int
     ) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_attach(self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray) -> UpdateResult:
+    def _send_attach(
+        self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray, revision: int
+    ) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_allow(self, a: int, b: int, allow: bool) -> UpdateResult:
+    def _send_allow(self, a: int, b: int, allow: bool, revision: int) -> UpdateResult:
         raise NotImplementedError
 
     # ---- updates --------------------------------------------------------------------------------------------------
@@ -98,7 +102,8 @@ class Updates:
             ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
             if array.ndim != 2 or len(array) != len(ids):
                 raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
-        return self._send_poses(ids, array, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
+        stamp, number = to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence")
+        return self._send_poses(ids, array, stamp, number, names.revision)
 
     def set_points(
         self,
@@ -120,12 +125,14 @@ class Updates:
         coordinate that is not finite or beyond 1e9 m, too many points, and late stamps; ValueError for a wrong shape or
         an unknown name; TypeError for a wrong type.
         """
+        names = self._names
         return self._send_points(
-            self._names.body(body, "body"),
+            names.body(body, "body"),
             to_cloud(xyz, "xyz"),
             None if radius is None else to_number(radius, "radius"),
             to_integer(stamp_ns, "stamp_ns"),
             to_integer(sequence, "sequence"),
+            names.revision,
         )
 
     def set_joints(
@@ -165,12 +172,13 @@ class Updates:
 
         Raises QueryError for a cycle, a static child, or an unknown pose that is not given.
         """
-        child_id = self._names.body(child, "child")
-        parent_id = NONE if parent is None else self._names.body(parent, "parent")
+        names = self._names
+        child_id = names.body(child, "child")
+        parent_id = NONE if parent is None else names.body(parent, "parent")
         array = None if pose is None else as_one_pose(pose, "pose")
         others = to_list(allow, "allow", "a list of names or ids")
-        allowed = [self._names.selector(other, f"allow[{i}]") for i, other in enumerate(others)]
-        done = self._send_attach(child_id, parent_id, array, np.array(allowed, dtype=np.uint32))
+        allowed = [names.selector(other, f"allow[{i}]") for i, other in enumerate(others)]
+        done = self._send_attach(child_id, parent_id, array, np.array(allowed, dtype=np.uint32), names.revision)
         self._names_cache = None
         return done
 
@@ -190,6 +198,7 @@ class Updates:
         return self._allow(a, b, False)
 
     def _allow(self, a: BodyRef, b: BodyRef, allow: bool) -> UpdateResult:
-        done = self._send_allow(self._names.selector(a, "a"), self._names.selector(b, "b"), allow)
+        names = self._names
+        done = self._send_allow(names.selector(a, "a"), names.selector(b, "b"), allow, names.revision)
         self._names_cache = None
         return done

@@ -224,10 +224,11 @@ class Client:
         triangles: np.ndarray,
         mesh_as: int,
         cloud: np.ndarray,
+        replaces: bool,
     ) -> tuple:
         mesh = (triangles, mesh_as)
         return self._with(
-            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud
+            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud, replaces
         )
 
     def remove_body(self, name: str) -> tuple:

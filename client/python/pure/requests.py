@@ -32,6 +32,7 @@ _BODY_DOUBTS = 20  #: tag of the record of a new body with its uncertainty
 _BODY_TRIANGLES = 21  #: tag of a mesh's triangles, whose vertices are the body's
 _BODY_MESH_AS = 22  #: tag of the kind of body made from that mesh
 _BODY_POINTS = 23  #: tag of a cloud's points
+_BODY_REPLACE = 24  #: tag of a shape that replaces that of a body
 
 
 #: Upper bound on the size of a reply about a plan.
@@ -316,7 +317,7 @@ class Session:
     ) -> tuple:
         request_id = self._send(type, parts, scene_revision, records)
         if records:
-            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed, mesh"
+            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed, mesh, replace"
         frame = self._receive(request_id, "SCENE_CHANGED", limit_s)
         self._scene_is_old = self._changed_by_us = True
         change = self._whole(frame, "SceneChange")
@@ -343,8 +344,9 @@ class Session:
         triangles: np.ndarray,
         mesh_as: int,
         cloud: np.ndarray,
+        replaces: bool,
     ) -> tuple:
-        """Adds a body. shape: "mesh", or one of _SHAPES.
+        """Adds a body, or replaces the shape and radius of one. shape: "mesh", or one of _SHAPES.
 
         numbers: vertices (V, 3), or sizes (1, 3). doubts: uncertainty of position and angle, padding, max_speed.
         triangles: (T, 3) uint32 of a mesh, otherwise empty. cloud: (N, 3) float32 points, otherwise empty.
@@ -368,6 +370,8 @@ class Session:
             records += record(_BODY_MESH_AS, struct.pack("<B", mesh_as))
         if shape == "points":
             records += record(_BODY_POINTS, cloud.astype("<f4").tobytes())
+        if replaces:
+            records += record(_BODY_REPLACE, b"")
         return self._change_scene(FrameType.ADD_BODY, parts, self.connection.timeout_s, revision, records)
 
     def remove_body(self, name: str) -> tuple:
