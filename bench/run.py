@@ -96,6 +96,9 @@ SUITES = {
     "load": Suite(
         "Loading 1000 meshes without a cache, with an empty one and with a full one.",
         "bench/load/bench_load.py", "load", "--meshes 5 --runs 1"),
+    "changes": Suite(
+        "Changes of a scene in process, compared with new engines.",
+        "bench/load/bench_changes.py", "changes", "--bodies 10 --runs 3"),
     "tradeoff": Suite(
         "Time against accuracy for every setting of a query.",
         "build/bin/clearance-tradeoff", "tradeoff", "--brief --rounds 1 --steps 2", targets="clearance-tradeoff",

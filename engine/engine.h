@@ -107,6 +107,9 @@ class Engine {
   /// Whether body ids and group selectors of an older scene revision mean the same now. False for an unknown revision.
   /// \param with_parents also compares the bodies' parents, to which their poses are relative
   bool ids_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
+  /// The same for their names alone: a replaced shape does not count, and neither do bodies in a selector of all.
+  bool names_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
+                         bool with_parents) const;
   /// Whether joint ids of an older scene revision mean the same now, with the same limits.
   bool joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const;
   /// Takes over the received poses, joint positions and attachments of another engine for bodies with the same names,

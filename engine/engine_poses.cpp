@@ -71,6 +71,13 @@ bool Engine::ids_valid_since(std::uint64_t scene_revision, std::span<const std::
          snapshot->history->ids_valid_since(scene_revision, snapshot->scene_changes, selectors, with_parents);
 }
 
+bool Engine::names_valid_since(std::uint64_t scene_revision, std::span<const std::uint32_t> selectors,
+                               bool with_parents) const {
+  const auto snapshot = impl_->poses.snapshot();
+  return scene_revision == snapshot->scene_revision ||
+         snapshot->history->names_valid_since(scene_revision, selectors, with_parents);
+}
+
 bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std::uint32_t> joints) const {
   if (scene_revision == impl_->poses.snapshot()->scene_revision) return true;
   std::vector<std::uint32_t> links;  // one link of a robot represents all of its joints

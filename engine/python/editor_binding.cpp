@@ -47,7 +47,7 @@ NewShape new_shape(const std::string& shape, const PyEditor::VertexRows& numbers
 
 void check_ids(const engine::Engine& engine, std::uint64_t revision, std::span<const std::uint32_t> ids,
                bool with_parents) {
-  if (!engine.ids_valid_since(revision, ids, with_parents)) reject_scene(engine, revision);
+  if (!engine.names_valid_since(revision, ids, with_parents)) reject_scene(engine, revision);
 }
 
 void check_query_ids(const engine::Engine& engine, std::uint64_t revision, const QueryView& query) {

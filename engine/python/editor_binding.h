@@ -20,7 +20,7 @@
 
 namespace clearance::python {
 
-/// Throws QueryError if body ids or selectors of a scene revision mean something else in the engine's scene.
+/// Throws QueryError if body ids or selectors of a scene revision have other names in the engine's scene.
 void check_ids(const engine::Engine& engine, std::uint64_t revision, std::span<const std::uint32_t> ids,
                bool with_parents = false);
 /// The same for all ids of a query.

@@ -275,7 +275,7 @@ class PyEngine : public PyEditor {
     }
     const std::span<const std::uint32_t> allowed(allow.data(), allow.shape(0));
     return update([&](engine::Engine& engine) {
-      check_ids(engine, revision, {&child, 1}, true);
+      check_ids(engine, revision, {&child, 1});
       if (parent != kNone) check_ids(engine, revision, {&parent, 1});
       check_ids(engine, revision, allowed);
       return engine.attach(child, parent, pose ? &X_pc : nullptr, allowed);

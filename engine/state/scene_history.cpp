@@ -19,6 +19,12 @@ void mark(std::vector<std::uint64_t>& changes, std::uint32_t id, std::uint64_t c
   changes[id] = change;
 }
 
+/// Returns whether a body or group has the same name in two scenes.
+template <class T>
+bool same_name(const std::vector<T>& was, const std::vector<T>& is, std::uint32_t id) {
+  return id < was.size() && id < is.size() && was[id].name == is[id].name;
+}
+
 /// Returns whether the same joints place a body in the same way: no joints, or those of the same robot.
 bool same_joints(const engine::Scene& old_scene, const engine::Scene& scene, std::uint32_t id) {
   const std::uint32_t was = old_scene.bodies()[id].robot, is = scene.bodies()[id].robot;
@@ -97,6 +103,8 @@ void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision,
   body_changed_ = old.body_changed_;
   parent_changed_ = old.parent_changed_;
   group_changed_ = old.group_changed_;
+  body_renamed_ = old.body_renamed_;
+  group_renamed_ = old.group_renamed_;
   bodies_changed_ = old.bodies_changed_;
   pairs_ = old.pairs_;
   forgotten_ = old.forgotten_;
@@ -104,6 +112,7 @@ void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision,
 
   const std::size_t most = std::max(old_parents.size(), parents.size());
   for (std::uint32_t id = 0; id < most; ++id) {
+    if (!same_name(old_scene.bodies(), scene.bodies(), id)) mark(body_renamed_, id, changes_);
     if (!same_body(old_scene, scene, id)) {
       mark(body_changed_, id, changes_);
       bodies_changed_ = changes_;
@@ -113,12 +122,15 @@ void SceneHistory::replaced(const SceneHistory& old, std::uint64_t old_revision,
         if (parent != kNone) pairs_.push_back({changes_, std::min(id, parent), std::max(id, parent)});
     }
   }
-  const auto changed = [&](std::uint32_t id) { return at(body_changed_, id) == changes_; };
   const std::vector<Group>&was = old_scene.groups(), &is = scene.groups();
-  for (std::uint32_t g = 0; g < std::max(was.size(), is.size()); ++g)
-    if (g >= was.size() || g >= is.size() || was[g].name != is[g].name || was[g].bodies != is[g].bodies ||
-        std::any_of(is[g].bodies.begin(), is[g].bodies.end(), changed))
-      mark(group_changed_, g, changes_);
+  const auto mark_groups = [&](std::vector<std::uint64_t>& groups, const std::vector<std::uint64_t>& of_bodies) {
+    for (std::uint32_t g = 0; g < std::max(was.size(), is.size()); ++g)
+      if (!same_name(was, is, g) || was[g].bodies != is[g].bodies ||
+          std::ranges::any_of(is[g].bodies, [&](std::uint32_t id) { return at(of_bodies, id) == changes_; }))
+        mark(groups, g, changes_);
+  };
+  mark_groups(group_changed_, body_changed_);
+  mark_groups(group_renamed_, body_renamed_);
   note(changed_pairs(old_ignored, ignored));
   forget_old();
 }
@@ -154,6 +166,17 @@ bool SceneHistory::ids_valid_since(std::uint64_t revision, std::uint64_t changes
   std::uint64_t since = 0;
   return find(revision, changes, since) && std::all_of(selectors.begin(), selectors.end(), [&](std::uint32_t selector) {
            return unchanged(selector, since, with_parents);
+         });
+}
+
+bool SceneHistory::names_valid_since(std::uint64_t revision, std::span<const std::uint32_t> selectors,
+                                     bool with_parents) const {
+  const std::lock_guard lock(mutex_);
+  std::uint64_t since = 0;
+  return find(revision, changes_, since) && std::ranges::all_of(selectors, [&](std::uint32_t selector) {
+           if (selector == kEveryBody) return true;
+           if (selector & kGroupBit) return at(group_renamed_, selector & ~kGroupBit) <= since;
+           return at(body_renamed_, selector) <= since && (!with_parents || at(parent_changed_, selector) <= since);
          });
 }
 

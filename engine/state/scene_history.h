@@ -45,6 +45,9 @@ class SceneHistory {
   /// \param with_parents also requires that those bodies have the same parents, to which their poses are relative
   bool ids_valid_since(std::uint64_t revision, std::uint64_t changes, std::span<const std::uint32_t> selectors,
                        bool with_parents) const;
+  /// Returns whether body ids and group selectors of a revision have the same names now, whatever their shapes.
+  /// Changes between the caller's snapshot and now count, too.
+  bool names_valid_since(std::uint64_t revision, std::span<const std::uint32_t> selectors, bool with_parents) const;
   /// The references of a query into the scene.
   struct RevisionCheck {
     std::uint64_t revision;                 ///< the scene revision of the query
@@ -77,6 +80,7 @@ class SceneHistory {
   std::unordered_map<std::uint64_t, std::uint64_t> seen_;                     // by revision
   std::deque<std::pair<std::uint64_t, std::uint64_t>> order_;                 // revision and change, oldest first
   std::vector<std::uint64_t> body_changed_, parent_changed_, group_changed_;  // by id: the last change
+  std::vector<std::uint64_t> body_renamed_, group_renamed_;                   // by id: last change of names alone
   std::uint64_t bodies_changed_ = 0;                                          // last change of any body
   std::deque<ChangedPair> pairs_;                                             // newly enabled or disabled pairs
   std::uint64_t forgotten_ = 0;                                               // changes up to this one are forgotten
