@@ -59,14 +59,15 @@ def main():
     rng = np.random.default_rng(5)
     scene, poses = scene_and_poses(rng)
     engine = clearance.Engine(scene, backend=arguments.backend)
-    query = {"pairs": pairs_of(rng), "configurations": poses}
-    compact = {**query, "format": "compact"}
+    pairs = pairs_of(rng)
+    query = {"pairs": pairs, "configurations": poses}
+    prepared, bounds = engine.prepare("distances", pairs=pairs), engine.prepare("distances", pairs=pairs, fields="bounds")
     ways = {
         "default": lambda: engine.distances(**query),
-        "default, prepared": engine.prepare(**query),
-        "compact": lambda: engine.distances(**compact),
-        "compact, prepared": engine.prepare(**compact),
-        "bounds alone": lambda: engine.distances(fields=["lower", "upper"], **query),
+        "default, prepared": lambda: prepared.run(poses),
+        "bounds": lambda: engine.distances(fields="bounds", **query),
+        "bounds, prepared": lambda: bounds.run(poses),
+        "lower and upper": lambda: engine.distances(fields=["lower", "upper"], **query),
         "with points": lambda: engine.distances(fields=["default", "points"], **query),
         "min": lambda: engine.distances(reduce="min", **query),
     }

@@ -230,7 +230,7 @@ def test_positions_of_a_robot_on_the_gpu() -> None:
     for reduce in ("none", "min"):
         plan = engine.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce)
         rows = plan(positions=given)
-        expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
+        expected = cpu.distances(ARM_PAIRS, joints="arm", configurations=positions, reduce=reduce, fields=columns)
         got = {name: driver.get(getattr(rows, name)) for name in columns}
         assert got["lower"].shape == plan.shape == expected.lower.shape
         assert got["gradient_joints"].shape == expected.gradient_joints.shape
@@ -261,7 +261,7 @@ def test_gradients_by_joints_in_pytorch_never_leave_the_device() -> None:
         positions = torch.tensor(numbers, device="cuda", requires_grad=True)
         (0.4 - distances(positions)).clamp(min=0).sum().backward()
         expected = cpu.distances(
-            ARM_PAIRS, joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5
+            ARM_PAIRS, joints="arm", configurations=numbers, reduce=reduce, fields=fields, max_distance=0.5
         )
         near = (expected.distance < 0.4)[..., None]
         slope = -np.where(near, np.nan_to_num(expected.gradient_joints), 0)

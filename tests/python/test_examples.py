@@ -57,7 +57,7 @@ def test_the_judge_of_balls_lies_in_every_interval(engine, exact_value, position
 
 
 def test_the_judge_of_the_floor_lies_in_every_interval(engine, exact_value, positions):
-    r = engine.distances(pairs=("arm", "floor"), joints="arm", positions=positions)
+    r = engine.distances(pairs=("arm", "floor"), joints="arm", configurations=positions)
     floor = engine.body_id("floor")
     links = [engine.bodies[a if b == floor else b].name.split("/")[1] for a, b in r.pairs]
     assert {"forearm", "gripper", "wrist_2"} <= set(links)

@@ -201,7 +201,7 @@ def arm_rows(engine: clearance.Engine, positions: np.ndarray, reduce: str) -> cl
     return engine.distances(
         ARM_PAIRS,
         joints="arm",
-        positions=positions,
+        configurations=positions,
         reduce=reduce,
         fields=["distance", "gradient_joints"],
         rel_tol=1e-12,

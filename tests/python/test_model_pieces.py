@@ -115,7 +115,7 @@ def test_reductions_and_decisions(front):
 def test_motions(front):
     start, end = PLACES[[0, 0]], PLACES[[1, 2]]
     end[0, 0, 2] = 0.45  # 0.1 m above the foot
-    found = front.motions(pairs=[("bracket", "ball")], start=start, end=end, bodies=["ball"], model="pieces")
+    found = front.motions(start, end, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
     assert found.lower[0] <= 0.1 <= found.upper[0] and 0.05 < found.lower[0] and found.upper[0] < 0.13
     assert found.lower[1] <= 0 <= found.upper[1] < 0.02
 

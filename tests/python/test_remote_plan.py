@@ -265,7 +265,9 @@ def test_rows_of_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> 
         client = clearance.connect(url, timeout_s=PATIENCE_S)
         for reduce in ("none", "min"):
             with client.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce) as plan:
-                expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
+                expected = cpu.distances(
+                    ARM_PAIRS, joints="arm", configurations=positions, reduce=reduce, fields=columns
+                )
                 for array in (given, positions):
                     rows = plan(positions=array)
                     got = {name: device.get(getattr(rows, name)) for name in columns}

@@ -178,7 +178,7 @@ def test_links_that_are_solids(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_body("shell", mesh=shell(), mesh_as="solid", static=True, pose=at(0.9, 0, 1.6))
     engine = clearance.Engine(scene)
-    certificate = engine.certificate(joints="arm", positions=[[-0.9], [0.3], [2.8]])
+    certificate = engine.certificate(joints="arm", configurations=[[-0.9], [0.3], [2.8]])
     assert {body.triangle_count for body in engine.bodies} >= {80}
     assert {row["status"] for row in certificate.document["rows"]} >= {"ok", "overlap"}
     proved(checker, certificate.document)

@@ -109,7 +109,7 @@ class JointProblem:
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
         """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
         requested = {**self.requested, "reduce": "any", "max_evaluations": self.max_evaluations}
-        return self.engine.motions(start=start, end=self.unwrapped(start, end), **requested)
+        return self.engine.motions(start, self.unwrapped(start, end), **requested)
 
     def shortened(self, path: np.ndarray) -> np.ndarray:
         """Returns a shortcut of a path (N, J), which connects each kept waypoint to the farthest one with a motion
@@ -146,7 +146,7 @@ class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has 
         problem = self._problem
         requested = {"joints": problem.joints, "pairs": problem.requested["pairs"]}
         row = problem.row(state)[None]
-        return float(problem.engine.distances(positions=row, reduce="min", fields=["lower"], **requested).lower[0])
+        return float(problem.engine.distances(configurations=row, reduce="min", fields=["lower"], **requested).lower[0])
 
 
 class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]
