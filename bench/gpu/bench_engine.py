@@ -61,7 +61,8 @@ def main():
     engine = clearance.Engine(scene, backend=arguments.backend)
     pairs = pairs_of(rng)
     query = {"pairs": pairs, "configurations": poses}
-    prepared, bounds = engine.prepare("distances", pairs=pairs), engine.prepare("distances", pairs=pairs, fields="bounds")
+    prepared = engine.prepare("distances", pairs=pairs)
+    bounds = engine.prepare("distances", pairs=pairs, fields="bounds")
     ways = {
         "default": lambda: engine.distances(**query),
         "default, prepared": lambda: prepared.run(poses),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
+from .._client_front import Client
 from .._errors import ClearanceError, NewEpoch, QueryError
 from .._front import Front
 from .._joints import Joints
@@ -31,7 +32,7 @@ class Session:
         self.front = front
         self.scene = scene
         self.source = source
-        self.asks_only = front._waits
+        self.asks_only = isinstance(front, Client)
         self.generation = 0  #: incremented when bodies have changed
         self.warning = ""
         self.shapes: list[Shape] = []
