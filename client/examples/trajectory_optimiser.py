@@ -46,8 +46,8 @@ class Cost:
         slope[1:] += 2 * steps
         slope[:-1] -= 2 * steps
         r = self.engine.distances(
-            joints=self.joints, configurations=path[1:-1], reduce="within", max_distance=self.keep, signed_distance=True,
-            fields=["distance", "gradient_joints", "configuration"], rel_tol=1e-3, abs_tol=1e-4,
+            joints=self.joints, configurations=path[1:-1], reduce="within", max_distance=self.keep,
+            fields=["distance", "gradient_joints", "configuration"], signed_distance=True, rel_tol=1e-3, abs_tol=1e-4,
         )  # fmt: skip
         missing = self.keep - r.distance
         np.add.at(slope, r.configuration + 1, -2 * WEIGHT * missing[:, None] * r.gradient_joints)
