@@ -129,7 +129,7 @@ def test_links_of_robots(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_box("wall", [0.1, 2, 2], static=True, pose=at(0.9))
     engine = clearance.Engine(scene)
-    requested = {"joints": "arm", "positions": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
+    requested = {"joints": "arm", "configurations": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
     certificate = engine.certificate(**requested)
     assert check_all(checker, certificate).keys() >= {"ok", "overlap"}
     links = [row for row in certificate.document["rows"] if any(t["of"] == "pair" for t in terms_of(row))]

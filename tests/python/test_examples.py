@@ -47,7 +47,7 @@ def test_the_judge_of_balls_lies_in_every_interval(engine, exact_value, position
     poses = np.zeros((300, 1, 7))
     poses[:, 0, :3], poses[:, 0, 3] = places, 1.0
     r = engine.distances(
-        pairs=("arm", "ball"), configurations=poses, bodies=["ball"], joints="arm", positions=positions, reduce="min"
+        pairs=("arm", "ball"), configurations=(positions, poses), bodies=["ball"], joints="arm", reduce="min"
     )
     true = exact_value.to_points(positions, places[:, None])[:, 0] - 0.06
     apart = true > 1e-9

@@ -37,10 +37,9 @@ def answers(poses_of, threads):
     engine.set_poses(poses)
     found = [engine.scene_revision]
     for options in ({}, {"signed_distance": True}, {"precision": "f32"}, {"rel_tol": 0.0}, {"reduce": "nearest"}):
-        r = engine.distances(fields=("default", "flags", "points", "normal"), **options)
+        r = engine.prepare("distances", fields=("default", "flags", "points", "normal"), **options).run()
         found += [getattr(r, column).tobytes() for column in COLUMNS]
-    r = engine.distances(format="compact")
-    return [*found, r.lower.tobytes(), r.upper.tobytes()]
+    return [*found, engine.distances(fields="bounds").bounds.tobytes()]
 
 
 @pytest.mark.parametrize("threads", [1, 3])

@@ -228,7 +228,6 @@ WRONG = {
         "end": ONE,
         "reduce": "nearest",
     },
-    "signed_distance: motions have no depths": {"joints": "arm", "start": ONE, "end": ONE, "signed_distance": True},
     "fields: motions have no gradient": {"joints": "arm", "start": ONE, "end": ONE, "fields": ["gradient"]},
     "margin": {"joints": "arm", "start": ONE, "end": ONE, "margin": -1.0},
 }
@@ -243,8 +242,6 @@ def test_wrong_arguments_are_named(engine, text):
 def test_columns_of_motions_are_for_motions(engine):
     with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are only for motions"):
         engine.distances(fields=["time"])
-    with pytest.raises(clearance.QueryError, match="configurations: motions have two each, got 3"):
-        engine.distances(joints="arm", configurations=np.zeros((3, 8)), max_evaluations=8)
     with pytest.raises(ValueError, match="path: expected two waypoints or more, got 1"):
         engine.check_path(ONE, joints="arm")
 

@@ -216,7 +216,7 @@ def test_spans_say_what_sampling_finds(robot):
             assert there.lower[0] <= margin + 1e-9
             assert tuple(there.pair[0]) == span.decided_by or there.upper[0] == 0
     assert edge.whole.lower <= min(span.lower for span in edge.spans) + 1e-3
-    r = robot.motions(joints, start[None], end[None], margin=margin)
+    r = robot.motions(start[None], end[None], joints=joints, margin=margin)
     assert (edge.whole.lower, edge.whole.upper) == (r.lower[0], r.upper[0])
     text = edge_table(edge, [body.name for body in robot.bodies])
     assert text.count("data-span") == 25 and text.count(">free<") == sum(s.verdict is Verdict.FREE for s in edge.spans)

@@ -47,7 +47,7 @@ class Rows:
     plan: a plan of K configurations. fields: names among the plan's columns. Default: all of them.
 
     Called with (K, M, 7) float64 poses of its bodies and (K, J) float64 positions of its joints, each only if it moves
-    any, it returns {name: array}; shapes are the plan's shape plus the shape of a row, 8 float32 for `compact`. Raises
+    any, it returns {name: array}; shapes are the plan's shape plus the shape of a row. Raises
     ValueError for a column that the plan does not have, and TypeError for another type or shape of input.
     """
 
@@ -83,8 +83,6 @@ class Rows:
         return dict(zip(self._names, rows))
 
     def _row_type(self, column: Any) -> Any:
-        if column.dtype.kind == "V":  # a record of float32
-            return jax.ShapeDtypeStruct((*self.plan.shape, column.dtype.itemsize // 4), np.dtype("<f4"))
         per_row = self.plan.positions_shape[1:] if column is self.plan.column("gradient_joints") else column.shape
         return jax.ShapeDtypeStruct((*self.plan.shape, *per_row), column.dtype)
 
