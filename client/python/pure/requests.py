@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .queries import QueryRequests
+from .query_requests import QueryRequests
 from .updates import UpdateRequests
 
 

@@ -34,20 +34,22 @@ class QueryRequests(SceneRequests):
     def send_query(
         self,
         query: Any,
+        poses: Optional[np.ndarray] = None,
+        positions: Optional[np.ndarray] = None,
         type: FrameType = FrameType.QUERY,
+        count: Optional[int] = None,
         rows: Optional[np.ndarray] = None,
-        plan: Optional[int] = None,
     ) -> int:
-        """Sends a query. plan: number of configurations of OPEN_PLAN."""
+        """Sends a query. count: number of configurations; by default those that are given."""
+        self.check_scene(query.scene_revision)
         requested = query.__dict__
-        is_query, has_configurations = type == FrameType.QUERY, type not in (FrameType.PAIRS, FrameType.OPEN_PLAN)
         revision = self._revision_of_ids()
-        pairs, bodies, poses = query.pairs, query.bodies, query.configurations
-        configurations = poses if poses is not None else query.positions
+        pairs, bodies = query.pairs, query.bodies
+        configurations = poses if poses is not None else positions
         header = wire.query_header(
             pair_count=0 if pairs is None else len(pairs),
             body_count=0 if bodies is None else len(bodies),
-            configuration_count=plan if plan is not None else 0 if configurations is None else len(configurations),
+            configuration_count=count if count is not None else 0 if configurations is None else len(configurations),
             all_pairs=pairs is None,
             **{name: requested[name] for name, row in self._options.items() if not row[0]},
         )
@@ -58,28 +60,28 @@ class QueryRequests(SceneRequests):
             parts.append(pairs)
         if bodies is not None:
             parts.append(np.concatenate([bodies, np.zeros(len(bodies) % 2, np.uint32)]))
-        if has_configurations and poses is not None:
+        if poses is not None:
             parts.append(poses)
         later = {n: r for n, r in self._options.items() if r[0] and requested[n] != r[2]}
         tagged = {r[0]: struct.pack(_OPTION_FORMATS[r[1], r[6]], requested[name]) for name, r in later.items()}
-        arrays = {name: requested[name] for name in _ARRAY_TAGS if requested[name] is not None and len(requested[name])}
-        if not has_configurations:
-            arrays.pop("positions", None)
+        given = {name: positions if name == "positions" else requested[name] for name in _ARRAY_TAGS}
+        arrays = {name: array for name, array in given.items() if array is not None and len(array)}
         tagged.update((_ARRAY_TAGS[name], np.ascontiguousarray(array).tobytes()) for name, array in arrays.items())
         if rows is not None:
             tagged[QueryRecord.ROWS] = np.ascontiguousarray(rows, np.uint64).tobytes()
         records = b"".join(record(tag, tagged[tag]) for tag in sorted(tagged))
         joints = 0 if query.joints is None else len(query.joints)
-        expected = self._expected_reply_bytes(header, pairs, joints) if is_query else 0
-        if plan is not None:
-            expected = _PLAN_BYTES
+        expected = _PLAN_BYTES if type == FrameType.OPEN_PLAN else 0
+        if type == FrameType.QUERY:
+            expected = self._expected_reply_bytes(header, pairs, joints)
         request_id = self._send(type, parts, revision, records, expected)
         if later or arrays:
             self._sent_in_records[request_id] = ", ".join([*later, *(name for name in arrays if name != "positions")])
         return request_id
 
     def pairs(self, query: Any) -> np.ndarray:
-        frame = self._receive(self.send_query(query, FrameType.PAIRS), "PAIR_TABLE")
+        count = int(query.bodies is not None or query.joints is not None)
+        frame = self._receive(self.send_query(query, type=FrameType.PAIRS, count=count), "PAIR_TABLE")
         count = int(self._records(frame, 0, "PairsHeader", 1)[0]["count"])
         if len(frame.payload) != 16 + 8 * count:
             raise malformed(self.connection.url, f"{count} pairs in {len(frame.payload)} bytes")
@@ -87,7 +89,7 @@ class QueryRequests(SceneRequests):
 
     def open_plan(self, query: Any, configurations: int) -> tuple[Any, list[tuple[int, int, int]]]:
         """Opens a plan. Returns its PlanHeader, and its columns as [(field, bytes per row, offset)]."""
-        frame = self._receive(self.send_query(query, FrameType.OPEN_PLAN, None, configurations), "PLAN")
+        frame = self._receive(self.send_query(query, type=FrameType.OPEN_PLAN, count=configurations), "PLAN")
         header = self._records(frame, 0, "PlanHeader", 1)[0]
         columns = self._records(frame, header.nbytes, "PlanColumnRecord")
         inside = all(
@@ -108,9 +110,15 @@ class QueryRequests(SceneRequests):
     def close_plan(self, number: int) -> None:
         self._receive(self.send_close_plan(number), "PLAN_DONE")
 
-    def certificate(self, query: Any, rows: Optional[np.ndarray]) -> str:
+    def certificate(
+        self,
+        query: Any,
+        poses: Optional[np.ndarray],
+        positions: Optional[np.ndarray],
+        rows: Optional[np.ndarray],
+    ) -> str:
         """Returns the document of a certificate. rows: (R,) row numbers, by default all."""
-        frame = self._receive(self.send_query(query, FrameType.CERTIFY, rows), "CERTIFICATE")
+        frame = self._receive(self.send_query(query, poses, positions, FrameType.CERTIFY, rows=rows), "CERTIFICATE")
         try:
             return bytes(frame.payload).decode()
         except UnicodeDecodeError as error:
