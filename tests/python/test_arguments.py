@@ -273,7 +273,7 @@ def test_every_argument_of_both_fronts(front):
 
 
 def test_every_argument_of_a_prepared_query(front):
-    options = {**QUERY, **PREPARED}
+    options: dict[str, list] = {**QUERY, **PREPARED}
     del options["configurations"]  # an input of run()
     if isinstance(front, clearance.Client):
         options |= PREPARED_BY_A_CLIENT
