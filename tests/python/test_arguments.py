@@ -4,6 +4,7 @@ import inspect
 import math
 import operator
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -273,7 +274,7 @@ def test_every_argument_of_both_fronts(front):
 
 
 def test_every_argument_of_a_prepared_query(front):
-    options: dict[str, list] = {**QUERY, **PREPARED}
+    options: dict[str, Any] = {**QUERY, **PREPARED}
     del options["configurations"]  # an input of run()
     if isinstance(front, clearance.Client):
         options |= PREPARED_BY_A_CLIENT
