@@ -182,7 +182,7 @@ WRONG = {
     "joints: expected at least one": {"joints": [], "configurations": np.zeros((1, 0))},
     r"configurations: expected a pair \(positions, poses\), since joints and bodies move": {
         "joints": "arm", "bodies": ["cup"], "configurations": np.zeros((3, 8))},
-    r"configurations\[1\]: expected K = 3 as in configurations\[0\], got 2": {
+    "configurations: expected K = 3 poses as of positions, got 2": {
         "joints": "arm", "bodies": ["cup"],
         "configurations": (np.zeros((3, 8)), np.tile(at(0), (2, 1, 1)).astype(float))},
 }  # fmt: skip
@@ -339,7 +339,7 @@ def test_a_check_says_which_joints_are_beyond_their_limits(one):
 def test_degrees_given_as_radians_get_a_hint(one):
     pairs = [("cup", "table")]
     match = r"arm/joint2 at -45 is 43.24 beyond its limits, -1.76 to 1.76; in degrees they would be within"
-    with pytest.warns(clearance.JointLimitWarning, match="positions: " + match) as caught:
+    with pytest.warns(clearance.JointLimitWarning, match="configurations: " + match) as caught:
         check = one.check([DEGREES, DEGREES], joints="arm", pairs=pairs)
     assert len(caught) == 1 and caught[0].filename == __file__
     assert check.free.all() and not check and "2 beyond joint limits (arm/joint2 at -45" in repr(check)

@@ -220,7 +220,7 @@ WRONG = {
         "start": ONE,
         "end": np.zeros((2, 8)),
     },
-    r"start: expected shape \(K, J\), got \(8,\)": {"joints": "arm", "start": ONE[0], "end": ONE},
+    r"start: expected shape \(K, 8\), one column for each joint, got \(8,\)": {"joints": "arm", "start": ONE[0], "end": ONE},
     r"start: expected a pair \(positions, poses\)": {"joints": "arm", "bodies": ["cup"], "start": ONE, "end": ONE},
     "reduce: motions are reduced by none, min and any": {
         "joints": "arm",
