@@ -180,7 +180,7 @@ def test_without_a_gpu_it_says_so() -> None:
         engine.prepare("distances").on_device(0)
     with pytest.raises(clearance.QueryError, match="the engine has no device"):
         engine.prepare("distances", reduce="any", margin=0.1).on_device(4)
-    with pytest.raises(ValueError, match="bodies: only together with configurations"):
+    with pytest.raises(ValueError, match="configurations: expected 1 or more, since bodies or joints move"):
         engine.prepare("distances", bodies=["s1"]).on_device(0)
     with pytest.raises(ValueError, match="configurations: expected an integer >= 0, got -1"):
         engine.prepare("distances").on_device(-1)

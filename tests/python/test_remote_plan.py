@@ -245,7 +245,7 @@ def test_a_daemon_without_a_gpu_says_so(daemon: Any, kind: str) -> None:
     why = "the engine has no device" if is_local else "over shm:// and ipc://; this client is not one of them"
     with pytest.raises(clearance.QueryError, match=f"a plan on a device: .*{why}"):
         client.prepare("distances").on_device(4)
-    with pytest.raises(ValueError, match="bodies: only together with configurations"):
+    with pytest.raises(ValueError, match="configurations: expected 1 or more, since bodies or joints move"):
         client.prepare("distances", bodies=[0]).on_device(0)
     assert client.stats()["plans.open"] == 0
     client.distances()
