@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import wire
 from ._certificate import Certificate
+from ._check import Check
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -31,17 +32,18 @@ from ._errors import (
     RequestError,
     RobotWarning,
     SceneError,
+    StaleQuery,
     TimeoutError,
 )
 from ._front import BodyState, SceneChanged
 from ._future import Future
 from ._joints import Joints, JointState
 from ._limits import LimitViolation
-from ._motions import PathCheck
 from ._names import BodyInfo
+from ._path import PathCheck
 from ._poses import pose7_from_matrix
 from ._prepared import Prepared
-from ._result import Check, Result
+from ._result import Result
 from ._updates import UpdateResult
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
@@ -93,6 +95,7 @@ __all__ = [
     "Scene",
     "SceneChanged",
     "SceneError",
+    "StaleQuery",
     "Status",
     "TimeoutError",
     "__version__",

@@ -47,13 +47,27 @@ class NameTable:
     def __init__(self, revision: int, bodies: Sequence[BodyInfo], groups: dict[str, np.ndarray]):
         self.revision = revision
         self.bodies: tuple[BodyInfo, ...] = tuple(bodies)
+        self.body_names = tuple(body.name for body in bodies)
         self.groups = groups
+        self.group_names = tuple(groups)
         self.ids: dict[str, int] = {body.name: body.id for body in bodies}
         self.selectors: dict[str, int] = dict(self.ids)
         # A robot's name refers to its group here, since its frame has no pairs.
         self.selectors.update((name, GROUP_BIT | index) for index, name in enumerate(groups))
         self.selectors["*"] = EVERY_BODY
         self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
+
+    def meaning(self, selector: int) -> str:
+        """Returns the quoted name of a body or group by its selector, or "none"."""
+        if selector == EVERY_BODY:
+            return "'*'"
+        known, index = (self.group_names if selector & GROUP_BIT else self.body_names), selector & ~GROUP_BIT
+        return repr(known[index]) if index < len(known) else "none"
+
+    def parent(self, body: int) -> str:
+        """Returns the quoted name of a body's parent, or "none"."""
+        parent = self.bodies[body].parent if body < len(self.bodies) else None
+        return "none" if parent is None else self.meaning(parent)
 
     def body(self, value: Any, what: str) -> int:
         """Returns the id of a body given by name or id."""

@@ -162,6 +162,7 @@ ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 FormatWord = Literal["full", "compact"]
 MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
+ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
 PRECISIONS = {word.name.lower(): int(word) for word in Precision}
@@ -170,6 +171,7 @@ REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 FORMATS = {word.name.lower(): int(word) for word in Format}
 MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
+SERVICE_CLASSES = {name: name for name in ("control", "planning")}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 
 #: Marks a pair selector as a group; the other bits are the group's index.
