@@ -92,7 +92,7 @@ QUERY = {
 PREPARED = {
     "precision": WORDS,
     "max_results": COUNTS,
-    "max_pose_age_ns": COUNTS,
+    "max_pose_age_ns": INTEGERS,
     "model": WORDS,
 }
 #: Of such options of a client.
@@ -198,7 +198,7 @@ PUBLIC = {
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
         "url": [*TEXTS, "http://localhost", [], ["ipc:///nowhere", 3]], "timeout_s": [*NUMBERS_FROM_0, None],
-        "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0}),
+        "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0, "service_class": WORDS}),
     "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
     "Scene.load_urdf": ({"urdf": "x.urdf"}, {
         "urdf": [*PATHS, None], "name": [text for text in TEXTS if text is not None]}),

@@ -214,13 +214,17 @@ def test_a_device_answers_the_default_columns(urdf):
 
 ONE = np.zeros((1, 8))
 WRONG = {
-    "start: expected positions of joints, or poses of bodies, got none": {"joints": "arm", "end": ONE},
+    "start: expected positions of joints, or poses of bodies, got none": {"joints": "arm", "start": None, "end": ONE},
     r"end: expected shape \(1, 8\), as start has, got \(2, 8\)": {
         "joints": "arm",
         "start": ONE,
         "end": np.zeros((2, 8)),
     },
-    r"start: expected shape \(K, 8\), one column for each joint, got \(8,\)": {"joints": "arm", "start": ONE[0], "end": ONE},
+    r"start: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
+        "joints": "arm",
+        "start": ONE[0],
+        "end": ONE,
+    },
     r"start: expected a pair \(positions, poses\)": {"joints": "arm", "bodies": ["cup"], "start": ONE, "end": ONE},
     "reduce: motions are reduced by none, min and any": {
         "joints": "arm",
