@@ -77,9 +77,9 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     movable = [body.name for body in engine.bodies if body.name != "follower"]
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
-    arguments["configurations"] = np.stack([random_poses(rng, len(movable), spread) for spread in (0.4, 0.8)])
-    result = engine.distances(**arguments)
-    certificate = engine.certificate(**arguments)
+    configurations = np.stack([random_poses(rng, len(movable), spread) for spread in (0.4, 0.8)])
+    result = engine.prepare("distances", **arguments).run(configurations)
+    certificate = engine.certificate(configurations=configurations, **arguments)
     dense(result, certificate.document)
     assert set(check_all(checker, certificate)) >= seen
 

@@ -111,12 +111,12 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     movable = [name for name in names if name != "follower"]
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
-    arguments["configurations"] = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
+    configurations = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
     if "signed_distance" in arguments:  # clouds have no depth
         pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :] if {a, b} != {"box", "follower"}]
         arguments["pairs"] = [pair for pair in pairs if not CLOUDS & set(pair)]
-    result = engine.distances(**arguments)
-    document = engine.certificate(**arguments).document
+    result = engine.prepare("distances", **arguments).run(configurations)
+    document = engine.certificate(configurations=configurations, **arguments).document
     for name in ("lower", "upper"):
         assert [float(row[name]) for row in document["rows"]] == getattr(result, name).ravel().tolist(), name
     assert [row["status"] for row in document["rows"]] == [NAMES[s] for s in result.status.ravel()]

@@ -83,17 +83,15 @@ def test_words_as_strings():
 
 
 @pytest.mark.parametrize("literal, table", [
-    ("PrecisionWord", "PRECISIONS"), ("ReduceWord", "REDUCTIONS"), ("FormatWord", "FORMATS"),
-    ("MeshAsWord", "MESH_AS"), ("BackendWord", "BACKENDS"), ("ModelWord", "MODELS"),
+    ("ReduceWord", "REDUCTIONS"), ("MeshAsWord", "MESH_AS"), ("BackendWord", "BACKENDS"),
 ])  # fmt: skip
 def test_type_checkers_know_the_words(literal, table):
     assert list(typing.get_args(getattr(_words, literal))) == list(getattr(_words, table))
 
 
 @pytest.mark.parametrize("call, argument, literal", [
-    ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "precision", "PrecisionWord"),
-    ("Client.distances", "format", "FormatWord"), ("Engine.__init__", "backend", "BackendWord"),
-    ("Scene.add_mesh", "mesh_as", "MeshAsWord"), ("Client.distances", "model", "ModelWord"),
+    ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "reduce", "ReduceWord"),
+    ("Engine.__init__", "backend", "BackendWord"), ("Scene.add_mesh", "mesh_as", "MeshAsWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):
     kind, _, method = call.partition(".")

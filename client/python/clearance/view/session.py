@@ -74,13 +74,15 @@ class Session:
         Adopts a new scene after a change or a restart of the daemon. Raises as Front.distances().
         """
         try:
-            return self._picture(question, elsewhere)
+            picture = self._picture(question, elsewhere)
+            if picture.scene_revision == self._revision:
+                return picture
         except NewEpoch:
             self.front.acknowledge_epoch()  # type: ignore[attr-defined]  # only a Client raises it
+            self.front.refresh()  # type: ignore[attr-defined]
         except QueryError as error:
             if error.code != ErrorCode.WRONG_SCENE:
                 raise
-        self.front.refresh()  # type: ignore[attr-defined]
         self.refresh()
         return self._picture(question, None)
 
