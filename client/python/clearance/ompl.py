@@ -17,8 +17,9 @@ from typing import Any, Optional
 import numpy as np
 from ompl import base as ob
 
-from ._front import Front, Margin, Pairs
+from ._front import Front
 from ._joints import JointsRef
+from ._queries import Margin, Pairs
 from ._words import Status
 
 
