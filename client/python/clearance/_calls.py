@@ -61,6 +61,9 @@ class Distances(Call):
                 if getattr(query, what) is not None:
                     raise ValueError(f"{what}: only together with configurations")
             return query.run(False, 1), None, None
+        if query.bodies is None and query.joints is not None:  # the usual case of planners
+            rows = _positions(configurations, query.joint_count, "configurations")
+            return query.run(True, len(rows)), None, rows
         poses, positions = arrays_of(query, configurations, "configurations")
         return query.run(True, _count(poses, positions)), poses, positions
 
@@ -140,7 +143,7 @@ class Scales(Call):
         if query.bodies is not None:
             raise ValueError("bodies: expected none")
         if query.weights is None:
-            query.weights = np.ones(len(query.joints))
+            query.weights = np.ones(query.joint_count)
 
     def read(self, positions: Any = None) -> Request:
         poses, rows = arrays_of(self.query, positions, "positions")
@@ -161,14 +164,13 @@ CALLS: dict[str, type[Call]] = {
 
 def arrays_of(query: Query, value: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
     """Returns (K, M, 7) poses and (K, J) positions of configurations, None for the kind that does not move."""
-    joints = query.joints
-    if joints is None:
+    if query.joints is None:
         return _poses(query, value, what), None
     if query.bodies is None:
-        return None, _positions(value, len(joints), what)
+        return None, _positions(value, query.joint_count, what)
     if not isinstance(value, (tuple, list)) or len(value) != 2:
         raise TypeError(f"{what}: expected a pair (positions, poses), since joints and bodies move")
-    positions = _positions(value[0], len(joints), f"{what}[0]")
+    positions = _positions(value[0], query.joint_count, f"{what}[0]")
     poses = _poses(query, value[1], f"{what}[1]")
     if len(poses) != len(positions):
         raise ValueError(f"{what}: expected K = {len(positions)} poses as of positions, got {len(poses)}")

@@ -83,6 +83,7 @@ class Client(Front):
     _module = _client
     _instead = "send its url, and connect in each process"
     _prepared_only = frozenset(("copy",))
+    _is_remote = True
 
     def __init__(
         self,

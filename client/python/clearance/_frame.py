@@ -48,5 +48,5 @@ def _series(name: str, column: np.ndarray, rows: int, names: tuple[str, ...]) ->
     width = flat.shape[1]
     if width == 1 and name != "gradient_joints":
         return {name: flat[:, 0]}
-    suffixes = _SUFFIXES.get(name) or _SUFFIXES.get(width) or range(width)  # type: ignore[call-overload]
+    suffixes = _SUFFIXES.get(name) or _SUFFIXES.get(width) or range(width)
     return {f"{name}_{suffix}": flat[:, i] for i, suffix in enumerate(suffixes)}

@@ -54,6 +54,7 @@ class Front(Queries, Updates):
 
     _instead: str  #: how to use one in another process, for the error of pickling
     _service_class = "control"
+    _is_remote = False
 
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None

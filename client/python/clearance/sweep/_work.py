@@ -147,8 +147,7 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
     if spec.rows.motions:
         result = engine.motions(start=moving[:, 0], end=moving[:, 1], **requested)
     else:
-        requested["configurations" if "bodies" in requested else "positions"] = moving
-        result = engine.distances(**requested)
+        result = engine.distances(configurations=moving, **requested)
     columns = {"row": index.astype(np.int64)}
     if spec.positions:
         columns.update(_positions(rows, spec.rows.motions))

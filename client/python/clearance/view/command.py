@@ -92,7 +92,7 @@ def open_session(options: argparse.Namespace) -> Session:
     if url is not None:
         from .._client_front import connect
 
-        return Session(connect(url, options.timeout), scene, url)
+        return Session(connect(url, options.timeout, service_class="planning"), scene, url)
     assert scene is not None
     from .._engine_front import Engine
 

@@ -11,7 +11,6 @@ import numpy as np
 from .._front import Front
 from .._joints import Joints
 from .._result import Result
-from .model import as_planner
 
 
 class Verdict(Enum):
@@ -78,14 +77,14 @@ def certified_edge(
     times = np.linspace(0.0, 1.0, spans + 1)
     rows = start + times[:, None] * (end - start)
     rows[-1] = end
-    requested = {
-        "margin": margin,
-        "reduce": "min",
-        "max_evaluations": max_evaluations,
-        "fields": _FIELDS,
-        **as_planner(front),
-    }
-    r = front.motions(joints, np.vstack((start, rows[:-1])), np.vstack((end, rows[1:])), **requested)
+    r = front.motions(
+        np.vstack((start, rows[:-1])),
+        np.vstack((end, rows[1:])),
+        joints,
+        margin=margin,
+        max_evaluations=max_evaluations,
+        fields=_FIELDS,
+    )
     whole, *parts = (_span(r, i, *ends) for i, ends in enumerate([(0.0, 1.0), *zip(times[:-1], times[1:])]))
     return Edge(joints, start, end, margin, whole, tuple(parts))
 

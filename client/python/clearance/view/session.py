@@ -31,7 +31,7 @@ class Session:
         self.front = front
         self.scene = scene
         self.source = source
-        self.asks_only = front._waits
+        self.asks_only = front._is_remote
         self.generation = 0  #: incremented when bodies have changed
         self.warning = ""
         self.shapes: list[Shape] = []
