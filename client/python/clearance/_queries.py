@@ -181,8 +181,10 @@ class Queries:
         """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
 
         path: (N, J) positions of `joints`, (N, M, 7) poses of `bodies`, or a pair of both, for N - 1 motions in a row.
+        joints, bodies, pairs, margin, max_evaluations: as in motions() with reduce="any".
         timeout_s: as in distances(), of each of the queries, which have up to 1024 motions.
-        The other arguments are those of motions(). Stops at the first motion that is not proved free. `ok` of the
+
+        Stops at the first motion that is not proved free. `ok` of the
         result includes the joints' limits, `free` does not. Warns (JointLimitWarning) of positions that look like
         degrees.
 
