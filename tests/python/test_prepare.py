@@ -9,11 +9,15 @@ import pytest
 
 import clearance
 from conftest import PATIENCE_S, PYTHON_CLIENT
-from fronts import front  # noqa: F401
 from robots import rows_of
 from scenes import at, random_poses, same_bits
 
 CALLS = ["distances", "check", "motions", "check_path", "free_scale"]
+
+
+@pytest.fixture
+def front(arm_front):
+    return arm_front
 
 
 def poses(count, bodies=1, seed=3):

@@ -8,7 +8,6 @@ import pytest
 
 import clearance
 from conftest import PATIENCE_S
-from fronts import front  # noqa: F401
 from robots import rows_of
 from scenes import at, random_poses, same_bits
 
@@ -19,6 +18,11 @@ bodies:
   - {name: ball, sphere: 0.1, pose: [1, 0, 0, 1, 0, 0, 0]}
 groups: {things: [tool, ball]}
 """
+
+
+@pytest.fixture
+def front(arm_front):
+    return arm_front
 
 
 def poses(count, seed=3):
@@ -149,7 +153,7 @@ def test_ids_that_another_client_shifts(clients):
     second.run()
     other.remove_body("first")  # `second` takes its id
     for query in (second, first, margins):
-        with pytest.raises(clearance.StaleQuery, match="id [34] was '(first|second)', and is now"):
+        with pytest.raises(clearance.StaleQuery, match=r"id [34] was '(first|second)', and is now"):
             query.run()
         assert query.is_stale
     assert ball.run().lower.tobytes() == expected.lower.tobytes()
