@@ -100,6 +100,10 @@ class Motions(Call):
 
     def read(self, start: Any = None, end: Any = None) -> Request:
         query = self.query
+        if query.bodies is None and query.joints is not None:  # the usual case of planners
+            first = _positions(start, query.joint_count, "start")
+            last = _positions(end, query.joint_count, "end")
+            return query.run(True, len(first)), None, _interleave(first, last)
         start_poses, start_positions = _ends(query, start, "start")
         end_poses, end_positions = _ends(query, end, "end")
         poses, positions = _interleave(start_poses, end_poses), _interleave(start_positions, end_positions)
@@ -188,7 +192,7 @@ def _count(poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> int:
 
 
 def _positions(value: Any, joints: int, what: str) -> np.ndarray:
-    rows = to_floats(value, what, "(K, J) numbers")
+    rows = to_floats(value, what, "(K, J) numbers of joints")
     shape = rows.shape
     if len(shape) != 2 or shape[1] != joints:
         raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}")

@@ -92,7 +92,7 @@ class Front(Queries, Updates):
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         raise NotImplementedError
 
-    def _open_plan(self, run: Run, configurations: int) -> Any:
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> Any:
         raise NotImplementedError
 
     def _refresh_names(self) -> None:
