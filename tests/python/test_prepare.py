@@ -49,7 +49,7 @@ def arm_inputs(call, Q):
 
 
 #: call -> arguments besides the joints.
-ARGUMENTS = {
+ARGUMENTS: dict[str, list[dict]] = {
     "distances": [
         {"reduce": "min"},
         {"reduce": "none", "max_distance": 0.5, "fields": ("default", "points", "flags", "gradient_joints")},
@@ -272,7 +272,7 @@ def test_service_class_and_waiting_for_poses(arm_daemon):
         assert client.check().free.shape == (1,)
         stamp = 1_000_000_000
         client.set_poses({"cup": at(0.4, 0.3, 0.5)}, stamp_ns=stamp)
-        assert client.wait_for_poses(stamp, "cup") is None
+        client.wait_for_poses(stamp, "cup")
         with pytest.raises(clearance.RequestError) as late:
             client.wait_for_poses(stamp + 1, of="cup", timeout_s=0.01)
         assert late.value.code == clearance.wire.ErrorCode.POSES_LATE
