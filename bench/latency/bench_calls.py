@@ -1,8 +1,8 @@
 """Time that Python adds to the engine in one process: `bench_calls.py [SCENE] [SECONDS]`.
 
-Each call is timed as a prepared query and once for all (parsed every time), beside the engine's own time in the same
-calls (`engine_ns`: the checks of the query, its pairs, and its answer). It prints a row for each call: medians in
-microseconds, what Python adds, and the ratio to the engine.
+Each call is timed as a prepared query and as a one-off call, which parses its arguments, together with the engine's own
+time in these calls (`engine_ns`: the checks of the query, its pairs, and its answer). It prints a row for each call:
+medians in microseconds, what Python adds, and the ratio to the engine.
 """
 
 import sys

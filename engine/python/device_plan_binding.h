@@ -10,6 +10,7 @@
 
 #include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/process_guard.h"
 #include "engine/device/query/device_plan.h"
 #include "engine/engine.h"
 

@@ -11,6 +11,7 @@
 
 #include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/process_guard.h"
 #include "client/python/bindings/query.h"
 #include "engine/device/device.h"
 #include "engine/engine.h"

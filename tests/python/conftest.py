@@ -181,6 +181,21 @@ def arm_daemon(urdf, tmp_path_factory, kinds):
     assert daemon.stop() == 0, daemon.log()
 
 
+@pytest.fixture(params=["engine", "shm", "ipc"])
+def arm_front(request, urdf, arm_daemon):
+    """An engine of that scene, or a client of that daemon."""
+    import clearance
+    from robots import arm_scene
+
+    if request.param == "engine":
+        yield clearance.Engine(arm_scene(urdf), backend="cpu", threads=1)
+        return
+    if request.param not in arm_daemon.urls:
+        pytest.skip(f"no {request.param}")
+    with clearance.connect(arm_daemon.urls[request.param], timeout_s=PATIENCE_S) as client:
+        yield client
+
+
 @pytest.fixture
 def start_daemon(tmp_path_factory):
     """start_daemon(scene, kinds, *options) -> Daemon, stopped at the end of the test."""

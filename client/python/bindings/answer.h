@@ -6,7 +6,6 @@
 
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
@@ -14,7 +13,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <stdexcept>
 #include <string>
 
 #include "client/python/bindings/block_pool.h"
@@ -106,18 +104,5 @@ inline void raise_ours(const char* name, int code, const char* text) {
     return true;
   });
 }
-
-/// A handle is valid only in the process that created it, since threads and locks do not survive a fork.
-class ProcessGuard {
- public:
-  void check(const char* what) const {
-    if (::getpid() == pid_) return;
-    throw std::runtime_error(std::string(what) + " was made by process " + std::to_string(pid_) +
-                             " and cannot be used after a fork; make a new one in the child");
-  }
-
- private:
-  pid_t pid_ = ::getpid();
-};
 
 }  // namespace clearance::python

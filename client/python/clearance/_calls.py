@@ -61,6 +61,9 @@ class Distances(Call):
                 if getattr(query, what) is not None:
                     raise ValueError(f"{what}: only together with configurations")
             return query.run(False, 1), None, None
+        if query.bodies is None and query.joints is not None:  # the usual case of planners
+            rows = _positions(configurations, query.joint_count, "configurations")
+            return query.run(True, len(rows)), None, rows
         poses, positions = arrays_of(query, configurations, "configurations")
         return query.run(True, _count(poses, positions)), poses, positions
 
@@ -97,6 +100,10 @@ class Motions(Call):
 
     def read(self, start: Any = None, end: Any = None) -> Request:
         query = self.query
+        if query.bodies is None and query.joints is not None:  # the usual case of planners
+            first = _positions(start, query.joint_count, "start")
+            last = _positions(end, query.joint_count, "end")
+            return query.run(True, len(first)), None, _interleave(first, last)
         start_poses, start_positions = _ends(query, start, "start")
         end_poses, end_positions = _ends(query, end, "end")
         poses, positions = _interleave(start_poses, end_poses), _interleave(start_positions, end_positions)
@@ -140,7 +147,7 @@ class Scales(Call):
         if query.bodies is not None:
             raise ValueError("bodies: expected none")
         if query.weights is None:
-            query.weights = np.ones(len(query.joints))
+            query.weights = np.ones(query.joint_count)
 
     def read(self, positions: Any = None) -> Request:
         poses, rows = arrays_of(self.query, positions, "positions")
@@ -161,14 +168,13 @@ CALLS: dict[str, type[Call]] = {
 
 def arrays_of(query: Query, value: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
     """Returns (K, M, 7) poses and (K, J) positions of configurations, None for the kind that does not move."""
-    joints = query.joints
-    if joints is None:
+    if query.joints is None:
         return _poses(query, value, what), None
     if query.bodies is None:
-        return None, _positions(value, len(joints), what)
+        return None, _positions(value, query.joint_count, what)
     if not isinstance(value, (tuple, list)) or len(value) != 2:
         raise TypeError(f"{what}: expected a pair (positions, poses), since joints and bodies move")
-    positions = _positions(value[0], len(joints), f"{what}[0]")
+    positions = _positions(value[0], query.joint_count, f"{what}[0]")
     poses = _poses(query, value[1], f"{what}[1]")
     if len(poses) != len(positions):
         raise ValueError(f"{what}: expected K = {len(positions)} poses as of positions, got {len(poses)}")
@@ -186,7 +192,7 @@ def _count(poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> int:
 
 
 def _positions(value: Any, joints: int, what: str) -> np.ndarray:
-    rows = to_floats(value, what, "(K, J) numbers")
+    rows = to_floats(value, what, "(K, J) numbers of joints")
     shape = rows.shape
     if len(shape) != 2 or shape[1] != joints:
         raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}")

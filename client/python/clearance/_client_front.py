@@ -83,6 +83,7 @@ class Client(Front):
     _module = _client
     _instead = "send its url, and connect in each process"
     _prepared_only = frozenset(("copy",))
+    _is_remote = True
 
     def __init__(
         self,
@@ -326,7 +327,7 @@ class Client(Front):
         self.refresh()
 
     def _certify(
-        self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray], rows: Optional[np.ndarray]
+        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
     ) -> str:
         return self._guarded(self._use().certificate, run.raw, poses, positions, rows)
 
@@ -359,7 +360,7 @@ class Client(Front):
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return answer
 
-    def _open_plan(self, run: Run, configurations: int) -> RemotePlan:
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> RemotePlan:
         table = self._table(run.query.pairs, run.bodies, run.joints)
         plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
         return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)

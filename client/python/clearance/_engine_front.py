@@ -118,7 +118,7 @@ class Engine(Front):
             self._names_cache = None
 
     def _certify(
-        self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray], rows: Optional[np.ndarray]
+        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
     ) -> str:
         return self._engine.certificate(run.raw, poses, positions, rows)
 
@@ -132,7 +132,7 @@ class Engine(Front):
             raise TimeoutError(f"no answer within {timeout_s} s")
         return answer
 
-    def _open_plan(self, run: Run, configurations: int) -> DevicePlan:
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> DevicePlan:
         plan = self._engine.plan_on_device(run.raw, configurations)
         table = self._table(run.query.pairs, run.bodies, run.joints)
         return DevicePlan(_engine, plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)

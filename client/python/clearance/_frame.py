@@ -2,23 +2,20 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pandas
 
-from ._result import names_of
+from ._names import names_of
 from ._words import Reduce, Status
-
-if TYPE_CHECKING:
-    from ._result import Result
 
 #: Suffixes of the numbers of a row, by their count or the column's name; otherwise from 0 on.
 _SUFFIXES = {"bounds": ("lower", "upper"), "pieces": ("a", "b"), "first_contact": ("free_until", "hit"), 3: "xyz"}
 
 
-def data_frame(result: Result) -> Any:
-    """Result.to_pandas()."""
+def data_frame(result: Any) -> Any:
+    """Implements to_pandas() of a Result."""
     pairs = result.pairs
     rows = result._answer.rows
     if result._reduce == Reduce.WITHIN:
@@ -48,5 +45,5 @@ def _series(name: str, column: np.ndarray, rows: int, names: tuple[str, ...]) ->
     width = flat.shape[1]
     if width == 1 and name != "gradient_joints":
         return {name: flat[:, 0]}
-    suffixes = _SUFFIXES.get(name) or _SUFFIXES.get(width) or range(width)  # type: ignore[call-overload]
+    suffixes = _SUFFIXES.get(name) or _SUFFIXES.get(width) or range(width)
     return {f"{name}_{suffix}": flat[:, i] for i, suffix in enumerate(suffixes)}

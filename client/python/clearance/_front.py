@@ -54,6 +54,7 @@ class Front(Queries, Updates):
 
     _instead: str  #: how to use one in another process, for the error of pickling
     _service_class = "control"
+    _is_remote = False
 
     def __init__(self) -> None:
         self._names_cache: Optional[NameTable] = None
@@ -91,7 +92,7 @@ class Front(Queries, Updates):
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         raise NotImplementedError
 
-    def _open_plan(self, run: Run, configurations: int) -> Any:
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> Any:
         raise NotImplementedError
 
     def _refresh_names(self) -> None:

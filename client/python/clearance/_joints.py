@@ -56,7 +56,7 @@ class JointTable:
         self.ids = {name: i for i, name in enumerate(self.names)}
 
     def joints(self, ids: np.ndarray) -> Joints:
-        return Joints(tuple(self.names[i] for i in ids), ids, self.lower[ids], self.upper[ids])
+        return Joints(tuple([self.names[i] for i in ids.tolist()]), ids, self.lower[ids], self.upper[ids])
 
     def joint(self, value: Any, what: str) -> int:
         """Returns the id of a joint given by name or id."""
@@ -74,7 +74,8 @@ class JointTable:
     def ids_of(self, value: Any, what: str) -> np.ndarray:
         """(J,) uint32 ids of what JointsRef names."""
         if isinstance(value, Joints):
-            if any(not 0 <= i < len(self.names) or self.names[i] != name for i, name in zip(value.ids, value.names)):
+            count = len(self.names)
+            if [self.names[i] if i < count else None for i in value.ids.tolist()] != list(value.names):
                 raise ValueError(f"{what}: the scene has changed since joints() returned these; call it again")
             return value.ids
         if isinstance(value, str):

@@ -133,6 +133,12 @@ class NameTable:
         return f"no {kind} is named {name!r}; the scene has {shown or 'none'}"
 
 
+def names_of(ids: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Returns an array of the names of body ids, None where there is no such body."""
+    table = np.array([*names, None], dtype=object)
+    return table[np.minimum(ids, len(names))]
+
+
 def has_selectors(pairs: np.ndarray) -> bool:
     """Whether an entry of (P, 2) selectors selects more than one body."""
     if not pairs.size or pairs.max() < GROUP_BIT:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Set
 from typing import Any, Optional, Protocol
 
@@ -28,7 +29,7 @@ class Runner(Source, Protocol):
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any: ...
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any: ...
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future: ...
-    def _open_plan(self, run: Run, configurations: int) -> Any: ...
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> Any: ...
     def _refresh_names(self) -> None: ...
     def _beyond_now(self, result: Result) -> Any: ...
 
@@ -98,15 +99,14 @@ class Prepared:
         if self._name != "distances":
             raise TypeError(f"on_device: only for the call 'distances', not for {self._name!r}")
         count, query = to_count(configurations, "configurations"), self._query
-        if self._runner._names_cache is not query.names:
-            query.renew()
         if count == 0 and (query.bodies is not None or query.joints is not None):
             raise ValueError("configurations: expected 1 or more, since bodies or joints move")
         mask = query.mask
         if mask is None:
             by_default = ("status",) if query.reduce == Reduce.ANY else ("lower", "upper")
             mask = sum(FIELD_MASKS[name] for name in by_default)
-        return self._runner._open_plan(query.with_columns(count > 0, mask), count)
+        open_plan = functools.partial(self._runner._open_plan, count)
+        return self._retried(open_plan, (query.with_columns(count > 0, mask), None, None))
 
     @property
     def is_stale(self) -> bool:

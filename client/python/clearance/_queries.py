@@ -42,7 +42,7 @@ class Queries:
     # ---- for subclasses -------------------------------------------------------------------------------------------
 
     def _certify(
-        self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray], rows: Optional[np.ndarray]
+        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
     ) -> str:
         raise NotImplementedError
 
@@ -181,8 +181,10 @@ class Queries:
         """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
 
         path: (N, J) positions of `joints`, (N, M, 7) poses of `bodies`, or a pair of both, for N - 1 motions in a row.
+        joints, bodies, pairs, margin, max_evaluations: as in motions() with reduce="any".
         timeout_s: as in distances(), of each of the queries, which have up to 1024 motions.
-        The other arguments are those of motions(). Stops at the first motion that is not proved free. `ok` of the
+
+        Stops at the first motion that is not proved free. `ok` of the
         result includes the joints' limits, `free` does not. Warns (JointLimitWarning) of positions that look like
         degrees.
 
@@ -218,24 +220,25 @@ class Queries:
         rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
         arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() on the
             same poses, unless their uncertainty grows with age. Or those of motions(), including `start` and `end`,
-            with any reduction; `first_contact` is proved, too, unless `fields` excludes it. And those of prepare().
+            with any reduction; `first_contact` is proved, too, unless `fields` excludes it.
 
         Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as
         distances() and motions(), and QueryError for a row outside the answer; a daemon also for a document of more
         than 64 MiB.
         """
         call = "motions" if "start" in arguments or "end" in arguments else "distances"
-        inputs = [arguments.pop(name, None) for name in CALLS[call].inputs]
-        query = self.prepare(call, **arguments)._call.read(*inputs)
-        if rows is None:
-            return Certificate(self._certify(*query, None))
-        numbers = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
-        return Certificate(self._certify(*query, np.array(numbers, dtype=np.uint64)))
+        prepared, inputs = self._parsed(call, _bound(call, self, **arguments))
+        numbers = None
+        if rows is not None:
+            each = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
+            numbers = np.array(each, dtype=np.uint64)
+        certify = functools.partial(self._certify, numbers)
+        return Certificate(prepared._retried(certify, prepared._call.read(*inputs)))
 
     # ---- prepared and submitted -----------------------------------------------------------------------------------
 
     def prepare(self, call: str = "distances", **arguments: Any) -> Prepared:
-        """Parses a call once, for a planner or a control loop that repeats it: run() costs about 1 us beside the engine.
+        """Parses a call once, for a planner or a control loop: run() costs about 2 us more than the engine.
 
         call: "distances", "check", "motions", "check_path" or "free_scale".
         arguments: those of that method by name, without its inputs (`configurations`; `start` and `end`; `path`;
@@ -267,9 +270,7 @@ class Queries:
 
         In process, the poses are those at this call; through a daemon, those at the request's arrival.
         """
-        bound = _SIGNATURES["distances"].bind(self, *arguments, **named)
-        bound.apply_defaults()
-        prepared, inputs = self._parsed("distances", bound.arguments)
+        prepared, inputs = self._parsed("distances", _bound("distances", self, *arguments, **named))
         return prepared.submit(*inputs)
 
     def _once(self, call: str, arguments: dict[str, Any]) -> Any:
@@ -287,16 +288,23 @@ class Queries:
 _SIGNATURES = {call: inspect.signature(getattr(Queries, call)) for call in CALLS}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _parameters(call: str) -> frozenset[str]:
     return frozenset(_SIGNATURES[call].parameters) - {"self"}
 
 
-@functools.lru_cache(maxsize=None)
+@functools.cache
 def _defaults(call: str) -> dict[str, Any]:
     parameters = _SIGNATURES[call].parameters.values()
     has_default = [p for p in parameters if p.default is not p.empty and p.name not in CALLS[call].inputs]
     return {p.name: p.default for p in has_default}
+
+
+def _bound(call: str, *arguments: Any, **named: Any) -> dict[str, Any]:
+    """Returns all arguments of a call by name, and self. Raises TypeError as the call does."""
+    bound = _SIGNATURES[call].bind(*arguments, **named)
+    bound.apply_defaults()
+    return bound.arguments
 
 
 def _takes_arguments_of(method: Callable[..., Any], query: str) -> None:

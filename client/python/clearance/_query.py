@@ -61,6 +61,7 @@ class Query:
         self.bodies = None if bodies is None else _some(_own(names.bodies_array(bodies, "bodies")), "bodies")
         self._movable = names.movable
         self.joints = None if joints is None else _joints_of(source, joints)
+        self.joint_count = 0 if self.joints is None else len(self.joints)
         fields, timeout_s = given.pop("fields", None), given.pop("timeout_s", None)
         self.mask = None if fields is None else fields_mask(fields)
         self.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")

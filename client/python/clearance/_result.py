@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import Any, Optional, Protocol
 
 import numpy as np
 
 from ._arguments import did_you_mean
+from ._names import names_of
 from ._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
@@ -218,7 +218,7 @@ class Result:
 
 
 class _Restored:
-    """Stands for the answer and the query of a restored Result."""
+    """Replaces the answer and the query in a restored Result."""
 
     def __init__(
         self,
@@ -254,12 +254,6 @@ def _restored(
     """Restores a Result from the state of __reduce__()."""
     state = _Restored(numbers, columns, pairs, why_no_pairs, names)
     return Result(state, reduce, state)
-
-
-def names_of(ids: np.ndarray, names: Sequence[str]) -> np.ndarray:
-    """Returns an array of the names of body ids, None where there is no such body."""
-    table = np.array([*names, None], dtype=object)
-    return table[np.minimum(ids, len(names))]
 
 
 def fields_mask(fields: Any) -> int:

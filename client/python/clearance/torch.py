@@ -4,14 +4,12 @@ GPU's memory.
     import torch, clearance, clearance.torch
 
     engine = clearance.Engine(scene, backend="cuda")
-    query = engine.prepare("distances", pairs=pairs, bodies=bodies, fields=["distance", "gradient"])
-    plan = query.on_device(64)
+    plan = engine.prepare(bodies=bodies, pairs=pairs, fields=["distance", "gradient"]).on_device(64)
     distances = clearance.torch.Distances(engine, plan)
     d = distances(poses)                        # (K, P); poses (K, M, 7) float64, which may want a gradient
     d.clamp(max=0.1).sum().backward()           # poses.grad: (K, M, 7)
 
-    query = engine.prepare("distances", joints="arm", reduce="min", fields=["distance", "gradient_joints"])
-    plan = query.on_device(64)
+    plan = engine.prepare(joints="arm", reduce="min", fields=["distance", "gradient_joints"]).on_device(64)
     distances = clearance.torch.JointDistances(plan)
     d = distances(positions)                    # (K,); positions (K, J) float64
     (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)

