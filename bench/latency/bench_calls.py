@@ -1,16 +1,18 @@
-"""Time that Python adds to the engine in one process: `bench_calls.py [SCENE] [SECONDS]`.
+"""Time that Python adds to the engine in one process, for calls of one state or one edge of a robot.
 
 Each call is timed as a prepared query and as a one-off call, which parses its arguments, together with the engine's own
-time in these calls (`engine_ns`: the checks of the query, its pairs, and its answer). It prints a row for each call:
-medians in microseconds, what Python adds, and the ratio to the engine.
+time in these calls (`engine_ns`: the checks of the query, its pairs, and its answer). Prints and writes, as CSV, a row
+for each call: medians in microseconds, what Python adds, and the ratio to the engine.
 """
 
-import sys
+import argparse
 import time
+from pathlib import Path
 
 import numpy as np
 
 import clearance
+from harness import ROOT, write
 
 
 def medians(evaluate, engine_ns, seconds):
@@ -55,24 +57,29 @@ def calls(engine, joints, at):
     )
 
 
-def main():
-    scene = sys.argv[1] if len(sys.argv) > 1 else "scenes/cell/robot.yaml"
-    seconds = float(sys.argv[2]) if len(sys.argv) > 2 else 0.5
+def measured(scene, seconds):
+    """Rows of all calls."""
     engine = clearance.Engine(clearance.Scene.load(scene), backend="cpu", threads=1)
     joints = engine.joints(np.arange(len(engine.joint_states())))
     at = np.array([[joint.position for joint in engine.joint_states()]])
-    print(f"{scene}: {len(engine.pairs)} pairs, {len(joints)} joints")
-    print(
-        f"{'call':16} {'engine us':>9} {'prepared':>9} {'adds':>6} {'ratio':>6} {'parsed':>9} {'adds':>6} {'ratio':>6}"
-    )
     for name, prepared, parsed, engine_ns in calls(engine, joints, at):
-        row = []
-        for evaluate in (prepared, parsed):
+        row = {"call": name, "pairs": len(engine.pairs), "joints": len(joints)}
+        for kind, evaluate in (("prepared", prepared), ("one_off", parsed)):
             took, own = medians(evaluate, engine_ns, seconds)
-            row += [took, took - own, took / own]
-            if evaluate is prepared:
-                print(f"{name:16} {own:9.2f}", end="")
-        print(" {:9.2f} {:6.2f} {:6.2f} {:9.2f} {:6.2f} {:6.2f}".format(*row))
+            row.setdefault("engine_us", round(own, 2))
+            row |= {f"{kind}_us": round(took, 2), f"{kind}_adds_us": round(took - own, 2)}
+            row[f"{kind}_ratio"] = round(took / own, 2)
+        print(*(f"{key} {value}" for key, value in row.items()), sep=", ", flush=True)
+        yield row
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    parser.add_argument("--scene", type=Path, default=ROOT / "scenes/cell/robot.yaml")
+    parser.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
+    parser.add_argument("--csv", type=Path, help="file to write")
+    options = parser.parse_args()
+    write(list(measured(options.scene, options.seconds)), options.csv)
 
 
 if __name__ == "__main__":

@@ -3,6 +3,7 @@
 import pickle
 import sys
 import types
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ def pandas(request, monkeypatch):
     if request.param == "pandas":
         return pytest.importorskip("pandas")
     codes = types.SimpleNamespace(from_codes=lambda codes, labels: np.array(labels)[codes])
-    module = types.ModuleType("pandas")
+    module: Any = types.ModuleType("pandas")
     module.DataFrame, module.Categorical = Frame, codes
     monkeypatch.setitem(sys.modules, "pandas", module)
     return module

@@ -46,7 +46,7 @@ from ._prepared import Prepared
 from ._result import Result
 from ._updates import UpdateResult
 from ._version import __version__
-from ._words import EVERY_BODY, NONE, Field, Flag, Format, Precision, Reduce, Status
+from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status
 
 if TYPE_CHECKING:
     from ._client_front import Client, connect
@@ -71,7 +71,6 @@ __all__ = [
     "Engine",
     "Field",
     "Flag",
-    "Format",
     "Future",
     "MeshWarning",
     "JointLimitWarning",

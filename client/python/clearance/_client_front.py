@@ -148,9 +148,9 @@ class Client(Front):
         return self._backend
 
     def refresh(self) -> None:
-        """Fetches the scene again, after another client changed it or the daemon started with another one.
+        """Fetches the scene again, to see bodies that another client added.
 
-        A query with an outdated scene raises QueryError with the code WRONG_SCENE.
+        Calls adopt a changed scene by themselves, as long as their ids mean the same; otherwise they raise StaleQuery.
         """
         self._names_cache = self._fetch_names(True)
 

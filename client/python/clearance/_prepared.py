@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Set
+from collections.abc import Iterable
 from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import did_you_mean, to_count, to_word
+from ._arguments import did_you_mean, to_count
 from ._calls import CALLS, Call, Checks, Request, Steps
 from ._errors import QueryError, StaleQuery
 from ._future import Future, Task
@@ -157,16 +157,17 @@ class Prepared:
         return query.with_columns(run.bodies is not None or run.joints is not None, run.mask)
 
 
-def check_arguments(call: Any, everyday: Set[str], module: Any, extra: Set[str], arguments: Iterable[str]) -> None:
-    """Raises ValueError for an unknown call, and TypeError for an argument that it does not take.
+def check_arguments(
+    call: str, everyday: Iterable[str], module: Any, extra: Iterable[str], arguments: Iterable[str]
+) -> None:
+    """Raises TypeError for an argument that a call does not take.
 
     everyday: the parameters of the method. extra: arguments of any prepared query, in addition to the options of
         wire/query_options.h.
     """
-    kind = CALLS[to_word(call, {name: name for name in CALLS}, "call")]
-    known = (
-        (everyday | extra | (set(module.OPTIONS) - {"max_evaluations"})) - NO_ARGUMENTS - {*kind.inputs, *kind.fixed}
-    )
+    kind = CALLS[call]
+    options = set(module.OPTIONS) - NO_ARGUMENTS - {"max_evaluations"} - set(kind.fixed)
+    known = options.union(everyday, extra)
     for name in arguments:
         if name not in known:
             raise TypeError(f"prepare({call!r}) got an unexpected argument {name!r}{did_you_mean(name, known)}")

@@ -6,11 +6,11 @@ import functools
 import inspect
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Callable, Literal, Optional, Union
+from typing import Any, Literal, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_list
+from ._arguments import to_count, to_list, to_word
 from ._calls import CALLS
 from ._certificate import Certificate
 from ._check import Check
@@ -31,9 +31,9 @@ MotionReduceWord = Literal["none", "min", "any"]
 
 
 class Queries:
-    """The methods of Front for queries. Parameters of wire/query_options.h pass through by name.
+    """The methods of Front for queries.
 
-    A new option is a row of that table; it is an argument of prepare() then, and of a call once it is a parameter here.
+    A row of wire/query_options.h is an option of prepare(), and of a call if the call has a parameter of that name.
     """
 
     _module: Any
@@ -261,9 +261,9 @@ class Queries:
         Names become ids here, and the query keeps these: see Prepared. Raises as that method does, and TypeError for an
         argument that it does not take.
         """
-        everyday = _parameters(call) if call in CALLS else frozenset()
+        everyday = _everyday(to_word(call, _CALL_NAMES, "call"))
         check_arguments(call, everyday, self._module, self._prepared_only, arguments)
-        return Prepared(self, call, {**_defaults(call), **arguments})  # type: ignore[arg-type]
+        return Prepared(self, call, {**everyday, **arguments})  # type: ignore[arg-type]
 
     def submit(self, *arguments: Any, **named: Any) -> Future:
         """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel(), or await it.
@@ -288,16 +288,14 @@ class Queries:
 _SIGNATURES = {call: inspect.signature(getattr(Queries, call)) for call in CALLS}
 
 
-@functools.cache
-def _parameters(call: str) -> frozenset[str]:
-    return frozenset(_SIGNATURES[call].parameters) - {"self"}
+_CALL_NAMES = {call: call for call in CALLS}
 
 
 @functools.cache
-def _defaults(call: str) -> dict[str, Any]:
-    parameters = _SIGNATURES[call].parameters.values()
-    has_default = [p for p in parameters if p.default is not p.empty and p.name not in CALLS[call].inputs]
-    return {p.name: p.default for p in has_default}
+def _everyday(call: str) -> dict[str, Any]:
+    """Returns the defaults of a call's parameters that are no inputs; None for those without one."""
+    parameters = [p for name, p in _SIGNATURES[call].parameters.items() if name not in ("self", *CALLS[call].inputs)]
+    return {p.name: None if p.default is p.empty else p.default for p in parameters}
 
 
 def _bound(call: str, *arguments: Any, **named: Any) -> dict[str, Any]:
@@ -307,10 +305,6 @@ def _bound(call: str, *arguments: Any, **named: Any) -> dict[str, Any]:
     return bound.arguments
 
 
-def _takes_arguments_of(method: Callable[..., Any], query: str) -> None:
-    """Gives a method that returns a future the signature of a query."""
-    method.__signature__ = _SIGNATURES[query].replace(return_annotation="Future")  # type: ignore[attr-defined]
-    method.__annotations__ = {**getattr(Queries, query).__annotations__, "return": "Future"}
-
-
-_takes_arguments_of(Queries.submit, "distances")
+# submit() has the signature of distances(), and returns a future.
+Queries.submit.__signature__ = _SIGNATURES["distances"].replace(return_annotation="Future")  # type: ignore[attr-defined]
+Queries.submit.__annotations__ = {**Queries.distances.__annotations__, "return": "Future"}

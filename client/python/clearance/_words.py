@@ -73,13 +73,6 @@ class MeshAs(enum.IntEnum):
     AUTO = 5  #: the default: the hull of a convex or an open mesh, otherwise a solid
 
 
-class Format(enum.IntEnum):
-    """How columns are encoded."""
-
-    FULL = 0  #: float64 columns, points in the world frame
-    COMPACT = 1  #: 32 bytes a row: float32 bounds rounded outward, points relative to each body's origin
-
-
 class Field(enum.IntFlag):
     """Columns of an answer, as bits of a mask."""
 
@@ -105,7 +98,7 @@ class Field(enum.IntFlag):
     FREE_SCALE = 1 << 19
 
 
-#: One row of format="compact".
+#: One row of the column "compact".
 COMPACT_DTYPE = np.dtype([("lower", "<f4"), ("upper", "<f4"), ("point_a", "<f4", 3), ("point_b", "<f4", 3)])
 
 
@@ -156,19 +149,13 @@ FIELD_MASKS: dict[str, int] = {
 }
 
 # Types of arguments for type checkers; tests compare them with the tables below.
-PrecisionWord = Literal["f64", "f32"]
-ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
-FormatWord = Literal["full", "compact"]
 MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
 ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
-PRECISIONS = {word.name.lower(): int(word) for word in Precision}
-MODELS = {word.name.lower(): int(word) for word in Model}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
-FORMATS = {word.name.lower(): int(word) for word in Format}
 MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
 SERVICE_CLASSES = {name: name for name in ("control", "planning")}
