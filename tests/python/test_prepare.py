@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearance
-from conftest import PATIENCE_S, PYTHON_CLIENT
+from conftest import PATIENCE_S
 from robots import rows_of
 from scenes import at, random_poses, same_bits
 
@@ -139,6 +139,8 @@ def test_default_columns_depend_on_the_number_of_rows(front):
     ({"bodies": ["cup"]}, (np.zeros((1, 2, 7)),), ValueError, r"configurations: expected M = 1 poses each \(bodies\)"),
     ({"bodies": ["cup"], "joints": "arm"}, (np.zeros((1, 8)),), TypeError, r"expected a pair \(positions, poses\)"),
     ({"call": "motions", "joints": "arm"}, (np.zeros((1, 8)), np.zeros((2, 8))), ValueError, "end: expected shape"),
+    ({"call": "motions", "joints": "arm"}, (np.zeros((1, 8)),), ValueError, "end: expected .* got none"),
+    ({"call": "check_path", "bodies": ["cup"]}, (), ValueError, "path: expected .* got none"),
     ({"call": "check_path", "joints": "arm"}, (np.zeros((1, 8)),), ValueError, "path: expected two waypoints"),
 ])  # fmt: skip
 def test_wrong_inputs_are_named(front, arguments, inputs, error, text):
@@ -266,7 +268,6 @@ def test_joint_limits(front):
     assert caught[0].filename == __file__
 
 
-@pytest.mark.skipif(PYTHON_CLIENT, reason="tested with the extension module")
 def test_service_class_and_waiting_for_poses(arm_daemon):
     with clearance.connect(arm_daemon.urls["ipc"], timeout_s=PATIENCE_S, service_class="planning") as client:
         assert client.check().free.shape == (1,)

@@ -104,8 +104,8 @@ class Motions(Call):
             first = _positions(start, query.joint_count, "start")
             last = _positions(end, query.joint_count, "end")
             return query.run(True, len(first)), None, _interleave(first, last)
-        start_poses, start_positions = _ends(query, start, "start")
-        end_poses, end_positions = _ends(query, end, "end")
+        start_poses, start_positions = arrays_of(query, start, "start")
+        end_poses, end_positions = arrays_of(query, end, "end")
         poses, positions = _interleave(start_poses, end_poses), _interleave(start_positions, end_positions)
         return query.run(True, _count(poses, positions) // 2), poses, positions
 
@@ -115,7 +115,7 @@ class Paths(Call):
     fixed: ClassVar = {"reduce": "any", "fields": ("status", "pair", "time", "first_contact")}
 
     def steps(self, path: Any = None) -> Steps:
-        points = _ends(self.query, path, "path")
+        points = arrays_of(self.query, path, "path")
         count = _count(*points)
         if count < 2:
             raise ValueError(f"path: expected two waypoints or more, got {count}")
@@ -181,18 +181,14 @@ def arrays_of(query: Query, value: Any, what: str) -> tuple[Optional[np.ndarray]
     return poses, positions
 
 
-def _ends(query: Query, value: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
-    if value is None:
-        raise ValueError(f"{what}: expected positions of joints, or poses of bodies, got none")
-    return arrays_of(query, value, what)
-
-
 def _count(poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> int:
     return len(poses) if poses is not None else 0 if positions is None else len(positions)
 
 
 def _positions(value: Any, joints: int, what: str) -> np.ndarray:
-    rows = to_floats(value, what, "(K, J) numbers of joints")
+    if value is None:
+        raise ValueError(f"{what}: expected (K, J) positions of joints, got none")
+    rows = to_floats(value, what, "(K, J) numbers")
     shape = rows.shape
     if len(shape) != 2 or shape[1] != joints:
         raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}")
@@ -202,6 +198,8 @@ def _positions(value: Any, joints: int, what: str) -> np.ndarray:
 
 
 def _poses(query: Query, value: Any, what: str) -> np.ndarray:
+    if value is None:
+        raise ValueError(f"{what}: expected (K, M, 7) poses of bodies, got none")
     poses = as_pose7(value, what)
     if poses.ndim != 3:
         raise ValueError(f"{what}: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(value)}")

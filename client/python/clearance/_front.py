@@ -17,8 +17,8 @@ import numpy as np
 from ._future import Future, Task
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._limits import Beyond, beyond_limits
-from ._names import BodyInfo, BodyRef, NameTable
-from ._queries import Pairs, Queries
+from ._names import BodyInfo, BodyRef, NameTable, Pairs
+from ._queries import Queries
 from ._query import Query, Run
 from ._result import Result
 from ._updates import Updates

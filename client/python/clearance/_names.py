@@ -14,6 +14,10 @@ from ._arguments import contiguous, did_you_mean, reject_masked, to_list, to_num
 from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
 
 BodyRef = Union[str, int]  #: a body or, where groups are accepted, a group, by name or id
+# Types of arguments of queries.
+Bodies = Optional[Sequence[BodyRef]]
+Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
+Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,13 @@ from ._certificate import Certificate
 from ._check import Check
 from ._future import Future
 from ._joints import JointsRef
-from ._names import BodyRef
+from ._names import Bodies, Margin, Pairs
 from ._path import PathCheck
 from ._prepared import Prepared, check_arguments
 from ._query import Run
 from ._result import Result
 from ._words import ReduceWord
 
-Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
-Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
-Bodies = Optional[Sequence[BodyRef]]
 Fields = Union[str, Sequence[str], None]
 MotionReduceWord = Literal["none", "min", "any"]
 
@@ -220,14 +217,15 @@ class Queries:
         rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
         arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() on the
             same poses, unless their uncertainty grows with age. Or those of motions(), including `start` and `end`,
-            with any reduction; `first_contact` is proved, too, unless `fields` excludes it.
+            with any reduction; `first_contact` is proved, too, unless `fields` excludes it. Options of prepare(), too.
 
         Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as
         distances() and motions(), and QueryError for a row outside the answer; a daemon also for a document of more
         than 64 MiB.
         """
         call = "motions" if "start" in arguments or "end" in arguments else "distances"
-        prepared, inputs = self._parsed(call, _bound(call, self, **arguments))
+        inputs = [arguments.pop(name, None) for name in CALLS[call].inputs]
+        prepared = self.prepare(call, **arguments)
         numbers = None
         if rows is not None:
             each = [to_count(row, f"rows[{i}]") for i, row in enumerate(to_list(rows, "rows", "row numbers"))]
@@ -270,7 +268,9 @@ class Queries:
 
         In process, the poses are those at this call; through a daemon, those at the request's arrival.
         """
-        prepared, inputs = self._parsed("distances", _bound("distances", self, *arguments, **named))
+        bound = _SIGNATURES["distances"].bind(self, *arguments, **named)
+        bound.apply_defaults()
+        prepared, inputs = self._parsed("distances", bound.arguments)
         return prepared.submit(*inputs)
 
     def _once(self, call: str, arguments: dict[str, Any]) -> Any:
@@ -296,13 +296,6 @@ def _everyday(call: str) -> dict[str, Any]:
     """Returns the defaults of a call's parameters that are no inputs; None for those without one."""
     parameters = [p for name, p in _SIGNATURES[call].parameters.items() if name not in ("self", *CALLS[call].inputs)]
     return {p.name: None if p.default is p.empty else p.default for p in parameters}
-
-
-def _bound(call: str, *arguments: Any, **named: Any) -> dict[str, Any]:
-    """Returns all arguments of a call by name, and self. Raises TypeError as the call does."""
-    bound = _SIGNATURES[call].bind(*arguments, **named)
-    bound.apply_defaults()
-    return bound.arguments
 
 
 # submit() has the signature of distances(), and returns a future.

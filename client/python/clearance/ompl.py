@@ -19,7 +19,7 @@ from ompl import base as ob
 
 from ._front import Front
 from ._joints import JointsRef
-from ._queries import Margin, Pairs
+from ._names import Margin, Pairs
 from ._words import Status
 
 
