@@ -54,11 +54,11 @@ class Edge:
 
     def sampled(self, step=STEP):
         rows = self.at(self.times(step))
-        r = self.engine.distances(reduce="min", joints=self.joints, positions=rows)
+        r = self.engine.distances(reduce="min", joints=self.joints, configurations=rows)
         return Sampled(len(rows), bool(np.all(r.lower > 0)), float(r.lower.min()))
 
     def proved(self):
-        r = self.engine.motions(joints=self.joints, start=[self.start], end=[self.end], reduce="any")
+        r = self.engine.motions([self.start], [self.end], joints=self.joints, reduce="any")
         pair, contact = r.pair[0].tolist(), float(r.first_contact[0, 1])
         status, free_until = clearance.Status(r.status[0]), float(r.first_contact[0, 0])
         if not contact <= 1:
@@ -68,4 +68,4 @@ class Edge:
 
     def certificate(self, times, pair):
         """Proof of the relation of two bodies at these times."""
-        return self.engine.certificate(pairs=[tuple(pair)], joints=self.joints, positions=self.at(times))
+        return self.engine.certificate(pairs=[tuple(pair)], joints=self.joints, configurations=self.at(times))

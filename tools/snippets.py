@@ -60,7 +60,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "mkdir -p /run/clearance": NEEDS + "Docker",
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
-        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros.py has the package",
+        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros_bridge.py has the package",
         "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
         "cd ~/ws": NEEDS + "ROS 2",
         "ros2 launch": NEEDS + "ROS 2",

@@ -34,7 +34,6 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "`gradient_joints`": {"fields": "gradient_joints"},
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
-    "`free_scale`": {"fields": "free_scale", "weights": None},  # a weight for each joint
     '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "a certificate": {},
@@ -76,15 +75,14 @@ def options() -> str:
     here, there = [[0.0] * len(arm)], [[0.1] * len(arm)]
 
     def supports(reduce: str, motions: bool, option: str) -> bool:
-        more: dict[str, Any] = {**OPTIONS[option], "reduce": reduce}
-        if "weights" in more:
-            more["weights"] = [1.0] * len(arm)
-        given = {"start": here, "end": there} if motions else {"positions": here}
-        call: Any = engine.motions if motions else engine.distances
-        if option == "a certificate":
-            call, more["rows"] = engine.certificate, [0]
+        given = {"joints": arm, "pairs": [("arm/gripper", "ball")], "reduce": reduce}
         try:
-            call(joints=arm, pairs=[("arm/gripper", "ball")], **given, **more)
+            if option == "a certificate":
+                moves = {"start": here, "end": there} if motions else {"configurations": here}
+                engine.certificate([0], **given, **moves)
+            else:
+                query = engine.prepare("motions" if motions else "distances", **given, **OPTIONS[option])
+                query.run(*((here, there) if motions else (here,)))
         except (clearance.QueryError, ValueError):
             return False
         return True

@@ -59,14 +59,16 @@ def main():
     rng = np.random.default_rng(5)
     scene, poses = scene_and_poses(rng)
     engine = clearance.Engine(scene, backend=arguments.backend)
-    query = {"pairs": pairs_of(rng), "configurations": poses}
-    float32 = {**query, "fields": ("bounds", "points32")}
+    pairs = pairs_of(rng)
+    query = {"pairs": pairs, "configurations": poses}
+    prepared = engine.prepare("distances", pairs=pairs)
+    bounds = engine.prepare("distances", pairs=pairs, fields="bounds")
     ways = {
         "default": lambda: engine.distances(**query),
-        "default, prepared": engine.prepare(**query),
-        "float32": lambda: engine.distances(**float32),
-        "float32, prepared": engine.prepare(**float32),
-        "bounds alone": lambda: engine.distances(fields=["lower", "upper"], **query),
+        "default, prepared": lambda: prepared.run(poses),
+        "bounds": lambda: engine.distances(fields="bounds", **query),
+        "bounds, prepared": lambda: bounds.run(poses),
+        "lower and upper": lambda: engine.distances(fields=["lower", "upper"], **query),
         "with points": lambda: engine.distances(fields=["default", "points"], **query),
         "min": lambda: engine.distances(reduce="min", **query),
     }

@@ -186,7 +186,8 @@ def main():
         print("No CUDA device: times are not taken.")
         return 0
 
-    plan = engine.plan_on_device(len(poses), [body.name for body in engine.bodies], pairs, fields=["lower", "upper"])
+    bodies = [body.name for body in engine.bodies]
+    plan = engine.prepare("distances", pairs=pairs, bodies=bodies, fields=["lower", "upper"]).on_device(len(poses))
     given = wp.array(poses, dtype=wp.float64)
     lower, upper = (wp.zeros(plan.shape, dtype=wp.float64) for _ in range(2))
 

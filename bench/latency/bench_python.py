@@ -98,9 +98,8 @@ def main():
     url, pairs, seconds = sys.argv[1], int(sys.argv[2]), float(sys.argv[3])
     with clearance.connect(url) as client:
         drawn = None if pairs == 0 else client.pairs[np.random.default_rng(1).permutation(len(client.pairs))[:pairs]]
-        query = {"pairs": drawn, "fields": "default", "copy": False}
-        prepared = client.prepare(**query)
-        kinds = {"prepared": prepared, "distances": lambda: client.distances(**query)}
+        prepared = client.prepare("distances", pairs=drawn, fields="default", copy=False)
+        kinds = {"prepared": prepared.run, "distances": lambda: client.distances(drawn, fields="default")}
         numbers, engine = {}, []
         for kind, evaluate in kinds.items():
             timed(evaluate, 0.1)

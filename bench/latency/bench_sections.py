@@ -67,8 +67,7 @@ def aggressor(kind, url, as_planning=False):
     """Repeats one kind of request until it is terminated. as_planning: below the class of its user."""
     import clearance
 
-    options = {"timeout_s": 600}
-    client = clearance.connect(url, service_class="planning" if as_planning else "control")
+    client = clearance.connect(url, 600, **({"service_class": "planning"} if as_planning else {}))
     names = [body.name for body in client.bodies]
     heaps = [name for name in names if name.startswith("heap")]
     pose = [0.1, 0, 0, 1, 0, 0, 0]
@@ -76,16 +75,16 @@ def aggressor(kind, url, as_planning=False):
     requests = {
         "nothing": None,
         "groups": lambda: client.distances(
-            pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"], **options
+            pairs=[("*", "*"), ("*", "heap0")], reduce="min", configurations=[[pose]], bodies=["first"]
         ),
-        "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min", **options),
+        "explicit pairs": lambda: client.distances(pairs=pairs, reduce="min"),
         "poses": lambda: client.set_poses(dict.fromkeys(names, pose)),
         "pieces with depths": lambda: client.distances(
-            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed_distance=True, **options
+            pairs=[(a, b) for a in heaps for b in heaps if a < b], signed_distance=True
         ),
-        "within": lambda: client.distances(reduce="within", max_distance=0.5, **options),
-        "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs, **options),
-        "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True, **options),
+        "within": lambda: client.distances(reduce="within", max_distance=0.5),
+        "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs),
+        "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True),
     }
     send = requests[kind]
     print("ready", flush=True)

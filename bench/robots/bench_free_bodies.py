@@ -108,11 +108,11 @@ def measure(name, other, count, rng):
     scene.add_box("body", list(sizes), pose=[0, 0, 0, 1, 0, 0, 0])
     scene.add_box("still", list(other), static=True, pose=[0, 0, 0, 1, 0, 0, 0])
     engine = clearance.Engine(scene, backend="cpu", threads=1)
-    options = {"bodies": ["body"], "start": start[:, None], "end": end[:, None]}
-    engine.motions(**{**options, "start": start[:2, None], "end": end[:2, None]}, reduce="any")
+    ends = start[:, None], end[:, None]
+    engine.motions(start[:2, None], end[:2, None], bodies=["body"], reduce="any")
     proof = {"reduce": "any", "rel_tol": 1e-6, "abs_tol": 0.0, "fields": ("status", "time")}
-    seconds, any_ = timed(engine.motions, **options, **proof)
-    least = engine.motions(**options, reduce="min", abs_tol=1e-5, max_evaluations=4096, fields=("lower", "status"))
+    seconds, any_ = timed(engine.motions, *ends, bodies=["body"], **proof)
+    least = engine.motions(*ends, bodies=["body"], abs_tol=1e-5, max_evaluations=4096, fields=("lower", "status"))
     free = any_.status == Status.BEYOND
     hit = any_.status <= Status.CONTACT
     clear = free & (least.lower > NEAR)

@@ -77,10 +77,10 @@ def measure(name, links, resources, options):
     Q = np.random.default_rng(options.seed).uniform(limits[:, 0], limits[:, 1], (options.states, len(joints)))
 
     def ours(**more):
-        return lambda Q: us.requested.distances(positions=Q, fields=("lower", "upper"), **requested, **more)
+        return lambda Q: us.requested.distances(configurations=Q, fields=("lower", "upper"), **requested, **more)
 
     def ours_valid(Q):
-        return us.requested.check(positions=Q, **requested).free
+        return us.requested.check(configurations=Q, **requested).free
 
     theirs = peer.ways()
     questions = {"rows": (ours(), theirs["least"]), "least": (ours(reduce="min"), theirs["least"]),

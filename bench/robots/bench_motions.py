@@ -40,9 +40,9 @@ def measure(robot, resources, margin, options):
         engine = engine_of(problem, resources)
         names = [f"{robot}/{joint}" for joint in joints]
         start, end = edges_of(problem, joints, options.edges, np.random.default_rng([problem.number, options.seed]))
-        options = {"joints": names, "start": start, "end": end, "margin": margin, "reduce": "any"}
-        engine.motions(**{**options, "start": start[:2], "end": end[:2]})  # fills the caches
-        seconds, r = timed(engine.motions, **options, rel_tol=1e-6, abs_tol=0.0, fields=("status", "pair", "steps"))
+        proof = {"joints": names, "margin": margin, "reduce": "any", "fields": ("status", "pair", "steps")}
+        engine.motions(start[:2], end[:2], **proof)  # fills the caches
+        seconds, r = timed(engine.motions, start, end, **proof)
         proof_s += seconds
         seconds, (free_at_samples, _) = timed(within_samples, engine, names, start, end, margin, STEP)
         sampling_s += seconds

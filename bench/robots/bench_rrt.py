@@ -94,7 +94,7 @@ class Ours:
     def free(self, states):
         begin = time.perf_counter()
         answer = self.contender.requested.distances(
-            joints=self.contender.joints, positions=states, reduce="any", fields="status"
+            joints=self.contender.joints, configurations=states, reduce="any", fields="status"
         )
         is_free = bool((answer.status == Status.BEYOND).all())
         self.seconds += time.perf_counter() - begin
@@ -106,10 +106,10 @@ class Ours:
     def shares(self):
         """Seconds of (kinematics, transport)."""
         requested, joints = self.contender.requested, self.contender.joints
-        table = requested.distances(joints=joints, positions=self.requested[0][:1], fields="status").pairs
+        table = requested.distances(joints=joints, configurations=self.requested[0][:1], fields="status").pairs
         ns = 0
         for states in self.requested:
-            ns += requested.distances(table[:1], joints=joints, positions=states, reduce="any",
+            ns += requested.distances(table[:1], joints=joints, configurations=states, reduce="any",
                 fields="status").engine_ns
         return 1e-9 * ns, self.seconds - self.engine_seconds
 

@@ -91,7 +91,7 @@ def measure(name, resources, options):
                 low, high = limits(engine, ids).T
                 ends = [[at[j] for j in joints] for at in (problem.start, problem.goal)]
                 Q = np.concatenate([ends, rng.uniform(low, high, (options.states, len(joints)))])
-            options = {"joints": ids, "positions": Q}
+            options = {"joints": ids, "configurations": Q}
             engine.check(Q[:2], joints=ids)  # fills the caches
             valid = timed(engine.check, Q, joints=ids)
             least = timed(engine.distances, **options, reduce="min", fields=("lower", "upper", "status"))

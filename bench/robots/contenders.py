@@ -136,7 +136,7 @@ class Clearance:
         """Returns whether a program without our code finds every pair's bounds at one state proved (in process)."""
         import check_certificate
 
-        document = self.requested.certificate(joints=self.joints, positions=q[None]).document
+        document = self.requested.certificate(joints=self.joints, configurations=q[None]).document
         return all(is_proved for is_proved, _ in check_certificate.verdicts(document))
 
     def begin(self, problem):
@@ -176,12 +176,8 @@ class Clearance:
 
     def _prepared(self, question):
         def run(Q):
-            row = np.empty((1, Q.shape[1]))
-            evaluate = self.requested.prepare(joints=self.joints, positions=row, **question)
-            answers = []
-            for q in Q:
-                row[0] = q
-                answers.append(evaluate())
+            evaluate = self.requested.prepare("distances", joints=self.joints, **question).run
+            answers = [evaluate(q[None]) for q in Q]
             if question["reduce"] == "any":
                 return np.concatenate([answer.status for answer in answers]) == int(self.clearance.Status.BEYOND)
             return tuple(np.concatenate([getattr(answer, name) for answer in answers]) for name in _BOUNDS)
@@ -202,7 +198,7 @@ class Clearance:
         return np.asarray(self.requested.check(Q, joints=self.joints).free)
 
     def _least(self, Q):
-        answer = self.requested.distances(joints=self.joints, positions=Q, reduce="min", fields=_BOUNDS)
+        answer = self.requested.distances(joints=self.joints, configurations=Q, reduce="min", fields=_BOUNDS)
         return answer.lower.ravel(), answer.upper.ravel()
 
 

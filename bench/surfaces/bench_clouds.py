@@ -55,11 +55,11 @@ class Clearance:
         self.engine = clearance.Engine(self.scene, backend="cpu", threads=1)
 
     def least(self, body, states):
-        answer = self.engine.distances(pairs=[("arm", body)], joints="arm", positions=states, reduce="min")
+        answer = self.engine.distances(pairs=[("arm", body)], joints="arm", configurations=states, reduce="min")
         return answer.lower, answer.upper
 
     def free(self, body, states):
-        return self.engine.check(pairs=[("arm", body)], joints="arm", positions=states).free
+        return self.engine.check(pairs=[("arm", body)], joints="arm", configurations=states).free
 
 
 class Coal:

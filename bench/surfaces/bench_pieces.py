@@ -80,7 +80,8 @@ def row(case, question, both, X, **more):
     best, answers = dict.fromkeys(ways, np.inf), {}
     for _ in range(ROUNDS):
         for way, (engine, model) in ways.items():
-            took, answers[way] = timed(engine.distances, [("a", "b")], X[:, None], ["b"], model=model, **more)
+            query = engine.prepare("distances", pairs=[("a", "b")], bodies=["b"], model=model, **more)
+            took, answers[way] = timed(query.run, X[:, None])
             best[way] = min(best[way], took / len(X) * 1e6)
     truth, pieces = answers["triangles"], answers["pieces"]
     beyond = int(clearance.Status.BEYOND)

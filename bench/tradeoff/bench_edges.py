@@ -59,8 +59,7 @@ class EdgeQueries:
         """Columns of all edges, and the time taken."""
         answers, seconds = [], 0.0
         for start, end in self.batches():
-            took, answer = timed(self.engine.motions, joints=self.joints, start=start, end=end, fields=FIELDS,
-                **requested)
+            took, answer = timed(self.engine.motions, start, end, joints=self.joints, fields=FIELDS, **requested)
             answers.append(answer)
             seconds += took
         return seconds, {n: np.concatenate([getattr(a, n) for a in answers]) for n in FIELDS}

@@ -100,11 +100,11 @@ class Publisher:
         return self.message.stamp_ns
 
 
-def ask_at(ask, publisher: Publisher, data):
-    """The answer for the current poses. Repeats a lost message."""
+def send_poses(client, publisher: Publisher, data) -> None:
+    """Publishes the current poses and waits until the daemon has them. Repeats a lost message."""
     for _ in range(10):
         try:
-            return ask(min_pose_stamp_ns=publisher.publish(data))
+            return client.wait_for_poses(publisher.publish(data), timeout_s=0.5)
         except clearance.RequestError as error:
             if error.code != clearance.wire.ErrorCode.POSES_LATE:
                 raise
@@ -125,14 +125,15 @@ def careful(wanted: np.ndarray, lower: np.ndarray, away: np.ndarray) -> np.ndarr
     return wanted
 
 
-def simulate(model, ask, publisher, client, seconds: float, care: bool = True) -> dict[str, float]:
+def simulate(model, query, publisher, client, seconds: float, care: bool = True) -> dict[str, float]:
     """Steps until the time is over; returns the results."""
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     hand, id_of = model.geom("hand").id, {body.id: model.geom(body.name).id for body in client.bodies}
     nearest, off, goal, reached, questions = np.inf, 0.0, 0, 0, 0
     while data.time < seconds:
-        r = ask_at(ask, publisher, data)
+        send_poses(client, publisher, data)
+        r = query.run()
         questions += 1
         geoms = np.vectorize(id_of.get)(r.pairs)
         away = np.where((geoms[:, 0] == hand)[:, None], -r.normal[0], r.normal[0])
@@ -157,13 +158,11 @@ def main() -> int:
     model = mujoco.MjModel.from_xml_string(WORLD)
     with own_daemon.daemon(scene_of(model), ["--threads", "1"]) as urls, clearance.connect(urls["shm"]) as client:
         publisher = Publisher(model, urls["udpm"])
-        ask = client.prepare(
-            pairs=[("hand", "*")], fields=["default", "normal"], min_pose_stamp_ns=1, pose_wait_s=0.5, timeout_s=30.0
-        )
+        query = client.prepare("distances", pairs=[("hand", "*")], fields=["default", "normal"], timeout_s=30.0)
         begin = time.monotonic()
-        out = simulate(model, ask, publisher, client, options.seconds)
+        out = simulate(model, query, publisher, client, options.seconds)
         took = time.monotonic() - begin
-        careless = simulate(model, ask, publisher, client, options.seconds, care=False)
+        careless = simulate(model, query, publisher, client, options.seconds, care=False)
     print(f"{options.seconds:g} s simulated in {took:.1f} s, {out['questions']} questions")
     print(f"MuJoCo's distances are outside of our intervals by {1e9 * out['off']:.0f} nm at most")
     print(

@@ -59,7 +59,7 @@ def main() -> int:
 
     straight = engine.check_path([start, goal], joints=problem.joints, margin=options.margin)
     check = engine.check_path(short, joints=problem.joints, margin=options.margin)
-    least = engine.motions(joints=problem.joints, start=short[:-1], end=short[1:])
+    least = engine.motions(short[:-1], short[1:], joints=problem.joints)
     print(f"shortened to {len(short)}; proved free: {check.free}, never nearer than {1e3 * least.lower.min():.1f} mm")
     assert not straight.free, "the straight way was free: nothing was shown"
     assert check.free and np.array_equal(short[[0, -1]], [start, goal]), check

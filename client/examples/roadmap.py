@@ -82,7 +82,7 @@ class Roadmap:
             ends = self.nodes[near[i : i + ONTO]]
             starts = np.tile(place, (len(ends), 1))
             requested = {"joints": self.joints, "margin": self.margin, "reduce": "any", "fields": ["status"]}
-            free = self.engine.motions(start=starts, end=ends, **requested).status == clearance.Status.BEYOND
+            free = self.engine.motions(starts, ends, **requested).status == clearance.Status.BEYOND
             if free.any():
                 return near[i : i + ONTO][free].tolist()
         return []

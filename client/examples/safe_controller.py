@@ -145,21 +145,20 @@ class Controller:
         self.joints = client.joints([f"arm/{name}" for name in log.joints])
         self.drive = Drive(HOME)
         self.safe = SafeSpeeds(len(self.joints))
-        self.positions = self.drive.q[None].copy()
         self.balls = np.zeros(len(client.bodies), bool)
         self.balls[[client.body_id(name) for name in moving_balls.NAMES]] = True
         self.margin = margin()
         # Within STALL the arm and a ball approach by less than LOOK: pairs left out now cannot be too near then.
-        self.ask = client.prepare(
-            joints=self.joints, positions=self.positions, pairs=[("arm", "*")], reduce="within", max_distance=LOOK,
+        self.query = client.prepare(
+            "distances", joints=self.joints, pairs=[("arm", "*")], reduce="within", max_distance=LOOK,
             fields=["lower", "upper", "status", "pair", "gradient_joints"], rel_tol=1e-3, timeout_s=STALL,
         )  # fmt: skip
 
     def tick(self, began: float, now: float) -> None:
         """Queries the present position, and commands speeds; without a usable answer none, so that the drives stop."""
-        self.positions[0] = self.drive.advance(now, self.log)
+        positions = self.drive.advance(now, self.log)
         try:
-            r = self.ask()
+            r = self.query.run(positions[None])
         except clearance.ClearanceError as error:
             self.log.failed(type(error).__name__)
             return

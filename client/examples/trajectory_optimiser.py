@@ -46,8 +46,8 @@ class Cost:
         slope[1:] += 2 * steps
         slope[:-1] -= 2 * steps
         r = self.engine.distances(
-            joints=self.joints, positions=path[1:-1], reduce="within", max_distance=self.keep, signed_distance=True,
-            fields=["distance", "gradient_joints", "configuration"], rel_tol=1e-3, abs_tol=1e-4,
+            joints=self.joints, configurations=path[1:-1], reduce="within", max_distance=self.keep,
+            fields=["distance", "gradient_joints", "configuration"], signed_distance=True, rel_tol=1e-3, abs_tol=1e-4,
         )  # fmt: skip
         missing = self.keep - r.distance
         np.add.at(slope, r.configuration + 1, -2 * WEIGHT * missing[:, None] * r.gradient_joints)
@@ -91,7 +91,7 @@ def main() -> int:
         print(f"no way was proved free in {turns} rounds: {check}")
         return 1
     # Independent result for each motion: its certified least distance.
-    least = engine.motions(joints=joints, start=path[:-1], end=path[1:], reduce="min")
+    least = engine.motions(path[:-1], path[1:], joints=joints, reduce="min")
     took, nearest = time.monotonic() - begin, 1e3 * least.lower.min()
     print(f"proved in {took:.1f} s: never nearer than {nearest:.1f} mm on its whole way")
     assert not straight.free, "the straight way was free: nothing was shown"

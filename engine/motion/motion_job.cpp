@@ -5,6 +5,7 @@
 #include <utility>
 
 #include "engine/motion/motion_block.h"
+#include "engine/query/job_cache.h"
 #include "engine/query/parallel_job.h"
 
 namespace clearance {
@@ -47,6 +48,11 @@ class MotionJob final : public ParallelJob {
     return true;
   }
 
+  void rewind() override {
+    first_ = next_ = written_ = 0;
+    evaluated_ = 0;
+  }
+
  private:
   bool run(std::uint64_t unit, int worker, std::uint64_t count, WorkMeter& meter) {
     MotionBlock& block = blocks_[static_cast<std::size_t>(worker)];
@@ -82,7 +88,10 @@ void check_motion_pairs(const Plan& plan) {
 std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   check_motion_pairs(plan);
   plan.keep_configurations();
-  return std::make_unique<MotionJob>(context, std::move(plan), reply);
+  const bool may_be_kept = plan.question && JobCache::keeps(plan.size);
+  auto job = std::make_unique<MotionJob>(context, std::move(plan), reply);
+  if (may_be_kept) job->keeper = context.kept;
+  return job;
 }
 
 }  // namespace clearance

@@ -8,8 +8,9 @@
 #include <utility>
 #include <vector>
 
-#include "client/python/bindings/columns.h"
+#include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/process_guard.h"
 #include "engine/device/query/device_plan.h"
 #include "engine/engine.h"
 

@@ -9,8 +9,10 @@
 #include <chrono>
 #include <utility>
 
-#include "client/python/bindings/columns.h"
+#include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/process_guard.h"
+#include "client/python/bindings/query.h"
 #include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
@@ -23,49 +25,45 @@ namespace {
 /// Interval at which a long call tests for Ctrl-C.
 constexpr std::chrono::milliseconds kSignalPeriod{50};
 
+using Clock = std::chrono::steady_clock;
+
+std::int64_t nanoseconds_since(Clock::time_point begin) {
+  return std::chrono::nanoseconds(Clock::now() - begin).count();
+}
+
 /// A running query with its columns.
 class PyJob {
  public:
-  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer, OutArrays out)
-      : engine_(std::move(engine)),
-        guard_(guard),
-        job_(std::move(job)),
-        answer_(std::move(answer)),
-        out_(std::move(out)) {}
+  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer, std::int64_t engine_ns)
+      : engine_(std::move(engine)), guard_(guard), job_(std::move(job)), answer_(std::move(answer)), ns_(engine_ns) {}
 
+  /// Works for a time without the interpreter's lock. Returns true once done.
   bool advance(std::int64_t budget_ns) {
     guard_.check("this query");
     const GilRelease release;
-    const auto begin = std::chrono::steady_clock::now();
+    return go_on(budget_ns);
+  }
+  /// The same, for a caller that has released the lock.
+  bool go_on(std::int64_t budget_ns) {
+    const auto begin = Clock::now();
     const bool done = job_.advance(std::chrono::nanoseconds(budget_ns));
-    engine_ns_ += std::chrono::nanoseconds(std::chrono::steady_clock::now() - begin).count();
+    ns_ += nanoseconds_since(begin);
     return done;
   }
 
-  /// Works for a time. Returns true once done.
-  bool run(double timeout_s) {
-    const auto begin = std::chrono::steady_clock::now();
-    while (!advance(std::chrono::nanoseconds(kSignalPeriod).count())) {
-      check_signals();
-      if (std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count() > timeout_s) return false;
-    }
-    return true;
-  }
-
-  /// The answer, after advance() returned true.
-  Answer answer() const {
+  /// Returns the answer, once, after the job is done.
+  Answer take() {
     const ReplyInfo& info = job_.info();
-    Answer a = answer_;
-    a.rows = info.rows;
-    a.total = info.total;
-    a.scene_revision = info.scene_revision;
-    a.snapshot_revision = info.snapshot_revision;
-    a.snapshot_stamp_ns = info.snapshot_stamp_ns;
-    a.snapshot_sequence = info.snapshot_sequence;
-    a.pose_age_ns = info.pose_age_ns;
-    a.backend = info.backend;
-    a.engine_ns = static_cast<std::uint64_t>(engine_ns_);
-    return a;
+    answer_.rows = info.rows;
+    answer_.total = info.total;
+    answer_.scene_revision = info.scene_revision;
+    answer_.snapshot_revision = info.snapshot_revision;
+    answer_.snapshot_stamp_ns = info.snapshot_stamp_ns;
+    answer_.snapshot_sequence = info.snapshot_sequence;
+    answer_.pose_age_ns = info.pose_age_ns;
+    answer_.backend = info.backend;
+    answer_.engine_ns = static_cast<std::uint64_t>(ns_);
+    return std::move(answer_);
   }
 
  private:
@@ -73,8 +71,7 @@ class PyJob {
   ProcessGuard guard_;
   Job job_;
   Answer answer_;
-  OutArrays out_;
-  std::int64_t engine_ns_ = 0;
+  std::int64_t ns_;
 };
 
 static_assert(sizeof(BodyPair) == 2 * sizeof(std::uint32_t) && sizeof(Pose) == 7 * sizeof(double));
@@ -83,21 +80,22 @@ QueryView view_of(const Query& q) {
   QueryView view;
   view.all_pairs = !q.pairs;
   if (q.pairs) view.pairs = {reinterpret_cast<const BodyPair*>(q.pairs->data()), q.pairs->shape(0)};
-  if (q.configurations) {
-    if (q.configurations->shape(0) > 0xFFFFFFFFu) throw nb::value_error("configurations: too many");
-    view.configuration_count = static_cast<std::uint32_t>(q.configurations->shape(0));
-    view.bodies = {q.bodies->data(), q.bodies->shape(0)};
-    view.configurations = {reinterpret_cast<const Pose*>(q.configurations->data()),
-                           q.configurations->shape(0) * q.configurations->shape(1)};
-  }
+  view.bodies = ids_of(q.bodies);
   view.joints = ids_of(q.joints);
-  view.positions = numbers_of(q.positions);
-  if (q.positions) {
-    if (q.positions->shape(0) > 0xFFFFFFFFu) throw nb::value_error("positions: too many");
-    view.configuration_count = static_cast<std::uint32_t>(q.positions->shape(0));
-  }
+  view.scene_revision = q.scene_revision;
   copy_options(q, view);
   copy_margins(q, view);
+  return view;
+}
+
+QueryView view_of(const Query& q, const Configurations& at) {
+  at.check(q);
+  if (at.count() > 0xFFFFFFFFu) throw nb::value_error("configurations: too many");
+  QueryView view = view_of(q);
+  view.configuration_count = static_cast<std::uint32_t>(at.count());
+  if (at.poses)
+    view.configurations = {reinterpret_cast<const Pose*>(at.poses->data()), at.poses->shape(0) * at.poses->shape(1)};
+  view.positions = numbers_of(at.positions);
   return view;
 }
 
@@ -141,56 +139,35 @@ class PyEngine : public PyEditor {
     open(scene, options);
   }
 
-  std::unique_ptr<PyJob> start(const Query& query, nb::handle out_list) const {
-    const std::shared_ptr<engine::Engine> engine = use();
-    OutArrays out(out_list);
-    PreparedQuery prepared = prepare(*engine, query);
-    const QuerySize size = prepared.size();
-    out.check(view_of(query).reduce, size.configurations, size.pairs, size.joints, size.rows);
-
-    const std::uint32_t own = size.fields & ~out.fields();
-    const Layout layout = layout_of(own, size.rows, size.joints);
-    Answer answer;
-    answer.owner = allocate(*engine, layout.bytes);
-    answer.base = static_cast<const std::byte*>(answer.owner.get());
-    answer.bytes = layout.bytes;
-    answer.offset = layout.offset;
-    answer.fields = size.fields;
-    answer.capacity = size.rows;
-    answer.configurations = size.configurations;
-    answer.pairs = size.pairs;
-    answer.joints = size.joints;
-
-    ReplyView reply;
-    reply.rows = size.rows;
-    reply.joints = size.joints;
-    int position = 0;
-    for_each_column(
-        [&]<class Column>(Column*& column, int) {
-          const int at = position++;
-          const std::int64_t offset = layout.offset[static_cast<std::size_t>(at)];
-          if (out.fields() >> at & 1)
-            column = reinterpret_cast<Column*>(out.data(at));
-          else if (offset >= 0)
-            column = reinterpret_cast<Column*>(static_cast<std::byte*>(answer.owner.get()) + offset);
-        },
-        reply);
+  std::unique_ptr<PyJob> start(const Query& query, std::optional<PosesArray> poses,
+                               std::optional<PositionsArray> positions) const {
+    const Configurations at{std::move(poses), std::move(positions)};
     const GilRelease release;
-    return std::make_unique<PyJob>(engine, guard_, engine->start(std::move(prepared), reply), std::move(answer),
-                                   std::move(out));
+    return std::make_unique<PyJob>(begin(query, at));
   }
 
-  nb::object answer(const Query& query, nb::handle out_list, double timeout_s) const {
-    const std::unique_ptr<PyJob> job = start(query, out_list);
-    if (!job->run(timeout_s)) return nb::none();
-    return nb::cast(job->answer());
+  /// Returns the answer, or none after the timeout.
+  nb::object answer(const Query& query, std::optional<PosesArray> poses, std::optional<PositionsArray> positions,
+                    double timeout_s) const {
+    const Configurations at{std::move(poses), std::move(positions)};
+    const auto start = Clock::now();
+    std::optional<PyJob> job;
+    for (bool done = false; !done;) {
+      if (job) {
+        check_signals();
+        if (1e-9 * static_cast<double>(nanoseconds_since(start)) > timeout_s) return nb::none();
+      }
+      const GilRelease release;
+      if (!job) job.emplace(begin(query, at));
+      done = job->go_on(std::chrono::nanoseconds(kSignalPeriod).count());
+    }
+    return nb::cast(job->take());
   }
 
   /// \param configurations number of configurations; 0 for the current poses
   std::unique_ptr<PyDevicePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
     QueryView view = view_of(query);
     view.configuration_count = configurations;
-    view.configurations = {};
     const GilRelease release;
     const std::shared_ptr<engine::Engine> engine = use();
     check_query_ids(*engine, query.scene_revision, view);
@@ -208,9 +185,11 @@ class PyEngine : public PyEditor {
   }
 
   /// \param rows null for all
-  std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
+  std::string certificate(const Query& query, std::optional<PosesArray> poses, std::optional<PositionsArray> positions,
+                          const std::optional<RowNumbers>& rows) const {
+    const Configurations at{std::move(poses), std::move(positions)};
     const GilRelease release;
-    const QueryView view = view_of(query);
+    const QueryView view = view_of(query, at);
     const std::shared_ptr<engine::Engine> engine = use();
     check_query_ids(*engine, query.scene_revision, view);
     if (rows) return engine->certificate(view, std::span(rows->data(), rows->shape(0)));
@@ -303,14 +282,35 @@ class PyEngine : public PyEditor {
   }
 
  private:
-  static PreparedQuery prepare(const engine::Engine& engine, const Query& query) {
-    constexpr std::uint32_t kPoints = kFieldPoints | kFieldNormal;
-    QueryView view = view_of(query);
-    const GilRelease release;
-    check_query_ids(engine, query.scene_revision, view);
-    if (!query.points_by_default) return engine.prepare(view);
+  // Begins a query. The caller has released the interpreter's lock.
+  PyJob begin(const Query& query, const Configurations& at) const {
+    const std::shared_ptr<engine::Engine> engine = use();
+    const auto start = Clock::now();
+    const QueryView view = view_of(query, at);
+    check_query_ids(*engine, query.scene_revision, view);
+    PreparedQuery prepared = prepare(*engine, view, query.points_by_default);
+    const QuerySize size = prepared.size();
+    const Layout layout = layout_of(size.fields, size.rows, size.joints);
+    Answer answer;
+    answer.owner = allocate(*engine, layout.bytes);
+    answer.base = static_cast<const std::byte*>(answer.owner.get());
+    answer.bytes = layout.bytes;
+    answer.offset = layout.offset;
+    answer.fields = size.fields;
+    answer.configurations = size.configurations;
+    answer.pairs = size.pairs;
+    answer.joints = size.joints;
+    answer.beyond_limits = at.beyond_limits(query);
+    const ReplyView reply =
+        reply_view_over(static_cast<std::byte*>(answer.owner.get()), size.rows, size.fields, nullptr, size.joints);
+    Job job = engine->start(std::move(prepared), reply);
+    return {engine, guard_, std::move(job), std::move(answer), nanoseconds_since(start)};
+  }
+
+  static PreparedQuery prepare(const engine::Engine& engine, QueryView view, bool points_by_default) {
+    if (!points_by_default) return engine.prepare(view);
     const std::uint32_t without = view.fields;
-    view.fields |= kPoints;
+    view.fields |= kFieldPoints | kFieldNormal;
     PreparedQuery prepared = engine.prepare(view);
     if (prepared.size().rows <= kDefaultPointsRows) return prepared;
     view.fields = without;
@@ -342,10 +342,7 @@ NB_MODULE(_engine, m) {
   bind_scene(m);
   bind_device_plan(m);
 
-  nb::class_<PyJob>(m, "Job")
-      .def("advance", &PyJob::advance, nb::arg("budget_ns"))
-      .def("run", &PyJob::run, nb::arg("timeout_s"))
-      .def("answer", &PyJob::answer);
+  nb::class_<PyJob>(m, "Job").def("advance", &PyJob::advance, nb::arg("budget_ns")).def("answer", &PyJob::take);
 
   nb::class_<PyEngine> engine(m, "Engine");
   bind_scene_changes(engine);
@@ -359,11 +356,14 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use()->backend()); })
       .def_prop_ro("scene_revision", [](const PyEngine& e) { return e.use()->scene_revision(); })
       .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use()->pose_revision(); })
-      .def("start", &PyEngine::start, nb::arg("query"), nb::arg("out").none())
-      .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("out").none(), nb::arg("timeout_s"))
+      .def("start", &PyEngine::start, nb::arg("query"), nb::arg("poses").noconvert().none(),
+           nb::arg("positions").noconvert().none())
+      .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
+           nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
-      .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("rows").none())
+      .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("poses").none(),
+           nb::arg("positions").none(), nb::arg("rows").none())
       .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"), nb::arg("revision"))
       .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),

@@ -13,8 +13,9 @@
 #include <array>
 #include <utility>
 
-#include "client/python/bindings/columns.h"
+#include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/query.h"
 #include "engine/bvh/surface.h"
 #include "engine/scene/body_ball.h"
 #include "engine/scene/mesh_warning.h"

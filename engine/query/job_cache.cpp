@@ -26,7 +26,7 @@ JobCache::JobCache(const engine::Scene& scene)
 }
 
 bool JobCache::keeps(const QueryView& query) const {
-  return keeps_any_ && query.max_pose_age_ns == 0 && query.max_evaluations == 0 && query.weights.empty() &&
+  return keeps_any_ && query.max_pose_age_ns == 0 && query.weights.empty() &&
          std::max({query.pairs.size(), query.margins.size(), query.pair_margins.size()}) <= kMostPairs;
 }
 

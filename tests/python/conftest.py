@@ -4,6 +4,7 @@ The package under test is the one in the build folder: build/, or CLEARANCE_BUIL
 installed one and the daemon is the one on PATH. With CLEARANCE_CLIENT=python its client is the one in Python alone.
 """
 
+import importlib
 import importlib.util
 import os
 import pathlib
@@ -14,6 +15,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import types
 
 import pytest
 
@@ -28,6 +30,7 @@ if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
 os.environ["CLEARANCE_CACHE"] = "off"
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
+ROS_PACKAGE = ROOT / "ros" / "clearance_ros"
 BUILD = pathlib.Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 INSTALLED = os.environ.get("CLEARANCE_INSTALLED") == "1"
 
@@ -178,6 +181,21 @@ def arm_daemon(urdf, tmp_path_factory, kinds):
     assert daemon.stop() == 0, daemon.log()
 
 
+@pytest.fixture(params=["engine", "shm", "ipc"])
+def arm_front(request, urdf, arm_daemon):
+    """An engine of that scene, or a client of that daemon."""
+    import clearance
+    from robots import arm_scene
+
+    if request.param == "engine":
+        yield clearance.Engine(arm_scene(urdf), backend="cpu", threads=1)
+        return
+    if request.param not in arm_daemon.urls:
+        pytest.skip(f"no {request.param}")
+    with clearance.connect(arm_daemon.urls[request.param], timeout_s=PATIENCE_S) as client:
+        yield client
+
+
 @pytest.fixture
 def start_daemon(tmp_path_factory):
     """start_daemon(scene, kinds, *options) -> Daemon, stopped at the end of the test."""
@@ -249,3 +267,29 @@ def checker(root):
     spec.loader.exec_module(module)
     program = BUILD / "bin" / "clearance-check-certificate"
     return Judges(module, program if program.exists() and not INSTALLED else None)
+
+
+@pytest.fixture
+def ros(monkeypatch):
+    """Modules of the ROS 2 package that need no ROS."""
+    monkeypatch.syspath_prepend(str(ROS_PACKAGE))
+    names = ["bridge", "planning_scene"]
+    yield types.SimpleNamespace(**{name: importlib.import_module(f"clearance_ros.{name}") for name in names})
+    for name in [name for name in sys.modules if name.partition(".")[0] == "clearance_ros"]:
+        del sys.modules[name]
+
+
+@pytest.fixture
+def bridge(ros, start_daemon, urdf, tmp_path):
+    """A bridge of the ROS 2 package to a daemon with an arm, a cup and a cloud."""
+    import clearance
+    from robots import ARM_YAML
+
+    scan = "  - {name: scan, points: [], radius: 0.01, pose: [0, 0, 0, 1, 0, 0, 0]}\n"
+    shutil.copy(urdf, tmp_path / "arm.urdf")
+    (tmp_path / "scene.yaml").write_text(ARM_YAML.replace("robots:", scan + "robots:"))
+    daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
+    bridge = ros.bridge.Bridge(clearance.connect(daemon.urls["ipc"]), "arm")
+    bridge.daemon = daemon
+    yield bridge
+    bridge.client.close()

@@ -4,6 +4,7 @@ import inspect
 import math
 import operator
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -63,7 +64,9 @@ VERTICES = [
 ]
 JOINTS = ["nonesuch", b"arm", 3, 1.5, [1.5], ["nonesuch"], [True], [-1], np.zeros(1), np.zeros((1, 1), int)]
 POSITIONS = [*MASKED, "here", 3, np.zeros(3), np.zeros((1, 2)), [[1], [2, 3]]]
-OUTS = [3, "lower", {"lower": [0.0]}, {"lowr": np.zeros(1)}, {"lower": np.zeros((1, 1), np.float32)}, {3: np.zeros(1)}]
+MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
+           {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
+           {("cup", 1.5): 0.1}]  # fmt: skip
 
 _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
 
@@ -75,25 +78,25 @@ QUERY = {
     "configurations": [*POSE[:-4], *MASKED, 2 * np.eye(4)[None, None], np.zeros((1, 7)), np.zeros((0, 1, 7)),
                        np.zeros((1, 3, 7))],
     "bodies": BODY_LISTS,
+    "joints": JOINTS,
+    "reduce": WORDS,
+    "margin": MARGINS,
     "max_distance": [*NUMBERS, None],
     "abs_tol": [*NUMBERS, None],
     "rel_tol": NUMBERS_FROM_0,
-    "precision": WORDS,
     "signed_distance": BOOLS,
-    "reduce": WORDS,
     "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 20, -1],
-    "out": OUTS,
     "timeout_s": NUMBERS_FROM_0,
-    "max_results": COUNTS,
-    "max_pose_age_ns": COUNTS,
-    "copy": BOOLS,
-    "min_pose_stamp_ns": COUNTS,
-    "pose_wait_s": [*NUMBERS, None, "", 11, -1],
-    "wait_for": [*BODIES, None, ""],
-    "joints": JOINTS,
-    "positions": POSITIONS,
-    "model": WORDS,
 }  # fmt: skip
+#: Of options that only prepared queries take.
+PREPARED = {
+    "precision": WORDS,
+    "max_results": COUNTS,
+    "max_pose_age_ns": INTEGERS,
+    "model": WORDS,
+}
+#: Of such options of a client.
+PREPARED_BY_A_CLIENT = {"copy": BOOLS, "deadline_ns": INTEGERS}
 OF_A_BODY = {"parent": BODIES, "static": BOOLS, "pose": POSE}
 #: Further invalid values of a body of a scene.
 DOUBTS = {
@@ -104,8 +107,7 @@ DOUBTS = {
 
 MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
            {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
-           {("cup", 1.5): 0.1}]  # fmt: skip
-#: Invalid values of motions of one body.
+           {("cup", 1.5): 0.1}]  # fmt: skip#: Invalid values of motions of one body.
 ENDS = [None, "x", 3, [], [IDENTITY], [[[1, 2, 3]]]]
 
 #: Of both front ends: call -> (valid arguments, invalid values of each argument).
@@ -127,15 +129,14 @@ FRONT = {
         "child": [*BODIES, None], "parent": BODIES, "pose": POSE,
         "allow": ["cup", b"cup", 3, None, ["nonesuch"], [1.5], [True], [-1], np.zeros((1, 1))]}),
     "check": ({}, {
-        "margin": MARGINS,
-        **{name: QUERY[name] for name in ("configurations", "pairs", "bodies", "timeout_s", "joints", "positions")}}),
+        name: QUERY[name] for name in ("configurations", "margin", "pairs", "bodies", "joints", "timeout_s")}),
     "motions": ({"bodies": ["cup"], "start": [[IDENTITY]], "end": [[IDENTITY]]}, {
-        "start": ENDS, "end": ENDS, "margin": MARGINS, "max_evaluations": COUNTS, "abs_tol": NUMBERS,
+        "start": ENDS, "end": ENDS, "max_evaluations": COUNTS, "abs_tol": NUMBERS,
         **{name: QUERY[name] for name in (
-            "joints", "pairs", "max_distance", "rel_tol", "reduce", "bodies", "fields")}}),
+            "joints", "bodies", "pairs", "reduce", "margin", "max_distance", "rel_tol", "fields", "timeout_s")}}),
     "check_path": ({"bodies": ["cup"], "path": [[IDENTITY], [IDENTITY]]}, {
-        "path": [*ENDS, [[IDENTITY]]], "margin": MARGINS, "max_evaluations": COUNTS,
-        **{name: QUERY[name] for name in ("joints", "pairs", "bodies")}}),
+        "path": [*ENDS, [[IDENTITY]]], "max_evaluations": COUNTS,
+        **{name: QUERY[name] for name in ("joints", "bodies", "pairs", "margin", "timeout_s")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "certificate": ({}, {"rows": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
@@ -150,6 +151,8 @@ CLIENT: dict[str, tuple[dict, dict]] = {
         "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
         **DOUBTS}),
     "remove_body": ({}, {"name": TEXTS}),
+    "wait_for_poses": ({"stamp_ns": 1}, {
+        "stamp_ns": [*COUNTS, 0], "of": [*BODIES, None, ""], "timeout_s": [*NUMBERS, None, "", 11, -1]}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
 }  # fmt: skip
 SCENE = {
@@ -195,7 +198,7 @@ PUBLIC = {
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
         "url": [*TEXTS, "http://localhost", [], ["ipc:///nowhere", 3]], "timeout_s": [*NUMBERS_FROM_0, None],
-        "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0}),
+        "server_key": PATHS, "key": PATHS, "hang_s": NUMBERS_FROM_0, "service_class": WORDS}),
     "Scene.load": ({"path": "scene.yaml"}, {"path": [*PATHS, None], "allow_outside": BOOLS}),
     "Scene.load_urdf": ({"urdf": "x.urdf"}, {
         "urdf": [*PATHS, None], "name": [text for text in TEXTS if text is not None]}),
@@ -209,7 +212,7 @@ HELPFUL = (
 
 def complaints(call, right, arguments, leave_out=()):
     """The invalid values that were accepted, or rejected with an unhelpful message."""
-    all_of_them = inspect.signature(call).parameters.values()  # options that travel in records: test_client.py
+    all_of_them = inspect.signature(call).parameters.values()
     parameters = {p.name for p in all_of_them if p.kind is not p.VAR_KEYWORD} - set(leave_out)
     assert set(arguments) == parameters, "an argument is missing from the table"
     for argument, bad in arguments.items():
@@ -257,27 +260,33 @@ def front(request, scene_of_the_cell, start_daemon, cell):
 
 def test_every_argument_of_both_fronts(front):
     calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
-    # These need a robot (test_joints.py), or a GPU (test_device_plan.py).
-    named = public_methods(type(front)) - {"prepare", "free_scale", "plan_on_device"}
+    named = public_methods(type(front)) - {"prepare", "free_scale"}  # below; test_joints.py, since it needs a robot
     assert named == set(calls), "a call is missing from the table"
     scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision
     wrong = [f"{name}: {text}" for name, (right, arguments) in calls.items()
              for text in complaints(getattr(front, name), right, arguments)]  # fmt: skip
     assert not wrong, "\n".join(wrong)
-    for argument, bad in QUERY.items():  # by keyword only
-        with pytest.raises((TypeError, ValueError), match=argument):
-            front.prepare(**{**(_ONE if argument == "bodies" else {}), argument: bad[0]})
-    with pytest.raises(TypeError, match="sined"):
-        front.prepare(sined=True)
-    for value in BOOLS[:4] + COUNTS[-2:]:
-        if isinstance(front, clearance.Client) and value != 0 and value != 1:
-            with pytest.raises((TypeError, ValueError), match="min_pose_stamp_ns: expected an integer"):
-                front.prepare()(min_pose_stamp_ns=value)
     for value in NUMBERS_FROM_0:
         with pytest.raises((TypeError, ValueError), match="timeout: expected a number"):
             front.submit(reduce="min").result(timeout=value)
     after = front.distances()
     assert (front.scene_revision, after.snapshot_revision) == (scene_revision, snapshot), "nothing of it was applied"
+
+
+def test_every_argument_of_a_prepared_query(front):
+    options: dict[str, Any] = {**QUERY, **PREPARED}
+    del options["configurations"]  # an input of run()
+    if isinstance(front, clearance.Client):
+        options |= PREPARED_BY_A_CLIENT
+    for argument, bad in options.items():
+        for value in bad:
+            with pytest.raises((TypeError, ValueError), match=argument):
+                front.prepare("distances", **{argument: value})
+    calls = {"distances": (), "check": (), "motions": ("start", "end"), "check_path": ("path",), "free_scale": ()}
+    for call, inputs in calls.items():
+        for unknown in ("sined", "positions", "out", "warm", *inputs):
+            with pytest.raises(TypeError, match=rf"{call}.*'{unknown}'"):
+                front.prepare(call, **{unknown: 1})
 
 
 def test_every_argument_of_a_scene(scene_of_the_cell):
@@ -299,20 +308,19 @@ def test_every_argument_of_public_functions(scene_of_the_cell):
 
 
 def test_what_is_as_good_is_taken(engine):
-    exact = engine.distances(signed_distance=True, max_distance=2.0, max_results=7)
-    numpy_scalars = engine.distances(signed_distance=np.True_, max_distance=np.float32(2), max_results=np.int64(7))
-    assert np.array_equal(exact.upper, numpy_scalars.upper)
-    arrays = engine.distances(signed_distance=True, max_distance=np.array(2), max_results=np.array(7))
-    assert np.array_equal(exact.upper, arrays.upper)
+    exact = engine.distances(signed_distance=True, max_distance=2.0)
+    for true, two, seven in ((np.True_, np.float32(2), np.int64(7)), (True, np.array(2), np.array(7))):
+        query = engine.prepare("distances", signed_distance=true, max_distance=two, max_results=seven)
+        assert np.array_equal(query.run().upper, exact.upper)
     engine.set_poses({"link1": [0, 0, 1, 1, 0, 0, 0]}, stamp_ns=np.int64(3))
     assert engine.body_states()[1].pose.tolist() == [0, 0, 1, 1, 0, 0, 0]
 
 
 @pytest.mark.parametrize("argument, word, meant", [
-    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"),
+    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"), ("model", "piece", "pieces"),
     ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"),
-    ("wait_for", "lnk1", "link1"),
+    ("call", "distnces", "distances"),
 ])  # fmt: skip
 def test_near_misses_are_suggested(engine, argument, word, meant):
     with pytest.raises(ValueError, match=f"did you mean '{meant}'"):
-        engine.distances(**{argument: word})
+        engine.prepare(**{argument: word})

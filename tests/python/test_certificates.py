@@ -77,9 +77,9 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     movable = [body.name for body in engine.bodies if body.name != "follower"]
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
-    arguments["configurations"] = np.stack([random_poses(rng, len(movable), spread) for spread in (0.4, 0.8)])
-    result = engine.distances(**arguments)
-    certificate = engine.certificate(**arguments)
+    configurations = np.stack([random_poses(rng, len(movable), spread) for spread in (0.4, 0.8)])
+    result = engine.prepare("distances", **arguments).run(configurations)
+    certificate = engine.certificate(configurations=configurations, **arguments)
     dense(result, certificate.document)
     assert set(check_all(checker, certificate)) >= seen
 
@@ -129,7 +129,7 @@ def test_links_of_robots(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_box("wall", [0.1, 2, 2], static=True, pose=at(0.9))
     engine = clearance.Engine(scene)
-    requested = {"joints": "arm", "positions": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
+    requested = {"joints": "arm", "configurations": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
     certificate = engine.certificate(**requested)
     assert check_all(checker, certificate).keys() >= {"ok", "overlap"}
     links = [row for row in certificate.document["rows"] if any(t["of"] == "pair" for t in terms_of(row))]

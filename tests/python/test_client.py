@@ -1,5 +1,6 @@
 """The client through a daemon, on every transport, compared with the engine in this process."""
 
+import concurrent.futures
 import contextlib
 import dataclasses
 import gc
@@ -53,6 +54,7 @@ def queries():
         "min": {**moved, "reduce": "min", "fields": EVERY_FIELD},
         "float32": {"fields": ("bounds", "points32", "status", "flags")},
         "float32 within": {**moved, "reduce": "within", "max_distance": 0.2, "fields": ("bounds", "points32")},
+        "bounds": {**moved, "reduce": "within", "max_distance": 0.2, "fields": ("bounds", "lower", "flags")},
         "wide": {"rel_tol": 0.5, "abs_tol": 0.01},
         "f32": {"precision": "f32"},
         "signed_distance": {"signed_distance": True, "fields": EVERY_FIELD},
@@ -62,16 +64,18 @@ def queries():
 @pytest.mark.parametrize("name", queries())
 def test_answers_equal_those_of_the_engine_bit_for_bit(client, engine, name):
     query = queries()[name]
-    expected = engine.distances(**query)
-    assert len(expected.pairs) or name == "no pairs"
-    assert same_bits(client.distances(**query), expected)
-    assert same_bits(client.distances(**query, copy=False), expected)
-    assert same_bits(client.submit(**query).result(), expected)
-    columns = {name: np.empty_like(column) for name, column in expected.columns.items()}
-    if name not in ("within", "within few", "float32 within"):
-        query.pop("fields", None)
-        answer = client.distances(**query, out=columns)
-        assert same_bits(answer, expected) and all(answer.columns[key] is column for key, column in columns.items())
+    inputs = (query.pop("configurations"),) if "configurations" in query else ()
+    expected = engine.prepare("distances", **query).run(*inputs)
+    assert expected.lower.size or name == "no pairs"
+    prepared = client.prepare("distances", **query)
+    assert same_bits(prepared.run(*inputs), expected)
+    assert same_bits(prepared.submit(*inputs).result(), expected)
+    assert same_bits(client.prepare("distances", **query, copy=False).run(*inputs), expected)
+    if not {"max_results", "precision"} & set(query):
+        query = queries()[name]
+        assert same_bits(engine.distances(**query), expected)
+        assert same_bits(client.distances(**query), expected)
+        assert same_bits(client.submit(**query).result(), expected)
 
 
 def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
@@ -104,33 +108,30 @@ def test_one_transport_sees_the_poses_that_another_set(daemon, engine):
         engine.set_poses(back)
 
 
-def test_a_query_waits_for_its_poses(daemon, engine):
+def test_a_client_waits_for_poses(daemon, engine):
     """Over every transport, for poses that arrive over another one."""
     clients = {kind: clearance.connect(url, timeout_s=PATIENCE_S) for kind, url in daemon.urls.items()}
-    mover = next(iter(clients.values()))
+    mover = clearance.connect(next(iter(daemon.urls.values())), timeout_s=PATIENCE_S)
     before = mover.body_states()[mover.body_id("bottle")].pose
     stamp = 1_000_000_000_000
-    requested = {"pairs": [("bottle", "ball")], "pose_wait_s": 10, "wait_for": "bottle"}
     try:
         for client in clients.values():
             stamp += 2
-            waiting = client.submit(min_pose_stamp_ns=stamp, **requested)
-            assert mover.stats()["frames"] > 0 and not waiting.done()  # the daemon serves others meanwhile
-            mover.set_poses({"bottle": at(0.1, 0.2, 0.3)}, stamp_ns=stamp, sequence=stamp // 2)
-            answer = waiting.result(timeout=PATIENCE_S)
+            with concurrent.futures.ThreadPoolExecutor(1) as thread:
+                waiting = thread.submit(client.wait_for_poses, stamp, of="bottle")
+                assert mover.stats()["frames"] > 0 and not waiting.done()  # the daemon serves others meanwhile
+                mover.set_poses({"bottle": at(0.1, 0.2, 0.3)}, stamp_ns=stamp, sequence=stamp // 2)
+                waiting.result(timeout=PATIENCE_S)
+            answer = client.distances([("bottle", "ball")])
             assert answer.snapshot_stamp_ns == stamp and answer.snapshot_sequence == stamp // 2
-            prepared = client.prepare(min_pose_stamp_ns=1, **requested)
-            assert (
-                prepared().snapshot_stamp_ns == stamp and prepared(min_pose_stamp_ns=stamp).snapshot_stamp_ns == stamp
-            )
-            asked_too_early = {**requested, "pose_wait_s": 0.001}
+            client.wait_for_poses(1)
+            client.wait_for_poses(stamp)
             with pytest.raises(clearance.RequestError, match=r"no poses with stamp .* came within 1.0* ms") as late:
-                client.distances(min_pose_stamp_ns=stamp + 1, **asked_too_early)
+                client.wait_for_poses(stamp + 1, of="bottle", timeout_s=0.001)
             assert late.value.code == ErrorCode.POSES_LATE
-            with pytest.raises(ValueError, match="pose_wait_s: expected 0 to 10 seconds, got 11"):
-                client.distances(min_pose_stamp_ns=1, pose_wait_s=11)
-        with pytest.raises(ValueError, match="only a daemon's client waits for poses"):
-            engine.distances(min_pose_stamp_ns=1)
+            with pytest.raises(ValueError, match=r"of: .*did you mean 'bottle'"):
+                client.wait_for_poses(1, of="bottel")
+        assert not hasattr(engine, "wait_for_poses"), "set_poses() returns once the poses are there"
     finally:
         mover.set_poses({"bottle": before}, stamp_ns=stamp + 2)
 
@@ -169,8 +170,11 @@ def test_points_come_by_default_as_they_do_in_process(client, engine):
     many["configurations"][:, :, 0] += np.arange(movable) * 3
     assert set(client.distances(**many).columns) == set(engine.distances(**many).columns)
     assert "point_a" not in engine.distances(**many).columns
-    many["max_results"] = 1000
-    assert set(client.distances(**many).columns) == set(engine.distances(**many).columns) >= {"point_a"}
+    at_most = {"reduce": "within", "max_distance": 0.01, "max_results": 1000}
+    of_client, of_engine = (
+        one.prepare("distances", **at_most).run(many["configurations"]).columns for one in (client, engine)
+    )
+    assert set(of_client) == set(of_engine) >= {"point_a"}
 
 
 @pytest.mark.parametrize("query", [
@@ -203,8 +207,6 @@ def test_refusals_are_those_of_the_engine(client, engine, query):
      r"pairs\[0\]\[0\]: no body or group is named 'gripr'; did you mean 'gripper'"),
     ({"fields": "lowr"}, ValueError, r"fields: no column is named 'lowr'"),
     ({"configurations": np.zeros((1, 7))}, ValueError, r"configurations: expected shape \(K, M, 7\)"),
-    ({"out": {"lower": np.empty((3, 3))}}, ValueError, r"out\['lower'\]: expected shape \(1, \d+\), got \(3, 3\)"),
-    ({"out": {"lower": np.empty(3, np.float32)}}, TypeError, r"out\['lower'\]: expected dtype float64, got float32"),
 ])  # fmt: skip
 def test_wrong_arguments_are_named(client, arguments, error, text):
     with pytest.raises(error, match=text):
@@ -213,25 +215,31 @@ def test_wrong_arguments_are_named(client, arguments, error, text):
 
 
 def test_an_option_that_travels_in_a_record(client, engine):
-    """Over every transport; Python has no specific code for it."""
+    """Over every transport."""
     whole = client.distances(fields=["lower", "upper"])
-    assert same_bits(client.distances(fields=["lower", "upper"], deadline_ns=60 * 10**9), whole)
+    query = client.prepare("distances", fields=["lower", "upper"], deadline_ns=60 * 10**9)
+    assert same_bits(query.run(), whole)
     with pytest.raises(TypeError, match=r"deadline_ns: expected an integer, got 1\.5"):
-        client.distances(deadline_ns=1.5)
-    for wrong in ("deadline", "min_pose_stamp", "signed"):
-        with pytest.raises(TypeError, match=f"unexpected keyword argument '{wrong}'"):
-            client.distances(**{wrong: 1})
-    with pytest.raises(TypeError, match="unexpected keyword argument 'deadline_ns', or one for a daemon alone"):
-        engine.distances(deadline_ns=1)
+        client.prepare("distances", deadline_ns=1.5)
+    with pytest.raises(TypeError, match="'deadline_ns'"):
+        engine.prepare("distances", deadline_ns=1)
 
 
 def test_a_deadline_that_cannot_be_kept(client):
     with pytest.raises(clearance.RequestError, match="no answer within the 1e-06 ms of its deadline_ns") as rejection:
-        client.distances(deadline_ns=1)
+        client.prepare("distances", deadline_ns=1).run()
     assert rejection.value.code == ErrorCode.DEADLINE
-    assert len(client.distances(deadline_ns=3_600_000_000_000).lower) > 0
+    assert len(client.prepare("distances", deadline_ns=3_600_000_000_000).run().lower) > 0
     with pytest.raises(ValueError, match="deadline_ns must be 0 to 3600000000000, got -1"):
-        client.distances(deadline_ns=-1)
+        client.prepare("distances", deadline_ns=-1).run()
+
+
+def test_a_client_of_the_class_planning(client):
+    with clearance.connect(client.url, PATIENCE_S, service_class="planning") as planner:
+        assert same_bits(planner.distances(), client.distances())
+        assert same_bits(planner.prepare("distances").run(), client.distances())
+    with pytest.raises(ValueError, match="service_class: expected 'control' or 'planning', got 'batch'"):
+        clearance.connect(client.url, PATIENCE_S, service_class="batch")
 
 
 # ---- answers that are views -----------------------------------------------------------------------------------------
@@ -240,17 +248,16 @@ def test_a_deadline_that_cannot_be_kept(client):
 def test_views_are_read_only_and_outlive_result_and_client(daemon, kind):
     client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
     expected = client.distances()
-    result = client.distances(copy=False)
+    views = client.prepare("distances", copy=False)
+    result = views.run()
     lower, points = result.lower, result.point_a
     assert not lower.flags.writeable and lower.base is not None
     with pytest.raises(ValueError):
         lower[0, 0] = 1
-    with pytest.raises(ValueError, match="the array is read-only"):
-        client.distances(out=result)
     for _ in range(3):  # others are allocated and released
-        client.distances(copy=False)
+        views.run()
     client.close()
-    del result, client
+    del result, views, client
     gc.collect()
     assert np.array_equal(lower, expected.lower) and np.array_equal(points, expected.point_a)
 
@@ -261,10 +268,10 @@ def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
     client = clearance.connect(daemon.urls["shm"], timeout_s=PATIENCE_S)
     query = {"pairs": ("cup", "ball"), "fields": ("lower", "upper")}
     expected = client.distances(**query).lower.tolist()
-    held = []
+    views, held = client.prepare("distances", **query, copy=False), []
     with pytest.raises(clearance.ConnectionError, match=r"all \d+ slots are taken"):
         for _ in range(1000):
-            held.append(client.distances(**query, copy=False))
+            held.append(views.run())
     assert 2 <= len(held) < 1000
     arrays = [result.lower for result in held]
     del held
@@ -273,7 +280,7 @@ def test_a_leased_slot_returns_when_its_arrays_are_gone(daemon, kinds):
     kept = arrays.pop()
     del arrays
     for _ in range(1000):  # far more than there are slots
-        assert client.distances(**query, copy=False).lower.tolist() == expected
+        assert views.run().lower.tolist() == expected
     assert kept.tolist() == expected
 
 
@@ -281,7 +288,7 @@ def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
     """Slots are released by any thread that drops the last array, even during a call."""
     kind = "ipc" if kinds["shm"] else "shm"
     client = clearance.connect(daemon.urls[kind], timeout_s=PATIENCE_S)
-    expected = client.distances().lower.tobytes()
+    views, expected = client.prepare("distances", copy=False), client.distances().lower.tobytes()
     boxes, stop, failures = [], threading.Event(), []
 
     def drop():
@@ -293,7 +300,7 @@ def test_views_die_on_another_thread_while_the_client_works(daemon, kinds):
     thread.start()
     try:
         for _ in range(500):
-            result = client.distances(copy=False)
+            result = views.run()
             failures += [] if result.lower.tobytes() == expected else [result]
             boxes.append(result)
             del result
@@ -319,8 +326,6 @@ def test_futures_in_any_order(client, engine):
     assert futures[2].result() is futures[2].result()
     cancelled = client.submit(reduce="min")
     if cancelled.cancel():
-        import concurrent.futures
-
         with pytest.raises(concurrent.futures.CancelledError):
             cancelled.result()
         assert cancelled.done()

@@ -139,7 +139,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
     url = daemon.urls[kind]
     client = clearance.connect(url, timeout_s=PATIENCE_S)
     expected = client.distances(pairs=("cup", "*"))
-    view = client.distances(pairs=("cup", "*"), copy=False)
+    view = client.prepare("distances", pairs=("cup", "*"), copy=False).run()
     read, write = os.pipe()
     child = os.fork()
     if child == 0:
@@ -171,7 +171,7 @@ def test_a_forked_child_must_connect_anew(daemon, kind):
 def test_a_fork_while_another_thread_waits(ipc):
     """A lock held by the other thread does not block the child."""
     client = clearance.connect(ipc.urls["ipc"], timeout_s=PATIENCE_S)
-    view = client.distances(copy=False)
+    view = client.prepare("distances", copy=False).run()
     os.kill(ipc.process.pid, signal.SIGSTOP)
     thread = threading.Thread(target=client.distances)
     thread.start()

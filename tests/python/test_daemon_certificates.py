@@ -44,7 +44,7 @@ def test_rows_are_proved_and_are_those_of_distances(client, root, tmp_path):
 def test_links_in_configurations_are_proved(arm_daemon, arm_engine, kind, root, tmp_path):
     with clearance.connect(arm_daemon.urls[kind], timeout_s=PATIENCE_S) as client:
         arm = client.joints("arm")
-        requested = {"joints": arm.names, "positions": rows_of(arm, 4)}
+        requested = {"joints": arm.names, "configurations": rows_of(arm, 4)}
         count = client.distances(**requested).lower.size
         document = proved(root, tmp_path, client.certificate(**requested), count)
         assert {row["configuration"] for row in document["rows"]} == {0, 1, 2, 3}

@@ -56,13 +56,15 @@ def test_margins_of_pairs(front):
     each = np.array([0.0, 0.06])
     assert front.check(PLACES, each, pairs, ["ball"]).free.tolist() == [True, False, False]
     assert front.check(PLACES, each[::-1], pairs, ["ball"]).free.tolist() == [True, True, False]
-    prepared = front.prepare(pairs=pairs, configurations=PLACES, bodies=["ball"], reduce="any", margin=each)
+    prepared = front.prepare("check", pairs=pairs, bodies=["ball"], margin=each)
     each[:] = 9  # the query has a copy
-    assert (prepared().status == Status.BEYOND).tolist() == [True, False, False]
+    assert prepared.run(PLACES).free.tolist() == [True, False, False]
     r = front.submit(pairs, PLACES, ["ball"], reduce="any", margin={("ball", "*"): 0.06}, fields="default").result()
     assert r.status.tolist() == [Status.BEYOND, Status.OK, Status.OVERLAP]
-    rounded = front.distances(configurations=PLACES, bodies=["ball"], reduce="any", fields="bounds", margin=0.06)
-    assert rounded.bounds[1, 0] <= 0.05 <= rounded.bounds[1, 1]
+    decided = front.distances(
+        configurations=PLACES, bodies=["ball"], reduce="any", fields=["bounds", "status"], margin=0.06
+    )
+    assert decided.bounds[1, 0] <= 0.05 <= decided.bounds[1, 1] and decided.status.tolist() == r.status.tolist()
 
 
 def test_what_is_not_proved_is_not_free(front):

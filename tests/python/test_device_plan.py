@@ -177,15 +177,13 @@ def balls() -> clearance.Scene:
 def test_without_a_gpu_it_says_so() -> None:
     engine = clearance.Engine(balls(), backend="cpu")
     with pytest.raises(clearance.QueryError, match="the engine has no device"):
-        engine.plan_on_device()
+        engine.prepare("distances").on_device(0)
     with pytest.raises(clearance.QueryError, match="the engine has no device"):
-        engine.plan_on_device(4, reduce="any", margin=0.1)
-    with pytest.raises(ValueError, match="bodies: only together with configurations"):
-        engine.plan_on_device(bodies=["s1"])
-    with pytest.raises(ValueError, match="joints: only together with configurations"):
-        engine.plan_on_device(joints=["j1"])
-    with pytest.raises(ValueError, match=r"joints.*no joint is named 'j1'"):
-        engine.plan_on_device(4, joints=["j1"])
+        engine.prepare("distances", reduce="any", margin=0.1).on_device(4)
+    with pytest.raises(ValueError, match="configurations: expected 1 or more, since bodies or joints move"):
+        engine.prepare("distances", bodies=["s1"]).on_device(0)
+    with pytest.raises(ValueError, match="configurations: expected an integer >= 0, got -1"):
+        engine.prepare("distances").on_device(-1)
 
 
 needs_gpu = pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
@@ -228,9 +226,10 @@ def test_positions_of_a_robot_on_the_gpu() -> None:
     given = driver.put(positions)
     columns = ["distance", "lower", "upper", "status", "gradient_joints"]
     for reduce in ("none", "min"):
-        plan = engine.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce)
+        query = engine.prepare("distances", pairs=ARM_PAIRS, fields=columns, joints="arm", reduce=reduce)
+        plan = query.on_device(len(positions))
         rows = plan(positions=given)
-        expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
+        expected = cpu.distances(ARM_PAIRS, joints="arm", configurations=positions, reduce=reduce, fields=columns)
         got = {name: driver.get(getattr(rows, name)) for name in columns}
         assert got["lower"].shape == plan.shape == expected.lower.shape
         assert got["gradient_joints"].shape == expected.gradient_joints.shape
@@ -238,7 +237,8 @@ def test_positions_of_a_robot_on_the_gpu() -> None:
         assert apart.mean() > 0.7
         for name in columns:
             np.testing.assert_array_equal(got[name][apart], getattr(expected, name)[apart], err_msg=name)
-    free = engine.plan_on_device(len(positions), None, ARM_PAIRS, joints="arm", reduce="any", margin=0.01)
+    query = engine.prepare("distances", pairs=ARM_PAIRS, joints="arm", reduce="any", margin=0.01)
+    free = query.on_device(len(positions))
     assert set(free.fields) == {"status", "pair"} and free.shape == (len(positions),)
     status = driver.get(free(positions=given).status)
     checked = cpu.check(positions, pairs=ARM_PAIRS, joints="arm", margin=0.01)
@@ -256,13 +256,11 @@ def test_gradients_by_joints_in_pytorch_never_leave_the_device() -> None:
     engine, cpu = clearance.Engine(arm_scene(ARM), backend="cuda"), clearance.Engine(arm_scene(ARM), backend="cpu")
     numbers, fields = rows_of(engine.joints("arm"), 64), ["distance", "gradient_joints"]
     for reduce in ("none", "min"):
-        plan = engine.plan_on_device(64, None, ARM_PAIRS, fields, joints="arm", reduce=reduce, max_distance=0.5)
-        distances = clearance.torch.JointDistances(plan)
+        requested = {"pairs": ARM_PAIRS, "joints": "arm", "reduce": reduce, "fields": fields, "max_distance": 0.5}
+        distances = clearance.torch.JointDistances(engine.prepare("distances", **requested).on_device(64))
         positions = torch.tensor(numbers, device="cuda", requires_grad=True)
         (0.4 - distances(positions)).clamp(min=0).sum().backward()
-        expected = cpu.distances(
-            ARM_PAIRS, joints="arm", positions=numbers, reduce=reduce, fields=fields, max_distance=0.5
-        )
+        expected = cpu.distances(configurations=numbers, **requested)
         near = (expected.distance < 0.4)[..., None]
         slope = -np.where(near, np.nan_to_num(expected.gradient_joints), 0)
         slope = slope.reshape(64, -1, slope.shape[-1]).sum(axis=1)  # of all pairs
@@ -279,7 +277,8 @@ def test_a_loop_in_pytorch_never_leaves_the_device() -> None:
     engine = clearance.Engine(balls(), backend="cuda")
     cpu = clearance.Engine(balls(), backend="cpu")
     bodies = ["s1", "s4"]
-    plan = engine.plan_on_device(32, bodies, fields=["distance", "lower", "upper", "gradient"])
+    query = engine.prepare("distances", bodies=bodies, fields=["distance", "lower", "upper", "gradient"])
+    plan = query.on_device(32)
     rng = np.random.default_rng(3)
     numbers = rng.normal(size=(32, 2, 7)) * [2, 2, 2, 1, 1, 1, 1]
     poses = torch.tensor(numbers, device="cuda", requires_grad=True)

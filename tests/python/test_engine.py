@@ -186,9 +186,10 @@ def test_within(crowd):
     assert [(k, *pair) for k, pair in zip(r.configuration, r.pairs)] == expected
     assert r.lower.shape == r.status.shape == (len(expected),) and r.point_a.shape == (len(expected), 3)
     assert r.pairs.shape == (len(expected), 2) and r.configuration.dtype == np.uint32
-    few = engine.distances(configurations=configurations, reduce="within", max_distance=0.4, max_results=7)
+    query = engine.prepare("distances", reduce="within", max_distance=0.4, max_results=7)
+    few = query.run(configurations)
     assert few.lower.shape == (7,) and few.total == len(expected)
-    assert same(few, engine.distances(configurations=configurations, reduce="within", max_distance=0.4, max_results=7))
+    assert same(few, query.run(configurations))
     assert few.pairs.tolist() == r.pairs[:7].tolist()
 
 
@@ -317,6 +318,36 @@ def test_float32_columns(engine):
     assert np.allclose(lower, full.lower, rtol=1e-6)
     origins = np.array([[state.pose[:3] for state in np.array(engine.body_states())[pair]] for pair in r.pairs])
     assert np.allclose(origins + r.points32[0], np.stack((full.point_a[0], full.point_b[0]), axis=1), atol=1e-6)
+
+
+def test_bounds_are_rounded_outward(engine):
+    full = engine.distances()
+    r = engine.distances(fields="bounds")
+    assert r.bounds.dtype == np.float32 and r.bounds.shape == (1, 7, 2)
+    lower, upper = np.moveaxis(r.bounds.astype(np.float64), -1, 0)
+    assert (lower <= full.lower).all() and (upper >= full.upper).all()
+    assert np.allclose(lower, full.lower, rtol=1e-6) and np.allclose(upper, full.upper, rtol=1e-6)
+    with pytest.raises(AttributeError, match="'distance' was not requested"):
+        r.distance
+
+
+def test_memory_of_answers_that_are_gone_is_used_again(engine):
+    poses = np.tile(np.array(at(0.3, 0, 0.3)), (4000, 1, 1))
+
+    def evaluate():
+        return engine.distances(configurations=poses, bodies=["link2"], fields="default")
+
+    kept = evaluate()
+    first, address = kept.lower.copy(), kept.lower.ctypes.data
+    assert kept.lower.nbytes * 3 > 128 << 10, "small answers are the heap's business"
+    engine.set_poses({"base": at(0, 0.1, 0)})
+    assert evaluate().lower.ctypes.data != address, "an answer in use keeps its memory"
+    view = kept.lower[1:]
+    del kept
+    assert evaluate().lower.ctypes.data != address, "so do views of its columns"
+    assert np.array_equal(view, first[1:])
+    del view
+    assert evaluate().lower.ctypes.data == address
 
 
 # ---- bodies that follow others --------------------------------------------------------------------------------------

@@ -46,15 +46,11 @@ def test_many_futures_in_turn(crowd):
     assert np.array_equal(big.result(timeout=PATIENCE_S).lower, np.concatenate([dense.lower] * 30))
 
 
-def test_submit_with_out_and_asyncio(engine):
+def test_a_coroutine_awaits_a_query(engine):
     import asyncio
 
-    out = {"lower": np.empty((1, 7))}
-    r = engine.submit(out=out).result(timeout=PATIENCE_S)
-    assert r.lower is out["lower"] and np.array_equal(out["lower"], engine.distances().lower)
-
     async def evaluate():
-        return await asyncio.wrap_future(engine.submit().concurrent)
+        return await engine.submit()
 
     assert same(asyncio.run(evaluate()), engine.distances())
 

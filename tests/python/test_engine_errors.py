@@ -50,7 +50,9 @@ def test_renormalised_is_a_flag_and_stale_a_status(engine):
     r = engine.distances(fields=("lower", "flags"))
     has_link1 = (r.pairs == 1).any(axis=1)
     assert (r.flags[0, has_link1] & Flag.RENORMALISED).all() and not (r.flags[0, ~has_link1] & Flag.RENORMALISED).any()
-    assert (engine.distances(max_pose_age_ns=1).status == Status.STALE_POSE).all()
+    assert (engine.prepare("distances", max_pose_age_ns=1).run().status == Status.STALE_POSE).all()
+    with pytest.raises(clearance.QueryError, match="max_pose_age_ns: expected nanoseconds >= 0, got -1"):
+        engine.prepare("distances", max_pose_age_ns=-1).run()
     assert not (engine.distances().status == Status.STALE_POSE).any()
     assert r.snapshot_stamp_ns == 12 and engine.body_states()[1].stamp_ns == 12
 
@@ -102,7 +104,6 @@ def test_renormalised_is_a_flag_and_stale_a_status(engine):
     ({"abs_tol": -1e-3}, clearance.QueryError, r"abs_tol"),
     ({"rel_tol": -1}, ValueError, r"rel_tol: expected a number >= 0 or None, got -1"),
     ({"rel_tol": 2}, clearance.QueryError, r"rel_tol: expected a ratio below 1, got 2"),
-    ({"precision": "f16"}, ValueError, r"precision: expected 'f64' or 'f32', got 'f16'"),
     ({"reduce": "max"}, ValueError, r"reduce: expected 'none' or 'within' or 'nearest' or 'min' or 'any', got 'max'"),
     ({"reduce": None}, TypeError, r"reduce: expected 'none' or"),
     ({"fields": "distnce"}, ValueError, r"fields: no column is named 'distnce'; there are distance, lower"),
@@ -112,9 +113,6 @@ def test_renormalised_is_a_flag_and_stale_a_status(engine):
     ({"fields": 1 << 20}, ValueError, r"fields: unknown bits in 0x100000"),
     ({"timeout_s": -1}, ValueError, r"timeout_s: expected a number >= 0, got -1"),
     ({"timeout_s": "soon"}, TypeError, r"timeout_s: expected a number, got 'soon'"),
-    ({"max_results": -1}, ValueError, r"max_results: expected an integer >= 0, got -1"),
-    ({"max_results": 1.5}, TypeError, r"max_results: expected an integer, got 1\.5"),
-    ({"max_pose_age_ns": -1}, ValueError, r"max_pose_age_ns: expected an integer >= 0, got -1"),
     ({"radius": 1}, TypeError, r"radius"),
 ])  # fmt: skip
 def test_bad_queries_are_named(engine, arguments, error, text):
@@ -123,6 +121,17 @@ def test_bad_queries_are_named(engine, arguments, error, text):
     with pytest.raises(error, match=text):
         engine.submit(**arguments)
     assert (engine.distances().status == Status.OK).all(), "and the engine goes on"
+
+
+@pytest.mark.parametrize("arguments, error, text", [
+    ({"precision": "f16"}, ValueError, r"precision: expected 'f64' or 'f32', got 'f16'"),
+    ({"max_results": -1}, ValueError, r"max_results: expected an integer >= 0, got -1"),
+    ({"max_results": 1.5}, TypeError, r"max_results: expected an integer, got 1\.5"),
+    ({"configurations": np.zeros((1, 3, 7))}, TypeError, r"distances.*'configurations'"),
+])  # fmt: skip
+def test_bad_options_of_prepared_queries_are_named(engine, arguments, error, text):
+    with pytest.raises(error, match=text):
+        engine.prepare("distances", **arguments)
 
 
 @pytest.mark.parametrize("arguments, error, text", [

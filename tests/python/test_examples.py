@@ -47,7 +47,7 @@ def test_the_judge_of_balls_lies_in_every_interval(engine, exact_value, position
     poses = np.zeros((300, 1, 7))
     poses[:, 0, :3], poses[:, 0, 3] = places, 1.0
     r = engine.distances(
-        pairs=("arm", "ball"), configurations=poses, bodies=["ball"], joints="arm", positions=positions, reduce="min"
+        pairs=("arm", "ball"), configurations=(positions, poses), bodies=["ball"], joints="arm", reduce="min"
     )
     true = exact_value.to_points(positions, places[:, None])[:, 0] - 0.06
     apart = true > 1e-9
@@ -57,7 +57,7 @@ def test_the_judge_of_balls_lies_in_every_interval(engine, exact_value, position
 
 
 def test_the_judge_of_the_floor_lies_in_every_interval(engine, exact_value, positions):
-    r = engine.distances(pairs=("arm", "floor"), joints="arm", positions=positions)
+    r = engine.distances(pairs=("arm", "floor"), joints="arm", configurations=positions)
     floor = engine.body_id("floor")
     links = [engine.bodies[a if b == floor else b].name.split("/")[1] for a, b in r.pairs]
     assert {"forearm", "gripper", "wrist_2"} <= set(links)

@@ -37,7 +37,7 @@ def answers(poses_of, threads):
     engine.set_poses(poses)
     found = [engine.scene_revision]
     for options in ({}, {"signed_distance": True}, {"precision": "f32"}, {"rel_tol": 0.0}, {"reduce": "nearest"}):
-        r = engine.distances(fields=("default", "flags", "points", "normal"), **options)
+        r = engine.prepare("distances", fields=("default", "flags", "points", "normal"), **options).run()
         found += [getattr(r, column).tobytes() for column in COLUMNS]
     return [*found, engine.distances(fields="bounds").bounds.tobytes()]
 

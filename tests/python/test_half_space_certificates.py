@@ -39,7 +39,9 @@ def add_planes(scene):
 
 def checked(checker, engine, **arguments):
     """Checks that all rows are proved, and equal those of distances(). Returns the document."""
-    result, document = engine.distances(**arguments), engine.certificate(**arguments).document
+    document = engine.certificate(**arguments).document
+    inputs = (arguments.pop("configurations"),) if "configurations" in arguments else ()
+    result = engine.prepare("distances", **arguments).run(*inputs)
     for name in ("lower", "upper"):
         assert [float(row[name]) for row in document["rows"]] == getattr(result, name).ravel().tolist(), name
     assert [row["status"] for row in document["rows"]] == [NAMES[s] for s in result.status.ravel()]

@@ -54,7 +54,7 @@ def test_a_query_of_positions_is_that_of_each_in_turn(engine, urdf):
     arm = engine.joints("arm")
     rows = rows_of(arm, 9)
     fields = ("default", "points", "normal", "gradient", "flags")
-    answer = engine.distances(joints=arm, positions=rows, fields=fields)
+    answer = engine.distances(joints=arm, configurations=rows, fields=fields)
     other = clearance.Engine(arm_scene(urdf), threads=1)
     pairs = answer.pairs
     assert len(pairs) > 10 and answer.lower.shape == (9, len(pairs))
@@ -63,9 +63,9 @@ def test_a_query_of_positions_is_that_of_each_in_turn(engine, urdf):
         one = other.distances(pairs=pairs, fields=fields)
         for name in ("lower", "upper", "status", "point_a", "normal", "gradient"):
             assert np.array_equal(getattr(answer, name)[k], getattr(one, name)[0], equal_nan=True), name
-    nearest = engine.distances(joints="arm", positions=rows, reduce="min", fields=["lower", "upper", "pair"])
+    nearest = engine.distances(joints="arm", configurations=rows, reduce="min", fields=["lower", "upper", "pair"])
     assert np.array_equal(nearest.upper, answer.upper.min(axis=1))
-    robot = engine.distances(pairs=("arm", "table"), joints=arm, positions=rows)
+    robot = engine.distances(pairs=("arm", "table"), joints=arm, configurations=rows)
     assert robot.pairs.shape[1] == 2 and set(robot.pairs[:, 0]) == {engine.body_id("table")}
 
 
@@ -74,27 +74,20 @@ def test_gradients_by_joints_are_differences(engine):
     rows = rows_of(arm, 4, seed=3)
     fields = ("upper", "flags", "gradient_joints")
     options = dict(joints=arm, pairs=("table", "arm"), rel_tol=1e-10)
-    answer = engine.distances(positions=rows, fields=fields, **options)
+    answer = engine.distances(configurations=rows, fields=fields, **options)
     assert answer.gradient_joints.shape == answer.upper.shape + (3,) and "gradient_joints" in answer.columns
     step, compared = 1e-6, 0
     for j in range(3):
         ahead, behind = (
-            engine.distances(positions=rows + s * np.eye(3)[j], fields="upper", **options) for s in (step, -step)
+            engine.distances(configurations=rows + s * np.eye(3)[j], fields="upper", **options) for s in (step, -step)
         )
         slope = (ahead.upper - behind.upper) / (2 * step)
         smooth = (answer.upper > 0.01) & ((answer.flags & Flag.NONSMOOTH) == 0)
         compared += int(np.count_nonzero(smooth))
         assert np.abs(answer.gradient_joints[..., j] - slope)[smooth].max() < 1e-4
     assert compared > 20
-    out = {"gradient_joints": np.empty(answer.gradient_joints.shape)}
-    again = engine.distances(positions=rows, out=out, **options)
-    assert again.gradient_joints is out["gradient_joints"]
-    assert np.array_equal(again.gradient_joints, answer.gradient_joints, equal_nan=True)
-    assert engine.distances(positions=rows, out=again, **options).gradient_joints is out["gradient_joints"]
-    least = engine.distances(positions=rows, reduce="min", fields=("gradient_joints", "flags"), joints=arm)
+    least = engine.distances(configurations=rows, reduce="min", fields=("gradient_joints", "flags"), joints=arm)
     assert least.gradient_joints.shape == (4, 3)
-    with pytest.raises(ValueError, match=r"out\['gradient_joints'\]: expected shape \(4, \d+, 3\), got \(4, 3\)"):
-        engine.distances(positions=rows, out={"gradient_joints": np.empty((4, 3))}, **options)
     with pytest.raises(clearance.QueryError, match="fields: gradient_joints is for a query with joints"):
         engine.distances(fields="gradient_joints")
 
@@ -131,9 +124,9 @@ def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
             engine = clearance.Engine(scene, threads=1)
             rows = np.concatenate([np.zeros((1, 1)), rng.uniform(-1e-4, 1e-4, (5, 1)), rng.uniform(-0.5, 0.5, (20, 1))])
             options = {"pairs": [("r/l", "o")], "joints": "r"}
-            r = engine.distances(positions=rows, fields=["gradient_joints", "flags"], **options)
+            r = engine.distances(configurations=rows, fields=["gradient_joints", "flags"], **options)
             below, here, above = (
-                engine.distances(positions=rows + d, fields="upper", rel_tol=1e-13, **options).upper
+                engine.distances(configurations=rows + d, fields="upper", rel_tol=1e-13, **options).upper
                 for d in (-step, 0, step)
             )
             smooth = (r.flags & Flag.NONSMOOTH) == 0
@@ -169,31 +162,35 @@ def test_free_scale_is_a_region_that_is_free(engine):
 def test_bad_rows_are_statuses_and_limits_are_flags(engine):
     rows = np.array([[0.1, -1.0], [np.nan, -1.0], [0.1, 0.5]])
     answer = engine.distances(
-        joints=["arm/joint1", "arm/joint4"], positions=rows, pairs=("table", "arm/palm"), fields=["default", "flags"]
+        joints=["arm/joint1", "arm/joint4"],
+        configurations=rows,
+        pairs=("table", "arm/palm"),
+        fields=["default", "flags"],
     )
     assert list(answer.status[:, 0]) == [Status.OK, Status.BAD_POSE, answer.status[2, 0]]
     assert [bool(flags & Flag.BEYOND_LIMITS) for flags in answer.flags[:, 0]] == [False, False, True]
 
 
 WRONG = {
-    "joints: expected positions= as well": {"joints": "arm"},
-    "positions: expected joints= as well": {"positions": np.zeros((1, 8))},
-    r"positions: expected shape \(K, 8\), one column for each joint, got \(1, 7\)": {
-        "joints": "arm", "positions": np.zeros((1, 7))},
-    r"positions: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
-        "joints": "arm", "positions": np.zeros(8)},
-    "positions: expected at least one row": {"joints": "arm", "positions": np.zeros((0, 8))},
-    r"joints: 'arm/joint1' is named twice": {"joints": [0, 0], "positions": np.zeros((1, 2))},
-    "joints: expected at least one": {"joints": [], "positions": np.zeros((1, 0))},
-    "positions: expected K = 2 as in configurations": {
-        "joints": "arm", "positions": np.zeros((3, 8)), "bodies": ["cup"],
-        "configurations": np.tile(at(0), (2, 1, 1)).astype(float)},
+    "joints: only together with configurations": {"joints": "arm"},
+    r"configurations: expected shape \(K, 8\), one column for each joint, got \(1, 7\)": {
+        "joints": "arm", "configurations": np.zeros((1, 7))},
+    r"configurations: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
+        "joints": "arm", "configurations": np.zeros(8)},
+    "configurations: expected at least one row": {"joints": "arm", "configurations": np.zeros((0, 8))},
+    r"joints: 'arm/joint1' is named twice": {"joints": [0, 0], "configurations": np.zeros((1, 2))},
+    "joints: expected at least one": {"joints": [], "configurations": np.zeros((1, 0))},
+    r"configurations: expected a pair \(positions, poses\), since joints and bodies move": {
+        "joints": "arm", "bodies": ["cup"], "configurations": np.zeros((3, 8))},
+    "configurations: expected K = 3 poses as of positions, got 2": {
+        "joints": "arm", "bodies": ["cup"],
+        "configurations": (np.zeros((3, 8)), np.tile(at(0), (2, 1, 1)).astype(float))},
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("text", WRONG)
 def test_wrong_arguments_are_named(engine, text):
-    with pytest.raises(ValueError, match=text):
+    with pytest.raises((ValueError, TypeError), match=text):
         engine.distances(**WRONG[text])
 
 
@@ -250,11 +247,12 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
         assert [s.position for s in client.joint_states()] == [s.position for s in engine.joint_states()]
         rows = rows_of(arm, 40)
         queries = [
-            {"joints": arm, "positions": rows},
-            {"joints": "arm", "positions": rows, "reduce": "min", "fields": ["default", "pair", "flags"]},
-            {"joints": ["arm/joint6", "arm/joint2"], "positions": rows[:, :2], "reduce": "within", "max_distance": 0.1},
-            {"joints": arm, "positions": rows, "bodies": ["cup"], "pairs": ("cup", "arm"),
-             "configurations": np.tile(at(0.1, 0.2, 0.3), (40, 1, 1)).astype(float)},
+            {"joints": arm, "configurations": rows},
+            {"joints": "arm", "configurations": rows, "reduce": "min", "fields": ["default", "pair", "flags"]},
+            {"joints": ["arm/joint6", "arm/joint2"], "configurations": rows[:, :2], "reduce": "within",
+             "max_distance": 0.1},
+            {"joints": arm, "bodies": ["cup"], "pairs": ("cup", "arm"),
+             "configurations": (rows, np.tile(at(0.1, 0.2, 0.3), (40, 1, 1)).astype(float))},
         ]  # fmt: skip
         for query in queries:
             expected = engine.distances(**query)
@@ -268,10 +266,11 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
         else:
             expected = engine.distances(**slopes)
             assert expected.gradient_joints.shape == (expected.total, 2) and expected.total > 10
-            for copy in (True, False):
-                assert same_bits(client.distances(copy=copy, **slopes), expected)
-        bounds = client.distances(joints=arm, positions=rows, fields="bounds")
-        assert same_bits(bounds, engine.distances(joints=arm, positions=rows, fields="bounds"))
+            assert same_bits(client.distances(**slopes), expected)
+            del slopes["configurations"]
+            assert same_bits(client.prepare("distances", copy=False, **slopes).run(rows[:, :2]), expected)
+        bounds = client.distances(joints=arm, configurations=rows, fields="bounds")
+        assert same_bits(bounds, engine.distances(joints=arm, configurations=rows, fields="bounds"))
         pairs = [("table", "arm/palm"), ("cup", "arm/fore"), ("cup", "arm/palm"), ("arm/base", "arm/palm")]
         requested = (rows, arm, np.linspace(0.1, 1, len(arm)), {("arm", "*"): 0.01, ("arm", "cup"): 0.0}, pairs)
         scales = client.free_scale(*requested)
@@ -285,8 +284,6 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
             client.free_scale(rows, arm, [0] * 7 + [math.nan])
         with pytest.raises(ValueError, match="joints: expected some, that move"):
             client.free_scale(rows, None)
-        with pytest.raises(clearance.QueryError, match="weights: only for the column free_scale"):
-            client.distances(joints=arm, positions=rows, reduce="any", weights=np.ones(8))
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
             client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
         with pytest.raises(clearance.QueryError, match="'arm/fore' is a link placed by joints"):
@@ -342,7 +339,7 @@ def test_a_check_says_which_joints_are_beyond_their_limits(one):
 def test_degrees_given_as_radians_get_a_hint(one):
     pairs = [("cup", "table")]
     match = r"arm/joint2 at -45 is 43.24 beyond its limits, -1.76 to 1.76; in degrees they would be within"
-    with pytest.warns(clearance.JointLimitWarning, match="positions: " + match) as caught:
+    with pytest.warns(clearance.JointLimitWarning, match="configurations: " + match) as caught:
         check = one.check([DEGREES, DEGREES], joints="arm", pairs=pairs)
     assert len(caught) == 1 and caught[0].filename == __file__
     assert check.free.all() and not check and "2 beyond joint limits (arm/joint2 at -45" in repr(check)

@@ -59,7 +59,8 @@ def scene(tmp_path):
 
 def evaluate(front, **more):
     """Columns of the one pair."""
-    answer = front.distances([("bracket", "ball")], PLACES, ["ball"], fields=["default", "flags"], **more)
+    query = {"pairs": [("bracket", "ball")], "bodies": ["ball"], "fields": ["default", "flags"]}
+    answer = front.prepare("distances", **query, **more).run(PLACES)
     return SimpleNamespace(**{name: getattr(answer, name)[:, 0] for name in ("lower", "upper", "status", "flags")})
 
 
@@ -75,9 +76,10 @@ def test_the_interval_holds_the_mesh_s_distance_and_is_as_wide_as_the_pieces_mis
     assert (pieces.lower <= exact_value.upper).all() and (exact_value.lower <= pieces.upper).all()
     assert (exact_value.upper - exact_value.lower < 1e-4).all() and slack <= width[0] <= 1.2 * slack + 0.002
     assert pieces.flags[0] & Flag.UNCERTAINTY_LIMITED and not exact_value.flags[0] & Flag.UNCERTAINTY_LIMITED
-    same = front.distances([("ball", "plate"), ("plate", "floor")], model="pieces")
-    known = front.distances([("ball", "plate"), ("plate", "floor")])
+    pairs = [("ball", "plate"), ("plate", "floor")]
+    same, known = front.prepare("distances", pairs=pairs, model="pieces").run(), front.distances(pairs)
     assert same.lower.tolist() == known.lower.tolist() and same.upper.tolist() == known.upper.tolist()
+    assert evaluate(front, model="truth").upper.tolist() == exact_value.upper.tolist()
 
 
 def test_signed_values_below_0_are_the_pieces(front):
@@ -89,38 +91,38 @@ def test_signed_values_below_0_are_the_pieces(front):
 
 
 def test_reductions_and_decisions(front):
-    requested = {"pairs": [("bracket", "*")], "configurations": PLACES, "bodies": ["ball"], "model": "pieces"}
-    least = front.distances(reduce="min", **requested)
+    requested = {"pairs": [("bracket", "*")], "bodies": ["ball"], "model": "pieces"}
+    least = front.prepare("distances", reduce="min", **requested).run(PLACES)
     for row, exact in enumerate(TRUE):
         assert least.lower[row] <= exact <= least.upper[row] + 1e-12
-    within = front.distances(reduce="within", max_distance=0.1, **requested)
+    within = front.prepare("distances", reduce="within", max_distance=0.1, **requested).run(PLACES)
     assert within.lower.size == 2 and within.configuration.tolist() == [1, 2]
-    nearest = front.distances(reduce="nearest", **requested)
+    nearest = front.prepare("distances", reduce="nearest", **requested).run(PLACES)
     assert nearest.lower.size == len(PLACES) * 4
     exact_value = {
         "pairs": [("bracket", "ball")],
         "bodies": ["ball"],
     }  # results cached for one are not used for the other
     assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
-    check = front.check(PLACES, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
+    check = front.prepare("check", **exact_value, model="pieces").run(PLACES)
     assert check.free.tolist() == [True, False, False, True]
     assert check.status.tolist() == [Status.BEYOND, Status.UNCONVERGED, Status.UNCONVERGED, Status.BEYOND]
     assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
-    near = front.check(PLACES, 0.2, pairs=[("bracket", "ball")], bodies=["ball"], model="pieces")
+    near = front.prepare("check", margin=0.2, **exact_value, model="pieces").run(PLACES)
     assert near.hit.tolist() == [False, True, True, False]
 
 
 def test_motions(front):
     start, end = PLACES[[0, 0]], PLACES[[1, 2]]
     end[0, 0, 2] = 0.45  # 0.1 m above the foot
-    found = front.motions(pairs=[("bracket", "ball")], start=start, end=end, bodies=["ball"], model="pieces")
+    found = front.prepare("motions", pairs=[("bracket", "ball")], bodies=["ball"], model="pieces").run(start, end)
     assert found.lower[0] <= 0.1 <= found.upper[0] and 0.05 < found.lower[0] and found.upper[0] < 0.13
     assert found.lower[1] <= 0 <= found.upper[1] < 0.02
 
 
 def test_what_is_refused(front):
     with pytest.raises(ValueError, match="model: expected 'truth' or 'pieces', got 'hull'"):
-        front.distances(model="hull")
+        front.prepare("distances", model="hull")
     with pytest.raises((clearance.QueryError, clearance.RequestError), match="'bracket' is a solid"):
         front.certificate(pairs=[("bracket", "ball")], model="pieces")
 
@@ -165,24 +167,20 @@ def test_links_of_robots(scene):
     path.write_text(robot + "bodies:\n  - {name: ball, sphere: 0.1, pose: [0.6,0.25,0.6, 1,0,0,0]}\n")
     engine = clearance.Engine(clearance.Scene.load(path), threads=1)
     turns = np.linspace(-3, 3, 61)[:, None]
-    requested = {"pairs": [("arm/hand", "ball")], "joints": "arm", "positions": turns}
-    exact_value, pieces = engine.distances(**requested), engine.distances(model="pieces", **requested)
+    requested = {"pairs": [("arm/hand", "ball")], "joints": "arm"}
+    exact_value = engine.distances(configurations=turns, **requested)
+    pieces = engine.prepare("distances", model="pieces", **requested).run(turns)
     assert (pieces.lower <= exact_value.lower + 1e-9).all() and (exact_value.upper <= pieces.upper + 1e-9).all()
     apart = exact_value.lower > 0.05
     assert apart.sum() > 20 and (exact_value.status == Status.OVERLAP).sum() > 3
     assert (pieces.upper - pieces.lower)[apart].min() > 0.5 * SHRUNK
     assert (exact_value.upper - exact_value.lower).max() < 1e-5
-    free, wider = (
-        engine.check(turns, joints="arm", pairs=requested["pairs"], model=m).free for m in ("truth", "pieces")
-    )
+    free, wider = (engine.prepare("check", model=m, **requested).run(turns).free for m in ("truth", "pieces"))
     assert (wider <= free).all() and wider.sum() > 20
-    at_truth, at_pieces = (
-        engine.free_scale(turns, "arm", pairs=requested["pairs"], model=m) for m in ("truth", "pieces")
-    )
+    at_truth, at_pieces = (engine.prepare("free_scale", model=m, **requested).run(turns) for m in ("truth", "pieces"))
     assert (at_pieces[~wider] == 0).all() and (at_pieces[apart[:, 0]] > 0).all() and (at_truth[free] > 0).all()
     for start, end in ((0, 8), (20, 30)):
-        ends = {"joints": "arm", "start": turns[[start]], "end": turns[[end]], "pairs": requested["pairs"]}
-        least = engine.motions(model="pieces", **ends)
+        least = engine.prepare("motions", model="pieces", **requested).run(turns[[start]], turns[[end]])
         assert least.lower[0] <= exact_value.upper[start : end + 1].min() and least.lower[0] <= least.upper[0]
 
 
@@ -191,7 +189,7 @@ def test_beside_clouds_whose_points_are_replaced(scene):
     engine = clearance.Engine(clearance.Scene.load(scene), threads=1)
 
     def interval(model):
-        answer = engine.distances([("bracket", "seen")], model=model)
+        answer = engine.prepare("distances", pairs=[("bracket", "seen")], model=model).run()
         return answer.lower[0], answer.upper[0], answer.status[0]
 
     assert interval("pieces")[2] == Status.BEYOND  # nothing is there
@@ -202,4 +200,4 @@ def test_beside_clouds_whose_points_are_replaced(scene):
     engine.set_points("seen", np.zeros((0, 3), np.float32))
     assert interval("pieces")[2] == Status.BEYOND
     with pytest.raises(clearance.QueryError, match="'seen' is a cloud of points"):
-        engine.distances([("bracket", "seen")], model="pieces", signed_distance=True)
+        engine.prepare("distances", pairs=[("bracket", "seen")], model="pieces", signed_distance=True).run()

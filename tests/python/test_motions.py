@@ -39,17 +39,17 @@ def along(start, end, t):
 def test_the_least_distance_of_a_motion_is_in_its_bounds(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 24)
-    r = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, abs_tol=1e-3)
+    r = engine.motions(start, end, joints=arm, pairs=PAIRS, abs_tol=1e-3)
     assert r.lower.shape == (24,) and r.first_contact.shape == (24, 2) and r.steps.dtype == np.uint32
     assert set(r.status) >= {Status.OK, Status.OVERLAP}, "free motions and others"
     for k in range(24):
         rows = np.array([along(start[k], end[k], t) for t in TIMES])
-        sampled = engine.distances(joints=arm, positions=rows, pairs=PAIRS, reduce="min", fields=["upper"])
+        sampled = engine.distances(joints=arm, configurations=rows, pairs=PAIRS, reduce="min", fields=["upper"])
         assert r.lower[k] <= sampled.upper.min()
         assert r.upper[k] - r.lower[k] <= 1e-3 or r.status[k] != Status.OK
         if not np.isnan(r.time[k]):
             there = engine.distances(
-                joints=arm, positions=along(start[k], end[k], r.time[k])[None], pairs=r.pairs[k : k + 1]
+                joints=arm, configurations=along(start[k], end[k], r.time[k])[None], pairs=r.pairs[k : k + 1]
             )
             assert there.lower[0, 0] <= r.upper[k] + 1e-12
         assert r.steps[k] >= 1
@@ -58,14 +58,14 @@ def test_the_least_distance_of_a_motion_is_in_its_bounds(engine):
 def test_any_decides_and_names_when(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 40)
-    r = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any", margin=0.01)
+    r = engine.motions(start, end, joints=arm, pairs=PAIRS, reduce="any", margin=0.01)
     free = r.status == Status.BEYOND
     hit = r.status <= Status.CONTACT
     assert free.sum() >= 5 and hit.sum() >= 5
     assert np.all(np.isinf(r.first_contact[free])) and np.all(r.pair[free] == clearance.NONE)
     for k in np.flatnonzero(hit):
         row = along(start[k], end[k], r.time[k])[None]
-        there = engine.distances(joints=arm, positions=row, pairs=r.pairs[k : k + 1])
+        there = engine.distances(joints=arm, configurations=row, pairs=r.pairs[k : k + 1])
         assert there.lower[0, 0] <= 0.01 + 1e-9
     for k in np.flatnonzero(free):
         rows = np.array([along(start[k], end[k], t) for t in TIMES])
@@ -107,9 +107,9 @@ def test_a_plate_between_two_samples_is_found():
     start, end = (np.array(at(x), dtype=float)[None, None] for x in (0, 1))
     samples = np.linspace(0, 1, 33)[:, None, None] * (end[0] - start[0]) + start[0]
     assert engine.check(samples, bodies=["ball"]).free.all(), "what sampling says"
-    r = engine.motions(bodies=["ball"], start=start, end=end, reduce="any")
+    r = engine.motions(start, end, bodies=["ball"], reduce="any")
     assert r.status[0] <= Status.CONTACT and abs(r.time[0] - 0.5034) < 2e-3
-    least = engine.motions(bodies=["ball"], start=start, end=end)
+    least = engine.motions(start, end, bodies=["ball"])
     assert least.status[0] == Status.OVERLAP and least.upper[0] <= 0
     first = least.first_contact[0]
     assert first[0] <= 0.5034 - 1e-3 - 5e-5 + 1e-9 and first[1] >= first[0]
@@ -119,8 +119,8 @@ def test_each_pair_has_a_row_without_a_reduction(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 3)
     pairs = [("arm/palm", "table"), ("arm/fore", "table")]
-    each = engine.motions(joints=arm, start=start, end=end, pairs=pairs, reduce="none")
-    least = engine.motions(joints=arm, start=start, end=end, pairs=pairs)
+    each = engine.motions(start, end, joints=arm, pairs=pairs, reduce="none")
+    least = engine.motions(start, end, joints=arm, pairs=pairs)
     assert each.lower.shape == (3, 2) and each.time.shape == (3, 2)
     apart = least.status == Status.OK
     assert apart.any()
@@ -130,7 +130,7 @@ def test_each_pair_has_a_row_without_a_reduction(engine):
 def test_a_path_ends_at_its_first_bad_motion(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 40)
-    free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
+    free = engine.motions(start, end, joints=arm, pairs=PAIRS, reduce="any").status == Status.BEYOND
     good, bad = np.flatnonzero(free)[0], np.flatnonzero(~free)[0]
     there_and_back = [start[good], end[good]] * 15
     ok = engine.check_path(there_and_back, joints=arm, pairs=PAIRS)
@@ -144,8 +144,8 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
         arm = client.joints("arm")
         start, end = edges_of(arm, 6)
         for more in ({}, {"reduce": "any", "margin": 0.01}, {"reduce": "none"}):
-            expected = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, **more)
-            assert same_bits(client.motions(joints=arm, start=start, end=end, pairs=PAIRS, **more), expected)
+            expected = engine.motions(start, end, joints=arm, pairs=PAIRS, **more)
+            assert same_bits(client.motions(start, end, joints=arm, pairs=PAIRS, **more), expected)
         path = {"path": start, "joints": arm, "pairs": PAIRS, "margin": 0.01}
         assert client.check_path(**path) == engine.check_path(**path)
 
@@ -153,7 +153,7 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
 def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp_path):
     arm = engine.joints("arm")
     start, end = (np.clip(rows, arm.lower, arm.upper) for rows in edges_of(arm, 40))
-    free = engine.motions(joints=arm, start=start, end=end, pairs=PAIRS, reduce="any").status == Status.BEYOND
+    free = engine.motions(start, end, joints=arm, pairs=PAIRS, reduce="any").status == Status.BEYOND
     file = tmp_path / "path.csv"
 
     def run(rows, *more, names=arm.names):
@@ -214,13 +214,17 @@ def test_a_device_answers_the_default_columns(urdf):
 
 ONE = np.zeros((1, 8))
 WRONG = {
-    "start: expected positions of joints, or poses of bodies, got none": {"joints": "arm", "end": ONE},
+    r"start: expected \(K, J\) numbers": {"joints": "arm", "start": None, "end": ONE},
     r"end: expected shape \(1, 8\), as start has, got \(2, 8\)": {
         "joints": "arm",
         "start": ONE,
         "end": np.zeros((2, 8)),
     },
-    r"start: expected shape \(K, J\), got \(8,\)": {"joints": "arm", "start": ONE[0], "end": ONE},
+    r"start: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
+        "joints": "arm",
+        "start": ONE[0],
+        "end": ONE,
+    },
     r"start: expected a pair \(positions, poses\)": {"joints": "arm", "bodies": ["cup"], "start": ONE, "end": ONE},
     "reduce: motions are reduced by none, min and any": {
         "joints": "arm",
@@ -228,7 +232,6 @@ WRONG = {
         "end": ONE,
         "reduce": "nearest",
     },
-    "signed_distance: motions have no depths": {"joints": "arm", "start": ONE, "end": ONE, "signed_distance": True},
     "fields: motions have no gradient": {"joints": "arm", "start": ONE, "end": ONE, "fields": ["gradient"]},
     "margin": {"joints": "arm", "start": ONE, "end": ONE, "margin": -1.0},
 }
@@ -243,8 +246,6 @@ def test_wrong_arguments_are_named(engine, text):
 def test_columns_of_motions_are_for_motions(engine):
     with pytest.raises(clearance.QueryError, match="fields: time, first_contact and steps are only for motions"):
         engine.distances(fields=["time"])
-    with pytest.raises(clearance.QueryError, match="configurations: motions have two each, got 3"):
-        engine.distances(joints="arm", positions=np.zeros((3, 8)), max_evaluations=8)
     with pytest.raises(ValueError, match="path: expected two waypoints or more, got 1"):
         engine.check_path(ONE, joints="arm")
 
@@ -265,10 +266,8 @@ def test_bodies_that_are_not_convex_are_answered_as_they_are(tmp_path):
         scene.add_mesh("shelf", path, mesh_as=kind, pose=[0, 0, 0, 1, 0, 0, 0])
         scene.add_sphere("ball", 0.1, pose=start)
         engine = clearance.Engine(scene, backend="cpu", threads=1)
-        r = engine.motions(bodies=["ball"], start=np.array([[start]]), end=np.array([[end]]))
+        r = engine.motions(np.array([[start]]), np.array([[end]]), bodies=["ball"])
         assert r.status[0] == status, kind
         assert kind == "hull" or r.lower[0] <= 0.1 <= r.upper[0]
-        free = engine.motions(
-            bodies=["ball"], start=np.array([[start]]), end=np.array([[end]]), reduce="any", margin=0.09
-        )
+        free = engine.motions(np.array([[start]]), np.array([[end]]), bodies=["ball"], reduce="any", margin=0.09)
         assert (free.status[0] == Status.BEYOND) == (kind != "hull")

@@ -132,8 +132,8 @@ def test_least_distances_do_not_pass_over_a_body_without_a_pose():
         yield engine.distances(reduce="min")
         yield engine.distances(reduce="nearest", fields=["lower", "status"])
         yield engine.distances(pairs=("robot", "*"), reduce="min", fields=["lower", "status"])
-        yield engine.motions(bodies=["robot"], start=start, end=end)
-        yield engine.motions(bodies=["robot"], start=start, end=end, reduce="any", fields=["lower", "status"])
+        yield engine.motions(start, end, bodies=["robot"])
+        yield engine.motions(start, end, bodies=["robot"], reduce="any", fields=["lower", "status"])
 
     for r in answers():
         assert set(np.ravel(r.status)) == {clearance.Status.NO_POSE} and np.all(r.lower == -np.inf)

@@ -244,9 +244,9 @@ def test_a_daemon_without_a_gpu_says_so(daemon: Any, kind: str) -> None:
     is_local = kind in ("shm", "ipc")
     why = "the engine has no device" if is_local else "over shm:// and ipc://; this client is not one of them"
     with pytest.raises(clearance.QueryError, match=f"a plan on a device: .*{why}"):
-        client.plan_on_device(4)
-    with pytest.raises(ValueError, match="bodies: only together with configurations"):
-        client.plan_on_device(bodies=[0])
+        client.prepare("distances").on_device(4)
+    with pytest.raises(ValueError, match="configurations: expected 1 or more, since bodies or joints move"):
+        client.prepare("distances", bodies=[0]).on_device(0)
     assert client.stats()["plans.open"] == 0
     client.distances()
 
@@ -264,8 +264,11 @@ def test_rows_of_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> 
     for url in daemon.urls.values():
         client = clearance.connect(url, timeout_s=PATIENCE_S)
         for reduce in ("none", "min"):
-            with client.plan_on_device(len(positions), None, ARM_PAIRS, columns, joints="arm", reduce=reduce) as plan:
-                expected = cpu.distances(ARM_PAIRS, joints="arm", positions=positions, reduce=reduce, fields=columns)
+            query = client.prepare("distances", pairs=ARM_PAIRS, fields=columns, joints="arm", reduce=reduce)
+            with query.on_device(len(positions)) as plan:
+                expected = cpu.distances(
+                    ARM_PAIRS, joints="arm", configurations=positions, reduce=reduce, fields=columns
+                )
                 for array in (given, positions):
                     rows = plan(positions=array)
                     got = {name: device.get(getattr(rows, name)) for name in columns}
@@ -289,9 +292,10 @@ def test_pytorch_asks_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any
     numbers = rows_of(engine.joints("arm"), 64)
     arguments = {"pairs": ARM_PAIRS, "fields": ["distance", "gradient_joints"], "joints": "arm"}
     for reduce in ("none", "min"):
-        with client.plan_on_device(64, reduce=reduce, **arguments) as theirs:
+        of_engine, of_client = (one.prepare("distances", reduce=reduce, **arguments) for one in (engine, client))
+        with of_client.on_device(64) as theirs:
             of_plan = []
-            for plan in (engine.plan_on_device(64, reduce=reduce, **arguments), theirs):
+            for plan in (of_engine.on_device(64), theirs):
                 positions = torch.tensor(numbers, device="cuda", requires_grad=True)
                 distances = clearance.torch.JointDistances(plan)(positions)
                 (0.4 - distances).clamp(min=0).sum().backward()

@@ -225,7 +225,7 @@ def test_a_saved_scene_is_the_same_scene(tmp_path, root):
     one, other = clearance.Engine(scene, threads=1), clearance.Engine(saved, threads=1)
     arm = one.joints("arm")
     rows = np.random.default_rng(5).uniform(arm.lower, arm.upper, (20, len(arm)))
-    query = {"joints": arm, "positions": rows, "fields": ("default", "points", "normal", "flags")}
+    query = {"joints": arm, "configurations": rows, "fields": ("default", "points", "normal", "flags")}
     assert np.array_equal(one.pairs, other.pairs) and same_bits(one.distances(**query), other.distances(**query))
     with pytest.raises(clearance.SceneError, match="saved: expected a folder that is empty or not there yet"):
         scene.save(tmp_path / "saved")

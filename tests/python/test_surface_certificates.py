@@ -111,12 +111,12 @@ def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     movable = [name for name in names if name != "follower"]
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
-    arguments["configurations"] = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
+    configurations = np.stack([random_poses(rng, len(movable), spread) for spread in (0.3, 0.8, 1.5)])
     if "signed_distance" in arguments:  # clouds have no depth
         pairs = [(a, b) for i, a in enumerate(names) for b in names[i + 1 :] if {a, b} != {"box", "follower"}]
         arguments["pairs"] = [pair for pair in pairs if not CLOUDS & set(pair)]
-    result = engine.distances(**arguments)
-    document = engine.certificate(**arguments).document
+    result = engine.prepare("distances", **arguments).run(configurations)
+    document = engine.certificate(configurations=configurations, **arguments).document
     for name in ("lower", "upper"):
         assert [float(row[name]) for row in document["rows"]] == getattr(result, name).ravel().tolist(), name
     assert [row["status"] for row in document["rows"]] == [NAMES[s] for s in result.status.ravel()]
@@ -178,7 +178,7 @@ def test_links_that_are_solids(checker, tmp_path):
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_body("shell", mesh=shell(), mesh_as="solid", static=True, pose=at(0.9, 0, 1.6))
     engine = clearance.Engine(scene)
-    certificate = engine.certificate(joints="arm", positions=[[-0.9], [0.3], [2.8]])
+    certificate = engine.certificate(joints="arm", configurations=[[-0.9], [0.3], [2.8]])
     assert {body.triangle_count for body in engine.bodies} >= {80}
     assert {row["status"] for row in certificate.document["rows"]} >= {"ok", "overlap"}
     proved(checker, certificate.document)

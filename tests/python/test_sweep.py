@@ -59,7 +59,7 @@ def test_rows_are_those_of_the_engine_in_process(tmp_path, urdf):
     joints = engine.joints(job["joints"])
     rows = np.stack([table[f"position_{i}"] for i in range(4)], axis=1)
     assert (rows >= joints.lower).all() and (rows <= joints.upper).all()
-    r = engine.distances(job["pairs"], joints=joints, positions=rows, reduce="min", fields=LEAST)
+    r = engine.distances(job["pairs"], joints=joints, configurations=rows, reduce="min", fields=LEAST)
     assert len(set(r.status.tolist())) > 1
     for name in LEAST:
         column = getattr(r, name)
@@ -84,7 +84,7 @@ def test_motions_and_bodies(tmp_path, urdf):
     done({**job, "columns": ["lower", "upper", "time", "first_contact", "steps"]}, tmp_path, workers=2)
     table, ends = table_of(tmp_path / "result"), np.load(tmp_path / "motions.npy")
     engine = engine_of(tmp_path)
-    r = engine.motions(joints=job["joints"], start=ends[:, 0], end=ends[:, 1], pairs=job["pairs"], abs_tol=1e-5)
+    r = engine.motions(ends[:, 0], ends[:, 1], joints=job["joints"], pairs=job["pairs"], abs_tol=1e-5)
     for name in ("lower", "upper", "time", "steps"):
         assert table[name].tobytes() == getattr(r, name).tobytes(), name
     assert table["first_contact_hit_at"].tobytes() == np.ascontiguousarray(r.first_contact[:, 1]).tobytes()
@@ -157,7 +157,7 @@ def test_a_run_that_is_killed_five_times_gives_the_bytes_of_one_that_is_not(tmp_
     table, ends = table_of(result), np.load(tmp_path / "motions.npy")
     rows = np.sort(chance.sample(range(len(ends)), 50))
     requested = {"joints": job["joints"], "pairs": job["pairs"], "abs_tol": 1e-5}
-    r = engine_of(tmp_path).motions(start=ends[rows, 0], end=ends[rows, 1], **requested)
+    r = engine_of(tmp_path).motions(ends[rows, 0], ends[rows, 1], **requested)
     assert table["lower"][rows].tobytes() == r.lower.tobytes()
     assert table["upper"][rows].tobytes() == r.upper.tobytes()
 

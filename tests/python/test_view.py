@@ -206,17 +206,17 @@ def test_spans_say_what_sampling_finds(robot):
     requested = {"joints": joints, "reduce": "min", "fields": ("lower", "upper", "pair")}
     for span in edge.spans:
         rows = np.array([edge.at(t) for t in np.linspace(span.begin, span.end, 21)])
-        r = robot.distances(positions=rows, **requested)
+        r = robot.distances(configurations=rows, **requested)
         least = r.upper.min()
         assert span.lower <= least + 1e-12, "the bound is above a sample"
         if span.verdict is Verdict.FREE:
             assert r.lower.min() > margin - 1e-6 and span.lower > margin - 1e-3  # to abs_tol
         if span.verdict is Verdict.HIT:
-            there = robot.distances(positions=edge.at(span.at)[None], **requested)
+            there = robot.distances(configurations=edge.at(span.at)[None], **requested)
             assert there.lower[0] <= margin + 1e-9
             assert tuple(there.pair[0]) == span.decided_by or there.upper[0] == 0
     assert edge.whole.lower <= min(span.lower for span in edge.spans) + 1e-3
-    r = robot.motions(joints, start[None], end[None], margin=margin)
+    r = robot.motions(start[None], end[None], joints=joints, margin=margin)
     assert (edge.whole.lower, edge.whole.upper) == (r.lower[0], r.upper[0])
     text = edge_table(edge, [body.name for body in robot.bodies])
     assert text.count("data-span") == 25 and text.count(">free<") == sum(s.verdict is Verdict.FREE for s in edge.spans)

@@ -10,14 +10,16 @@
 #include <chrono>
 #include <cmath>
 #include <cstdio>
+#include <cstring>
 #include <span>
 #include <utility>
 
 #include "client/client.h"
-#include "client/python/bindings/columns.h"
+#include "client/python/bindings/answer.h"
 #include "client/python/bindings/connection.h"
 #include "client/python/bindings/gil.h"
 #include "client/python/bindings/matrices.h"
+#include "client/python/bindings/query.h"
 #include "client/python/bindings/remote_plan.h"
 #include "wire/layout.h"
 
@@ -39,18 +41,32 @@ clearance::Query query_of(const Query& q) {
     query.pairs = {reinterpret_cast<const IdPair*>(q.pairs->data()), q.pairs->shape(0)};
     query.all_pairs = false;
   }
-  if (q.configurations) {
-    query.bodies = {q.bodies->data(), q.bodies->shape(0)};
-    query.configurations = {reinterpret_cast<const Pose7*>(q.configurations->data()),
-                            q.configurations->shape(0) * q.configurations->shape(1)};
-  }
+  query.bodies = ids_of(q.bodies);
   query.joints = ids_of(q.joints);
-  query.positions = numbers_of(q.positions);
   copy_options(q, query);
   copy_margins(q, query);
   // A query without a stamp can still have a maximum wait.
   if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
   return query;
+}
+
+clearance::Query query_of(const Query& q, const Configurations& at) {
+  at.check(q);
+  clearance::Query query = query_of(q);
+  if (at.poses)
+    query.configurations = {reinterpret_cast<const Pose7*>(at.poses->data()), at.poses->shape(0) * at.poses->shape(1)};
+  query.positions = numbers_of(at.positions);
+  return query;
+}
+
+/// Throws unless the client's scene is that of the query's ids.
+void check_scene(Client& client, const Query& q) {
+  if (!q.scene_revision) return;
+  const std::uint64_t now = client.scene().revision;
+  if (now == q.scene_revision) return;
+  throw RequestError(
+      static_cast<std::uint16_t>(wire::ErrorCode::kWrongScene),
+      "the scene is revision " + std::to_string(now) + ", the query is for " + std::to_string(q.scene_revision));
 }
 
 /// Returns descriptions for numpy dtypes: {"FrameHeader": [("magic", "<u4"), ...], ...}.
@@ -66,10 +82,11 @@ nb::dict wire_structs() {
   return structs;
 }
 
-Answer answer_of(const ConnectionPtr& connection, Result reply, Reduce reduce, const OutArrays& out, bool copy) {
+Answer answer_of(const ConnectionPtr& connection, Result reply, bool copy, bool beyond_limits) {
   Answer a;
+  a.beyond_limits = beyond_limits;
   a.fields = reply.fields();
-  a.rows = a.capacity = reply.rows();
+  a.rows = reply.rows();
   a.total = reply.total();
   a.configurations = reply.configurations();
   a.pairs = reply.pairs();
@@ -82,25 +99,16 @@ Answer answer_of(const ConnectionPtr& connection, Result reply, Reduce reduce, c
   a.engine_ns = reply.engine_ns();
   a.server_ns = reply.server_ns();
   a.backend = reply.backend();
-  try {
-    out.check(reduce, a.configurations, a.pairs, a.joints, a.rows);
-  } catch (...) {
-    connection->discard(std::move(reply));
-    throw;
-  }
-
   if (copy) {
-    const Layout layout = layout_of(a.fields & ~out.fields(), a.rows, a.joints);
+    const Layout layout = layout_of(a.fields, a.rows, a.joints);
     a.owner = plain_blocks().take(layout.bytes);
     a.base = static_cast<const std::byte*>(a.owner.get());
     a.bytes = layout.bytes;
     a.offset = layout.offset;
     for (std::size_t i = 0; i < kFieldCount; ++i) {
       if (!(a.fields >> i & 1u) || a.rows == 0) continue;
-      std::byte* to = out.fields() >> i & 1u ? out.data(static_cast<int>(i))
-                                             : static_cast<std::byte*>(a.owner.get()) + layout.offset[i];
       const std::span<const std::byte> column = reply.bytes(static_cast<Field>(1u << i));
-      std::memcpy(to, column.data(), column.size());
+      std::memcpy(static_cast<std::byte*>(a.owner.get()) + layout.offset[i], column.data(), column.size());
     }
     connection->discard(std::move(reply));
     return a;
@@ -140,12 +148,11 @@ struct UnderWay {
 /// A pending request.
 class PyPending {
  public:
-  PyPending(ConnectionPtr connection, Pending pending, Reduce reduce, bool copy, OutArrays out)
+  PyPending(ConnectionPtr connection, Pending pending, bool copy, bool beyond_limits)
       : connection_(std::move(connection)),
         pending_(std::in_place, std::move(pending)),
-        reduce_(reduce),
         copy_(copy),
-        out_(std::move(out)) {}
+        beyond_limits_(beyond_limits) {}
   ~PyPending() { cancel(); }
   PyPending(const PyPending&) = delete;
   PyPending& operator=(const PyPending&) = delete;
@@ -176,7 +183,7 @@ class PyPending {
   Answer answer() {
     Result reply = use([](Pending& pending) { return pending.get(); });
     pending_.reset();
-    return answer_of(connection_, std::move(reply), reduce_, out_, copy_);
+    return answer_of(connection_, std::move(reply), copy_, beyond_limits_);
   }
 
   void cancel() {
@@ -188,9 +195,7 @@ class PyPending {
  private:
   ConnectionPtr connection_;
   std::optional<Pending> pending_;
-  Reduce reduce_;
-  bool copy_;
-  OutArrays out_;
+  bool copy_, beyond_limits_;
 };
 
 using VertexRows = nb::ndarray<const double, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
@@ -211,27 +216,34 @@ class PyClient {
 
   Connection& use() const { return *connection_; }
 
-  std::unique_ptr<PyPending> submit(const Query& query, nb::handle out_list, bool copy) const {
-    OutArrays out(out_list);
-    Pending pending = use().with([&](Client& client) { return client.submit(query_of(query)); });
-    return std::make_unique<PyPending>(connection_, std::move(pending), static_cast<Reduce>(query.reduce), copy,
-                                       std::move(out));
+  std::unique_ptr<PyPending> submit(const Query& query, std::optional<PosesArray> poses,
+                                    std::optional<PositionsArray> positions, bool copy) const {
+    const Configurations at{std::move(poses), std::move(positions)};
+    Pending pending = use().with([&](Client& client) {
+      check_scene(client, query);
+      return client.submit(query_of(query, at));
+    });
+    return std::make_unique<PyPending>(connection_, std::move(pending), copy, at.beyond_limits(query));
   }
 
   /// Returns the answer, or nothing after the timeout. Combines submit, wait and answer.
-  std::optional<Answer> ask(const Query& query, nb::handle out_list, bool copy, double timeout_s) const {
-    OutArrays out(out_list);
+  std::optional<Answer> ask(const Query& query, std::optional<PosesArray> poses,
+                            std::optional<PositionsArray> positions, bool copy, double timeout_s) const {
+    const Configurations at{std::move(poses), std::move(positions)};
     UnderWay under_way{connection_, std::nullopt};
     std::optional<Result> reply;
     const auto deadline = Clock::now() + duration_of(timeout_s);
     while (true) {
       use().with([&](Client& client) {
         std::optional<Pending>& pending = under_way.pending;
-        if (!pending) pending.emplace(client.submit(query_of(query)));
+        if (!pending) {
+          check_scene(client, query);
+          pending.emplace(client.submit(query_of(query, at)));
+        }
         const auto left = deadline - Clock::now();
         if (pending->wait_for(std::clamp<Clock::duration>(left, Clock::duration(0), kSlice))) reply = pending->get();
       });
-      if (reply) return answer_of(connection_, std::move(*reply), static_cast<Reduce>(query.reduce), out, copy);
+      if (reply) return answer_of(connection_, std::move(*reply), copy, at.beyond_limits(query));
       if (Clock::now() >= deadline) return std::nullopt;
       check_signals();
     }
@@ -240,24 +252,37 @@ class PyClient {
   nb::object pairs(const Query& query) const {
     auto* pairs = new std::vector<IdPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<IdPair>*>(p); });
-    *pairs = use().with([&](Client& client) { return client.pairs(query_of(query)); });
+    // One configuration of zeros.
+    const std::vector<Pose7> poses(query.bodies ? query.bodies->shape(0) : 0);
+    const std::vector<double> positions(query.joints ? query.joints->shape(0) : 0);
+    *pairs = use().with([&](Client& client) {
+      check_scene(client, query);
+      clearance::Query requested = query_of(query);
+      requested.configurations = poses;
+      requested.positions = positions;
+      return client.pairs(requested);
+    });
     return nb::cast(nb::ndarray<nb::numpy, std::uint32_t>(pairs->data(), {pairs->size(), 2}, owner));
   }
 
   /// \param rows row numbers; null for all
-  std::string certificate(const Query& query, const std::optional<RowNumbers>& rows) const {
+  std::string certificate(const Query& query, std::optional<PosesArray> poses, std::optional<PositionsArray> positions,
+                          const std::optional<RowNumbers>& rows) const {
+    const Configurations at{std::move(poses), std::move(positions)};
     std::optional<std::span<const std::uint64_t>> numbers;
     if (rows) numbers.emplace(rows->data(), rows->shape(0));
-    return use().with([&](Client& client) { return client.certificate(query_of(query), numbers); });
+    return use().with([&](Client& client) {
+      check_scene(client, query);
+      return client.certificate(query_of(query, at), numbers);
+    });
   }
 
   /// \param configurations number of configurations; 0 for the current poses
-  std::unique_ptr<PyRemotePlan> plan_on_device(const Query& requested, std::uint32_t configurations) const {
-    clearance::Query query = query_of(requested);
-    query.configurations = {};
-    query.positions = {};
-    return std::make_unique<PyRemotePlan>(
-        connection_, use().with([&](Client& client) { return client.plan_on_device(query, configurations); }));
+  std::unique_ptr<PyRemotePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
+    return std::make_unique<PyRemotePlan>(connection_, use().with([&](Client& client) {
+      check_scene(client, query);
+      return client.plan_on_device(query_of(query), configurations);
+    }));
   }
 
   nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
@@ -442,10 +467,13 @@ NB_MODULE(_client, m) {
       .def_prop_rw(
           "timeout_s", [](const PyClient& c) { return c.use().timeout_s(); },
           [](PyClient& c, double seconds) { c.use().set_timeout(seconds); })
-      .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"))
-      .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("out").none(), nb::arg("copy"), nb::arg("timeout_s"))
+      .def("submit", &PyClient::submit, nb::arg("query"), nb::arg("poses").noconvert().none(),
+           nb::arg("positions").noconvert().none(), nb::arg("copy"))
+      .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("poses").noconvert().none(),
+           nb::arg("positions").noconvert().none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
-      .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("rows").none())
+      .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("poses").none(),
+           nb::arg("positions").none(), nb::arg("rows").none())
       .def("plan_on_device", &PyClient::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("set_poses", &PyClient::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
            nb::arg("sequence"))

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 from . import wire
 from ._certificate import Certificate
+from ._check import Check
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -31,17 +32,18 @@ from ._errors import (
     RequestError,
     RobotWarning,
     SceneError,
+    StaleQuery,
     TimeoutError,
 )
 from ._front import BodyState
 from ._future import Future
 from ._joints import Joints, JointState
 from ._limits import LimitViolation
-from ._motions import PathCheck
 from ._names import BodyInfo
+from ._path import PathCheck
 from ._poses import pose7_from_matrix
 from ._prepared import Prepared
-from ._result import Check, Result
+from ._result import Result
 from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
 from ._version import __version__
@@ -93,6 +95,7 @@ __all__ = [
     "Scene",
     "SceneChanged",
     "SceneError",
+    "StaleQuery",
     "Status",
     "TimeoutError",
     "__version__",

@@ -18,6 +18,7 @@ from ._words import MESH_AS, MeshAs
 
 _Word = TypeVar("_Word")
 _INT64 = 1 << 63
+_FLOAT64 = np.dtype(np.float64)
 
 
 def to_bool(value: Any, what: str) -> bool:
@@ -136,7 +137,7 @@ def to_numbers(value: Any, what: str, count: int, expected: str) -> list[float]:
 
 def to_floats(value: Any, what: str, expected: str = "numbers") -> np.ndarray:
     """Converts to a C-contiguous float64 array. Returns the argument itself if it is one, otherwise a copy."""
-    if type(value) is np.ndarray and value.dtype == np.float64:
+    if type(value) is np.ndarray and value.dtype is _FLOAT64:
         return contiguous(value)
     reject_masked(value, what)
     try:

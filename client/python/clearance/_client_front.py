@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import concurrent.futures
 import os
 from collections.abc import Sequence
 from typing import Any, Optional, Union
@@ -10,19 +9,34 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from . import _client
-from ._arguments import ShapeArgument, to_number_from_0, to_path, to_text
+from ._arguments import (
+    ShapeArgument,
+    to_count,
+    to_number,
+    to_number_from_0,
+    to_path,
+    to_text,
+    to_word,
+)
 from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front, Pairs
-from ._future import Future
-from ._joints import JointsRef
+from ._front import BodyState, Front
+from ._future import Future, Task, Worker
 from ._names import BodyInfo, BodyRef, NameTable
-from ._plan_arguments import plan_query
-from ._query import Query
+from ._query import Query, Run
 from ._remote_plan import RemotePlan
-from ._result import Result
 from ._scene_changes import NewBody, SceneChanged
 from ._updates import UpdateResult
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce, ReduceWord, Status
+from ._words import (
+    DEFAULT_FIELDS,
+    DEFAULT_POINTS_ROWS,
+    EVERY_BODY,
+    FIELD_MASKS,
+    NONE,
+    SERVICE_CLASSES,
+    Reduce,
+    ServiceWord,
+    Status,
+)
 from .wire import ErrorCode
 
 
@@ -33,7 +47,7 @@ def connect(
     server_key: Union[str, os.PathLike[str], None] = None,
     key: Union[str, os.PathLike[str], None] = None,
     hang_s: Optional[float] = None,
-    service_class: Literal["control", "planning"] = "control",
+    service_class: ServiceWord = "control",
 ) -> Client:
     """Connects to a daemon.
 
@@ -47,7 +61,8 @@ def connect(
         environment (CLEARANCE_SERVER_KEY, CLEARANCE_KEY), otherwise no keys.
     hang_s: seconds that the daemon's loop may stand still during a request, 0.01 or more; then calls raise DaemonHung,
         at most a quarter later. 0 disables this test. Default: 1 s, or a fifth of timeout_s if that is more.
-    service_class: "planning" lowers the requests of a client that has the class "control" (docs/security.md).
+    service_class: "control", or "planning": the daemon answers clients of the class "control" first. A client's class
+        is also limited by the daemon's rights (docs/security.md).
 
     Raises ConnectionError naming url and cause, over LCM also if several daemons respond; ValueError for a url of an
     unknown kind.
@@ -64,7 +79,8 @@ class Client(Front):
 
     _module = _client
     _instead = "send its url, and connect in each process"
-    _waits = True
+    _prepared_only = frozenset(("copy",))
+    _is_remote = True
 
     def __init__(
         self,
@@ -74,9 +90,11 @@ class Client(Front):
         server_key: Union[str, os.PathLike[str], None] = None,
         key: Union[str, os.PathLike[str], None] = None,
         hang_s: Optional[float] = None,
-        service_class: Literal["control", "planning"] = "control",
+        service_class: ServiceWord = "control",
     ):
         super().__init__()
+        is_planning = to_word(service_class, SERVICE_CLASSES, "service_class") == SERVICE_CLASSES["planning"]
+        self._worker = Worker(slice_s=0.0, pause_s=0.001)
         self._connection: Any = None
         self._pair_count = 0
         self._backend = ""
@@ -89,7 +107,7 @@ class Client(Front):
             "" if server_key is None else to_path(server_key, "server_key"),
             "" if key is None else to_path(key, "key"),
             None if hang_s is None else to_number_from_0(hang_s, "hang_s"),
-            to_word(service_class, {"control": 0, "planning": 1}, "service_class") == 1,
+            is_planning,
         )
         self._url = self._connection.url
 
@@ -128,9 +146,9 @@ class Client(Front):
         return self._backend
 
     def refresh(self) -> None:
-        """Fetches the scene again, after another client changed it or the daemon started with another one.
+        """Fetches the scene again, to see bodies that another client added.
 
-        A query with an outdated scene raises QueryError with the code WRONG_SCENE.
+        Calls adopt a changed scene by themselves, as long as their ids mean the same; otherwise they raise StaleQuery.
         """
         self._names_cache = self._fetch_names(True)
 
@@ -142,31 +160,30 @@ class Client(Front):
         """
         return self._changed(*self._use().reload(to_number_from_0(timeout_s, "timeout_s")))
 
-    def plan_on_device(
-        self,
-        configurations: int = 0,
-        bodies: Optional[Sequence[BodyRef]] = None,
-        pairs: Pairs = None,
-        fields: Union[str, Sequence[str], None] = None,
-        *,
-        joints: Optional[JointsRef] = None,
-        reduce: ReduceWord = "none",
-        **more: Any,
-    ) -> RemotePlan:
-        """Returns a query that runs in the memory of the daemon's GPU, mapped into this process without host copies.
+    def wait_for_poses(self, stamp_ns: int, of: BodyRef = "*", timeout_s: float = 10.0) -> None:
+        """Waits until the daemon has poses with this stamp or a newer one, so that the next query sees them.
 
-        The arguments are those of Engine.plan_on_device(). Works over shm:// and ipc:// on the daemon's machine, and
-        requires only the CUDA driver in this process. The plan keeps its scene: after a change by an attachment, a body
-        or a reload, calls raise QueryError (WRONG_SCENE), and you need a new plan.
+        stamp_ns: publisher's clock, as in set_poses(); above 0.
+        of: body or group whose poses to wait for. Bodies without any stamp are ignored, but at least one must have a
+            stamp. Default: every body.
+        timeout_s: seconds, at most 10; then RequestError with the code POSES_LATE.
 
-        Raises as Engine.plan_on_device(); RequestError (BUSY) beyond the daemon's limits on plans and memory
-        (clearanced --help); and ConnectionError if this process has no driver or does not see that GPU.
+        Costs one round trip if the poses are there. Raises as distances() does.
         """
-        self._names  # so that the scene's revision goes with the query
-        query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
-        table = self._table(query.pairs, query.bodies, query.joints)
-        plan = self._guarded(self._use().plan_on_device, query.raw, count)
-        return RemotePlan(plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
+        stamp = to_count(stamp_ns, "stamp_ns")
+        if not stamp:
+            raise ValueError("stamp_ns: expected a stamp above 0, got 0")
+        seconds = to_number(timeout_s, "timeout_s")
+        if not 0 <= seconds <= 10:
+            raise ValueError(f"timeout_s: expected 0 to 10 seconds, got {timeout_s}")
+        names = self._names
+        every = isinstance(of, str) and of == "*"
+        raw = _client.Query(np.empty((0, 2), np.uint32), None, None, 0 if every else names.revision)
+        raw.min_pose_stamp_ns, raw.pose_wait_ns = stamp, round(1e9 * seconds)
+        raw.wait_for = EVERY_BODY if every else names.selector(of, "of")
+        connection = self._use()
+        if self._guarded(connection.ask, raw, None, None, True, seconds + connection.timeout_s) is None:
+            raise TimeoutError(f"{self._url}: no answer within {seconds + connection.timeout_s:g} s")
 
     def body_states(self) -> list[BodyState]:
         """Returns the current state of each body, in the order of ids."""
@@ -188,7 +205,7 @@ class Client(Front):
         return self._use().ping(payload)
 
     def close(self) -> None:
-        """Closes the connection. Existing answers with copy=False stay valid."""
+        """Closes the connection. Existing results stay valid, also those with copy=False."""
         self._connection = None
 
     def __enter__(self) -> Client:
@@ -224,51 +241,63 @@ class Client(Front):
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._guarded(self._use().pairs, raw)
 
-    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
-        self._names  # so that the scene's revision goes with the query
-        return self._guarded(self._use().certificate, query.raw, rows)
+    def _refresh_names(self) -> None:
+        self.refresh()
 
-    def _default_fields(self, query: Query, configurations: int) -> int:
-        names = self._names
-        if query.reduce == Reduce.MIN:
-            rows = configurations
-        elif query.reduce == Reduce.NEAREST:
-            rows = configurations * len(names.bodies)
-        elif query.pairs is None and query.bodies is None and query.joints is None:
-            rows = configurations * self._pair_count
-        elif query.pairs is not None and not query.selects:
-            rows = configurations * len(query.pairs)
-        else:
-            rows = configurations * len(self._table(query.pairs, query.bodies, query.joints))
+    def _certify(
+        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
+    ) -> str:
+        return self._guarded(self._use().certificate, run.raw, poses, positions, rows)
+
+    def _default_fields(self, query: Query, moves: bool, count: int) -> int:
+        rows = count
+        if query.reduce not in (Reduce.MIN, Reduce.ANY):
+            each = query.rows_each.get(moves)
+            if each is None:
+                each = query.rows_each[moves] = self._rows_each(query, moves)
+            rows *= each
         if query.reduce == Reduce.WITHIN:
             rows = min(rows, query.max_results)
         few = rows <= DEFAULT_POINTS_ROWS
         return DEFAULT_FIELDS | (FIELD_MASKS["points"] | FIELD_MASKS["normal"] if few else 0)
 
-    def _answer(self, query: Query) -> Any:
-        self._names  # so that the scene's revision goes with the query
-        connection = self._use()
+    def _rows_each(self, query: Query, moves: bool) -> int:
+        if query.reduce == Reduce.NEAREST:
+            return len(self._names.bodies)
+        if query.pairs is None and not moves:
+            return self._pair_count
+        if query.pairs is not None and not query.selects:
+            return len(query.pairs)
+        return len(self._table(query.pairs, *query.moved(moves)))
+
+    def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
+        connection, query = self._use(), run.query
         timeout = connection.timeout_s if query.timeout_s is None else query.timeout_s
-        answer = self._guarded(connection.ask, query.raw, query.out_list(), query.copy, timeout)
+        answer = self._guarded(connection.ask, run.raw, poses, positions, query.copy, timeout)
         if answer is None:
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return answer
 
-    def _start(self, query: Query) -> Future:
-        return ClientFuture(self, self._submit(query), query)
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> RemotePlan:
+        table = self._table(run.query.pairs, run.bodies, run.joints)
+        plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
+        return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)
 
-    def _submit(self, query: Query) -> Any:
-        self._names  # so that the scene's revision goes with the query
-        return self._guarded(self._use().submit, query.raw, query.out_list(), query.copy)
+    def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
+        seconds = self._use().timeout_s if timeout_s is None else timeout_s
+        return self._worker.add(Future(self._worker, task, seconds, is_driven_by_caller=True))
 
-    def _wait(self, pending: Any, query: Query, timeout: Optional[float]) -> Any:
-        if timeout is None:
-            timeout = query.timeout_s
-        if timeout is None:
-            timeout = self._use().timeout_s
-        if not pending.wait(timeout):
-            raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
-        return self._guarded(pending.answer)
+    def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
+        return self._guarded(self._use().submit, run.raw, poses, positions, run.query.copy)
+
+    def _poll(self, job: Any, seconds: float) -> bool:
+        return job.wait(seconds)
+
+    def _take(self, job: Any) -> Any:
+        return self._guarded(job.answer)
+
+    def _abandon(self, job: Any) -> None:
+        job.cancel()
 
     # The connection sends the scene revision of its own copy of the scene, and needs none of these.
 
@@ -317,46 +346,3 @@ class Client(Front):
             if error.code == ErrorCode.WRONG_SCENE:
                 self._names_cache = None
             raise
-
-
-class ClientFuture(Future):
-    """A query that the daemon is answering."""
-
-    def __init__(self, client: Client, pending: Any, query: Query):
-        self._client = client
-        self._pending = pending
-        self._query = query
-        self._result: Optional[Result] = None
-        self._error: Optional[BaseException] = None
-
-    def result(self, timeout: Optional[float] = None) -> Result:
-        if self._error is not None:
-            raise self._error
-        if self._result is None:
-            if timeout is not None:
-                timeout = to_number_from_0(timeout, "timeout")
-            try:
-                answer = self._client._wait(self._pending, self._query, timeout)
-            except TimeoutError:
-                raise
-            except Exception as error:
-                self._error = error
-                raise
-            self._result = self._client._result(self._query, answer)
-        return self._result
-
-    def done(self) -> bool:
-        if self._result is not None or self._error is not None:
-            return True
-        try:
-            return self._pending.wait(0.0)
-        except ConnectionError as error:
-            self._error = error
-            return True
-
-    def cancel(self) -> bool:
-        if self.done():
-            return False
-        self._pending.cancel()
-        self._error = concurrent.futures.CancelledError()
-        return True

@@ -47,7 +47,7 @@ class DeviceRows:
 class DevicePlan:
     """A callable query that reads its input from GPU memory and writes its columns to GPU memory.
 
-    Created by Engine.plan_on_device(). Rows have the bits of Engine.distances(), except for pairs on which the GPU does
+    Created by Prepared.on_device(). Rows have the bits of Engine.distances(), except for pairs on which the GPU does
     not converge. Engine.distances() finishes these on the CPU; here they have the GPU's bounds, which are valid but may
     exceed the tolerance (Status.UNCONVERGED). The same holds for a reduced row with such a pair, which reduce="any"
     does not report as free. Other bodies keep the poses that they had at the plan's creation.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Any, Optional, Union
+from typing import Any, Optional
 
 import numpy as np
 
@@ -14,16 +14,14 @@ import clearance._engine as _engine
 from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_word
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
-from ._front import BodyState, Front, Pairs
-from ._future import EngineFuture, Worker
-from ._joints import JointsRef
-from ._names import BodyRef, NameTable
-from ._plan_arguments import plan_query
-from ._query import POINTS_BY_DEFAULT, Query
+from ._front import BodyState, Front
+from ._future import Future, Task, Worker
+from ._names import NameTable
+from ._query import POINTS_BY_DEFAULT, Query, Run
 from ._scene import Scene, name_table
 from ._scene_changes import NewBody
 from ._updates import UpdateResult
-from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, ReduceWord, Status
+from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
 
 
 class Engine(Front):
@@ -71,7 +69,7 @@ class Engine(Front):
                 to_bool(device_fallback, "device_fallback"),
                 [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)],
             )
-        self._worker: Optional[Worker] = None
+        self._worker = Worker(slice_s=0.002, pause_s=0.0)
 
     @staticmethod
     def backends() -> list[str]:
@@ -96,39 +94,6 @@ class Engine(Front):
     def body_states(self) -> list[BodyState]:
         """Returns the current state of each body, by id."""
         return [_state(*row) for row in self._engine.body_states()]
-
-    def plan_on_device(
-        self,
-        configurations: int = 0,
-        bodies: Optional[Sequence[BodyRef]] = None,
-        pairs: Pairs = None,
-        fields: Union[str, Sequence[str], None] = None,
-        *,
-        joints: Optional[JointsRef] = None,
-        reduce: ReduceWord = "none",
-        **more: Any,
-    ) -> DevicePlan:
-        """Returns a callable query that reads its input from GPU memory and writes its columns to GPU memory.
-
-        configurations: K, the number of configurations in each call; 0 for one configuration, the current poses.
-        bodies: (M,) names or ids of the bodies that they move, as in distances(). Default: every movable body, or none
-            with `joints`.
-        joints: the joints that they move, as in distances(): the result of joints(), the name of a robot or of a
-            group of its joints, or names or ids. The uncertainty of links still applies.
-        reduce: "none" for a row per configuration and pair; "min" for a row per configuration with its least distance;
-            "any" for a row per configuration with the status BEYOND if every pair is farther than its `margin`.
-        fields: names of columns. Default: lower and upper; the status for "any". "gradient_joints" requires joints;
-            reductions also have the column "pair".
-        pairs, and `more` (max_distance, abs_tol, rel_tol, margin, precision, ...): as in distances().
-
-        Other bodies keep their current poses. Raises as distances(); QueryError for unsupported queries (depths, other
-        reductions, bodies with a max_speed, limits on the age of poses, surfaces); and QueryError for an engine without
-        a GPU or with several.
-        """
-        query, count = plan_query(self, configurations, bodies, pairs, fields, joints, reduce, more)
-        plan = self._engine.plan_on_device(query.raw, count)
-        table = self._table(query.pairs, query.bodies, query.joints)
-        return DevicePlan(_engine, plan, query.bodies, table, query.joints, reduced=query.reduce != 0)
 
     def stats(self) -> dict[str, int]:
         """Returns the engine's counters."""
@@ -162,24 +127,45 @@ class Engine(Front):
     def _fetch_pairs(self, raw: Any) -> np.ndarray:
         return self._engine.pairs(raw)
 
-    def _certify(self, query: Query, rows: Optional[np.ndarray]) -> str:
-        return self._engine.certificate(query.raw, rows)
+    def _refresh_names(self) -> None:
+        names = self._names_cache
+        if names is not None and names.revision != self._engine.scene_revision:
+            self._names_cache = None
 
-    def _default_fields(self, query: Query, configurations: int) -> int:
+    def _certify(
+        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
+    ) -> str:
+        return self._engine.certificate(run.raw, poses, positions, rows)
+
+    def _default_fields(self, query: Query, moves: bool, count: int) -> int:
         return DEFAULT_FIELDS | POINTS_BY_DEFAULT
 
-    def _answer(self, query: Query) -> Any:
-        timeout = math.inf if query.timeout_s is None else query.timeout_s
-        answer = self._engine.answer(query.raw, query.out_list(), timeout)
+    def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
+        timeout_s = run.query.timeout_s
+        answer = self._engine.answer(run.raw, poses, positions, math.inf if timeout_s is None else timeout_s)
         if answer is None:
-            raise TimeoutError(f"no answer within {query.timeout_s} s")
+            raise TimeoutError(f"no answer within {timeout_s} s")
         return answer
 
-    def _start(self, query: Query) -> EngineFuture:
-        if self._worker is None:
-            self._worker = Worker()
-        job = self._engine.start(query.raw, query.out_list())
-        return EngineFuture(self._worker.submit(job, lambda done: self._result(query, done.answer())), query.timeout_s)
+    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> DevicePlan:
+        plan = self._engine.plan_on_device(run.raw, configurations)
+        table = self._table(run.query.pairs, run.bodies, run.joints)
+        return DevicePlan(_engine, plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)
+
+    def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
+        return self._worker.add(Future(self._worker, task, timeout_s, is_driven_by_caller=False))
+
+    def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
+        return self._engine.start(run.raw, poses, positions)
+
+    def _poll(self, job: Any, seconds: float) -> bool:
+        return job.advance(round(1e9 * seconds))
+
+    def _take(self, job: Any) -> Any:
+        return job.answer()
+
+    def _abandon(self, job: Any) -> None:
+        pass
 
     def _send_poses(
         self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int

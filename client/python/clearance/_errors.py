@@ -59,6 +59,13 @@ class QueryError(ClearanceError, ValueError):
         return type(self), (self.code, str(self))
 
 
+class StaleQuery(QueryError):
+    """The scene has changed so that ids of a prepared query mean something else; the text names the first change.
+
+    Prepare the query again. ``code`` is WRONG_SCENE.
+    """
+
+
 class RequestError(ClearanceError, RuntimeError):
     """The daemon rejected a request for a reason outside the query. ``code`` is a wire.ErrorCode."""
 

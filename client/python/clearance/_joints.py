@@ -4,15 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any, Optional, Union
 
 import numpy as np
 
 from ._arguments import contiguous, did_you_mean, to_floats, to_list, to_number
 from ._words import Status
-
-_LIMITS_KEPT = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,11 +20,6 @@ class Joints:
     ids: np.ndarray  #: (J,) uint32
     lower: np.ndarray  #: (J,) radians or metres; -inf without a limit
     upper: np.ndarray  #: (J,) radians or metres; +inf without a limit
-
-    @cached_property
-    def limits(self) -> tuple[list[float], list[float]]:
-        """Lower and upper as lists, which are faster than arrays for a single row."""
-        return self.lower.tolist(), self.upper.tolist()
 
     def __len__(self) -> int:
         return len(self.names)
@@ -62,22 +54,9 @@ class JointTable:
         self.upper = np.array([row[2] for row in rows], dtype=np.float64)
         self.groups = {name: np.array(ids, dtype=np.uint32) for name, ids in groups}
         self.ids = {name: i for i, name in enumerate(self.names)}
-        self._limits: dict[Any, Joints] = {}  # cached results of limits()
 
     def joints(self, ids: np.ndarray) -> Joints:
-        return Joints(tuple(self.names[i] for i in ids), ids, self.lower[ids], self.upper[ids])
-
-    def limits(self, value: JointsRef) -> Joints:
-        """Returns the joints named by a query, with their limits. Cached, since planners repeat the same ones."""
-        if isinstance(value, Joints):
-            return value
-        key = value if isinstance(value, str) else tuple(value)
-        known = self._limits.get(key)
-        if known is None:
-            if len(self._limits) >= _LIMITS_KEPT:
-                self._limits.clear()
-            known = self._limits[key] = self.joints(self.ids_of(value, "joints"))
-        return known
+        return Joints(tuple([self.names[i] for i in ids.tolist()]), ids, self.lower[ids], self.upper[ids])
 
     def joint(self, value: Any, what: str) -> int:
         """Returns the id of a joint given by name or id."""
@@ -95,7 +74,8 @@ class JointTable:
     def ids_of(self, value: Any, what: str) -> np.ndarray:
         """(J,) uint32 ids of what JointsRef names."""
         if isinstance(value, Joints):
-            if any(not 0 <= i < len(self.names) or self.names[i] != name for i, name in zip(value.ids, value.names)):
+            count = len(self.names)
+            if [self.names[i] if i < count else None for i in value.ids.tolist()] != list(value.names):
                 raise ValueError(f"{what}: the scene has changed since joints() returned these; call it again")
             return value.ids
         if isinstance(value, str):
@@ -114,22 +94,6 @@ class JointTable:
             twice = next(int(i) for k, i in enumerate(ids) if i in ids[:k])
             raise ValueError(f"{what}: {self.names[twice]!r} is named twice")
         return ids
-
-    def rows(self, positions: Any, joints: Any) -> tuple[np.ndarray, np.ndarray]:
-        """Returns (K, J) positions and (J,) ids of a query."""
-        if joints is None:
-            raise ValueError("positions: expected joints= as well, whose positions these are, got none")
-        ids = self.ids_of(joints, "joints")
-        if positions is None:
-            raise ValueError("joints: expected positions= as well, got none")
-        rows = contiguous(to_floats(positions, "positions", "(K, J) numbers"))
-        if rows.ndim != 2 or rows.shape[1] != len(ids):
-            raise ValueError(f"positions: expected shape (K, {len(ids)}), one column for each joint, got {rows.shape}")
-        if not len(ids):
-            raise ValueError("joints: expected at least one")
-        if not len(rows):
-            raise ValueError(f"positions: expected at least one row, got shape {rows.shape}")
-        return rows, ids
 
     def update(self, positions: Any, joints: Any) -> tuple[np.ndarray, np.ndarray]:
         """Returns (J,) ids and positions of an update."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import math
-import warnings
 from dataclasses import dataclass
-from operator import le
 from typing import Optional
 
 import numpy as np
 
-from ._errors import JointLimitWarning
+from ._errors import JointLimitWarning, warn
 from ._joints import Joints
 
 
@@ -71,22 +69,16 @@ class Beyond:
         return bool(2 * np.count_nonzero((within | ~mask).all(axis=1)) > len(rows))
 
 
-def beyond_limits(rows: np.ndarray, joints: Joints, what: str, stacklevel: int = 3) -> Optional[Beyond]:
+def beyond_limits(rows: np.ndarray, joints: Joints, what: str) -> Optional[Beyond]:
     """Returns the violations among (K, J) positions, or None. NaN is an invalid position, not a violation.
 
-    Warns of positions that look like degrees. stacklevel: as in warnings.warn(); the default is the caller's caller.
+    Warns of positions that look like degrees.
     """
-    if len(rows) == 1:
-        row, (lower, upper) = rows[0].tolist(), joints.limits
-        if all(map(le, lower, row)) and all(map(le, row, upper)):
-            return None
-    elif ((rows >= joints.lower) & (rows <= joints.upper)).all():
-        return None
     mask = (rows < joints.lower) | (rows > joints.upper)
     if not mask.any():
         return None
     beyond = Beyond(rows, mask, joints)
     if beyond.look_like_degrees():
         text = f"{what}: {beyond.first()}; in degrees they would be within: positions are in radians"
-        warnings.warn(text, JointLimitWarning, stacklevel=stacklevel)
+        warn(text, JointLimitWarning)
     return beyond

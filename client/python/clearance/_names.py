@@ -14,6 +14,10 @@ from ._arguments import contiguous, did_you_mean, reject_masked, to_list, to_num
 from ._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, NONE
 
 BodyRef = Union[str, int]  #: a body or, where groups are accepted, a group, by name or id
+# Types of arguments of queries.
+Bodies = Optional[Sequence[BodyRef]]
+Margin = Union[float, np.ndarray, Sequence[float], Mapping[tuple[BodyRef, BodyRef], float]]
+Pairs = Union[np.ndarray, Sequence[tuple[BodyRef, BodyRef]], tuple[BodyRef, BodyRef], None]
 
 
 @dataclass(frozen=True)
@@ -47,13 +51,27 @@ class NameTable:
     def __init__(self, revision: int, bodies: Sequence[BodyInfo], groups: dict[str, np.ndarray]):
         self.revision = revision
         self.bodies: tuple[BodyInfo, ...] = tuple(bodies)
+        self.body_names = tuple(body.name for body in bodies)
         self.groups = groups
+        self.group_names = tuple(groups)
         self.ids: dict[str, int] = {body.name: body.id for body in bodies}
         self.selectors: dict[str, int] = dict(self.ids)
         # A robot's name refers to its group here, since its frame has no pairs.
         self.selectors.update((name, GROUP_BIT | index) for index, name in enumerate(groups))
         self.selectors["*"] = EVERY_BODY
         self.movable = np.array([body.id for body in bodies if not body.is_static], dtype=np.uint32)
+
+    def meaning(self, selector: int) -> str:
+        """Returns the quoted name of a body or group by its selector, or "none"."""
+        if selector == EVERY_BODY:
+            return "'*'"
+        known, index = (self.group_names if selector & GROUP_BIT else self.body_names), selector & ~GROUP_BIT
+        return repr(known[index]) if index < len(known) else "none"
+
+    def parent(self, body: int) -> str:
+        """Returns the quoted name of a body's parent, or "none"."""
+        parent = self.bodies[body].parent if body < len(self.bodies) else None
+        return "none" if parent is None else self.meaning(parent)
 
     def body(self, value: Any, what: str) -> int:
         """Returns the id of a body given by name or id."""
@@ -117,6 +135,12 @@ class NameTable:
             return f"{name!r} is a group; expected a body"
         shown = ", ".join(map(repr, known[:8])) + (f" and {len(known) - 8} more" if len(known) > 8 else "")
         return f"no {kind} is named {name!r}; the scene has {shown or 'none'}"
+
+
+def names_of(ids: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    """Returns an array of the names of body ids, None where there is no such body."""
+    table = np.array([*names, None], dtype=object)
+    return table[np.minimum(ids, len(names))]
 
 
 def has_selectors(pairs: np.ndarray) -> bool:

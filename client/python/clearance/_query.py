@@ -1,202 +1,234 @@
-"""Parsing of the arguments of distances() into a query, with errors that name the argument."""
+"""Parsed arguments of queries, with errors that name the argument, and their meaning in a scene that changes."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Optional
+from collections.abc import Iterable, Mapping
+from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import to_bool, to_count, to_floats, to_number, to_number_from_0, to_option, to_word
-from ._joints import JointTable
+from ._arguments import to_bool, to_floats, to_number_from_0, to_option
+from ._errors import QueryError, StaleQuery
+from ._joints import Joints, JointTable
 from ._names import NameTable, has_selectors
-from ._poses import as_pose7
-from ._result import fields_mask, out_arrays
-from ._words import COLUMNS, EVERY_BODY, FIELD_COUNT, MARGIN_DTYPE, MODELS, PRECISIONS, REDUCTIONS, Field
+from ._result import fields_mask
+from ._words import MARGIN_DTYPE
 
-NO_WAIT = (
-    "min_pose_stamp_ns: only a daemon's client waits for poses; in process they are there once set_poses() returns"
-)
-#: Bit in addition to those of columns: the extension module adds points and normal if there are few rows.
+#: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
+#: Rows of wire/query_options.h that are no arguments of calls.
+NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "pose_wait_ns", "wait_for"))
+
+
+class Source(Protocol):
+    """The members of an Engine or a Client that queries use."""
+
+    _module: Any
+
+    @property
+    def _names(self) -> NameTable: ...
+    @property
+    def _joint_table(self) -> JointTable: ...
+    def _default_fields(self, query: Query, moves: bool, count: int) -> int: ...
+    def _table(
+        self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray], joints: Optional[np.ndarray] = None
+    ) -> np.ndarray: ...
+    def _scene_revision(self) -> int: ...
 
 
 class Query:
-    """A query with parsed arguments: the request, and the values that shape the answer."""
+    """The arguments of a call without its configurations. Thread-safe."""
 
-    __slots__ = ("raw", "reduce", "pairs", "selects", "bodies", "joints", "out", "timeout_s", "copy", "max_results")
-
-    raw: Any  #: the extension module's Query
-    reduce: int
-    pairs: Optional[np.ndarray]
+    names: NameTable  #: of the scene of its ids
+    pairs: Optional[np.ndarray]  #: (P, 2) selectors, read-only
     selects: bool  #: whether an entry of `pairs` selects several pairs
-    bodies: Optional[np.ndarray]
-    joints: Optional[np.ndarray]
-    out: Optional[dict[str, np.ndarray]]
+    bodies: Optional[np.ndarray]  #: (M,) ids that configurations move, if the caller named them
+    joints: Optional[Joints]  #: that configurations move
+    reduce: int
+    mask: Optional[int]  #: bits of its columns; None for those by default
     timeout_s: Optional[float]
     copy: bool
-    max_results: int
+    weights: Optional[np.ndarray]  #: (J,) of free_scale
 
-    def at(self, poses: Optional[np.ndarray], rows: Optional[np.ndarray]) -> Query:
-        """Returns a copy with other configurations, of the same number, and its own mutable state."""
-        other = Query()
-        other.raw = self.raw.at(poses, rows)
-        other.reduce, other.pairs, other.selects = self.reduce, self.pairs, self.selects
-        other.bodies, other.joints, other.out = self.bodies, self.joints, self.out
-        other.timeout_s, other.copy, other.max_results = self.timeout_s, self.copy, self.max_results
-        return other
+    def __init__(self, source: Source, call: str, arguments: Mapping[str, Any]):
+        self.source = source
+        names = self.names = source._names
+        given = dict(arguments)
+        pairs, bodies, joints = (given.pop(name, None) for name in ("pairs", "bodies", "joints"))
+        self.pairs = None if pairs is None else _own(names.pairs_array(pairs))
+        self.selects = self.pairs is not None and has_selectors(self.pairs)
+        self.bodies = None if bodies is None else _some(_own(names.bodies_array(bodies, "bodies")), "bodies")
+        self._movable = names.movable
+        self.joints = None if joints is None else _joints_of(source, joints)
+        self.joint_count = 0 if self.joints is None else len(self.joints)
+        fields, timeout_s = given.pop("fields", None), given.pop("timeout_s", None)
+        self.mask = None if fields is None else fields_mask(fields)
+        self.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
+        self.copy = to_bool(given.pop("copy", True), "copy")
+        weights = given.pop("weights", None)
+        self.weights = None if weights is None else _weights(weights)
+        self._take_margin(given)
+        self._options = dict(_options(source._module.OPTIONS, call, given))
+        self.reduce = self._options.get("reduce", 0)
+        self._runs: dict[tuple[bool, int], Run] = {}
+        self.rows_each: dict[bool, int] = {}  #: rows of one configuration, cached by the source
 
-    def known_pairs(self) -> Optional[np.ndarray]:
-        """Returns a copy of the pairs if each names two bodies; otherwise None, since only the pair table has them."""
-        return None if self.pairs is None or self.selects else self.pairs.copy()
-
-    def out_list(self) -> Optional[list[Optional[np.ndarray]]]:
-        """Returns the output arrays, one entry for each bit of a field, as the extension modules expect them."""
-        if self.out is None:
-            return None
-        arrays: list[Optional[np.ndarray]] = [None] * FIELD_COUNT
-        for name, column in COLUMNS.items():
-            arrays[column.bit] = self.out.get(name)
-        return arrays
-
-
-class Parser:
-    """Resolves a query's arguments for an Engine or a Client, which implement the following members."""
-
-    _module: Any  # the extension module with Query
-    _waits = False  # whether queries may wait for poses
-
-    @property
-    def _names(self) -> NameTable:
-        raise NotImplementedError
-
-    @property
-    def _joint_table(self) -> JointTable:
-        raise NotImplementedError
-
-    def _scene_revision(self) -> int:
-        """Returns the revision of the scene of the names and pair tables."""
-        raise NotImplementedError
-
-    def _default_fields(self, query: Query, configurations: int) -> int:
-        """Returns the default column bits: points and normal are included if there are few rows."""
-        raise NotImplementedError
-
-    def _parse(  # type: ignore[no-untyped-def]  # types as in distances()
-        self, pairs, configurations, bodies, max_distance, abs_tol, rel_tol, precision, signed_distance, reduce, fields,
-        out, timeout_s, max_results, max_pose_age_ns, copy, min_pose_stamp_ns, pose_wait_s, wait_for,
-        joints, positions, model, **more,
-    ) -> Query:  # fmt: skip
-        query = Query()
-        query.pairs = None if pairs is None else self._names.pairs_array(pairs)
-        query.selects = query.pairs is not None and has_selectors(query.pairs)
-        query.bodies = query.joints = None
-        poses = rows = None
-        count = 1
-        if configurations is not None:
-            poses, query.bodies = self._configurations(configurations, bodies)
-            count = len(poses)
-        elif bodies is not None:
-            raise ValueError("bodies: only together with configurations")
-        if positions is not None or joints is not None:
-            rows, query.joints = self._joint_table.rows(positions, joints)
-            if poses is not None and len(poses) != len(rows):
-                raise ValueError(f"positions: expected K = {len(poses)} as in configurations, got shape {rows.shape}")
-            count = len(rows)
-
-        query.reduce = to_word(reduce, REDUCTIONS, "reduce")
-        query.out = None if out is None else out_arrays(out)
-        query.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
-        query.copy = to_bool(copy, "copy")
-        if query.out is not None and not query.copy:
-            raise ValueError("copy: out= is a copy; expected copy=True")
-        query.max_results = to_count(max_results, "max_results")
-        mask = self._mask(query, fields, count)
-        raw = query.raw = self._module.Query(
-            query.pairs, query.bodies, poses, bool(mask & POINTS_BY_DEFAULT), query.joints, rows
-        )
-        raw.max_distance = to_number(max_distance, "max_distance")
-        raw.abs_tol = to_number(abs_tol, "abs_tol")
-        raw.rel_tol = -1.0 if rel_tol is None else to_number_from_0(rel_tol, "rel_tol", " or None")
-        raw.precision = to_word(precision, PRECISIONS, "precision")
-        raw.signed_distance = to_bool(signed_distance, "signed_distance")
-        raw.model = to_word(model, MODELS, "model")
-        raw.reduce = query.reduce
-        raw.fields = mask & ~POINTS_BY_DEFAULT
-        raw.max_results = query.max_results
-        raw.max_pose_age_ns = to_count(max_pose_age_ns, "max_pose_age_ns")
-        if more:
-            if "weights" in more:
-                raw.set_weights(_weights(more.pop("weights")))
-            self._add_options(raw, {**more, **self._add_margins(raw, more.get("margin"))})
-        stamp_ns, wait_s = to_count(min_pose_stamp_ns, "min_pose_stamp_ns"), to_number(pose_wait_s, "pose_wait_s")
-        every = isinstance(wait_for, str) and wait_for == "*"
-        waited_for = EVERY_BODY if every else self._names.selector(wait_for, "wait_for")
-        if not 0 <= wait_s <= 10:
-            raise ValueError(f"pose_wait_s: expected 0 to 10 seconds, got {pose_wait_s}")
-        if stamp_ns or wait_s or waited_for != EVERY_BODY:
-            if not self._waits:
-                raise ValueError(NO_WAIT)
-            raw.min_pose_stamp_ns, raw.pose_wait_ns, raw.wait_for = stamp_ns, round(1e9 * wait_s), waited_for
-        return query
-
-    def _add_margins(self, raw: Any, margin: Any) -> dict[str, float]:
-        """Adds margins that are not one number, and returns the option that replaces them."""
+    def _take_margin(self, given: dict[str, Any]) -> None:
+        self._margins = self._pair_margins = None
+        margin = given.get("margin")
         if isinstance(margin, Mapping):
-            raw.set_margins(self._names.margins_array(margin).view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+            self._margins = self.names.margins_array(margin)
         elif isinstance(margin, (np.ndarray, list, tuple)) and np.ndim(margin) > 0:
             each = to_floats(margin, "margin", "a number, one for each pair, or a dict of pairs")
             if each.ndim != 1 or not len(each):
                 raise ValueError(f"margin: expected one number for each pair, got shape {each.shape}")
-            raw.set_pair_margins(each.copy())
+            self._pair_margins = each.copy()
         else:
-            return {}
-        return {"margin": 0.0}
+            return
+        del given["margin"]
 
-    def _add_options(self, raw: Any, more: Mapping[str, Any]) -> None:
-        """Adds options without a parameter of their own: those of wire/query_options.h that travel in records."""
-        for name, value in more.items():
-            if name not in self._module.OPTIONS:
-                raise TypeError(f"distances() got an unexpected keyword argument {name!r}, or one for a daemon alone")
-            tag, kind, _, words, *_ = self._module.OPTIONS[name]
-            if not tag:
-                raise TypeError(f"distances() got an unexpected keyword argument {name!r}")
-            setattr(raw, name, to_option(value, kind, words, name))
+    @property
+    def max_results(self) -> int:
+        return self._options.get("max_results", self.source._module.OPTIONS["max_results"][2])
 
-    def _configurations(self, configurations: Any, bodies: Any) -> tuple[np.ndarray, np.ndarray]:
-        poses = as_pose7(configurations, "configurations")
-        names = self._names
-        ids = names.movable if bodies is None else names.bodies_array(bodies, "bodies")
-        if poses.ndim != 3:
-            raise ValueError(
-                f"configurations: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(configurations)}"
-            )
-        if poses.shape[1] != len(ids):
-            whose = "every movable body" if bodies is None else "bodies"
-            raise ValueError(
-                f"configurations: expected M = {len(ids)} poses each ({whose}), got shape {np.shape(configurations)}"
-            )
-        if len(ids) == 0:
-            raise ValueError("bodies: expected at least one")
-        if len(poses) == 0:
-            raise ValueError(f"configurations: expected at least one, got shape {np.shape(configurations)}")
-        return poses, ids
+    def moved(self, moves: bool) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+        """Returns the ids of bodies and joints that configurations move."""
+        if not moves:
+            return None, None
+        if self.joints is not None:
+            return self.bodies, self.joints.ids
+        return _some(self._movable, "bodies") if self.bodies is None else self.bodies, None
 
-    def _mask(self, query: Query, fields: Any, configurations: int) -> int:
-        """Returns the column bits of the query. With POINTS_BY_DEFAULT, the engine decides about points and normal."""
-        if query.out is not None:
-            held = fields_mask(tuple(query.out))
-            if fields is None:
-                return held
-            mask = fields_mask(fields)
-            for name in _names_of(mask & ~held):
-                raise ValueError(f"out: no array for the column {name!r}, which fields names")
-            for name in _names_of(held & ~mask):
-                raise ValueError(f"out: holds {name!r}, which fields does not name")
-            return mask
-        if fields is not None:
-            return fields_mask(fields)
-        return self._default_fields(query, configurations)
+    def run(self, moves: bool, count: int) -> Run:
+        """Returns the query for the current poses, or for `count` configurations."""
+        mask = self.source._default_fields(self, moves, count) if self.mask is None else self.mask
+        run = self._runs.get((moves, mask))
+        return self.with_columns(moves, mask) if run is None else run
+
+    def with_columns(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns."""
+        names = self.names
+        bodies, joints = self.moved(moves)
+        module = self.source._module
+        raw = module.Query(self.pairs, bodies, joints, names.revision)
+        for name, value in self._options.items():
+            setattr(raw, name, value)
+        raw.fields = mask & ~POINTS_BY_DEFAULT
+        if mask & POINTS_BY_DEFAULT:
+            raw.points_by_default = True
+        if self._margins is not None:
+            raw.set_margins(self._margins.view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+        if self._pair_margins is not None:
+            raw.set_pair_margins(self._pair_margins)
+        if self.weights is not None:
+            raw.set_weights(self.weights)
+        if moves and self.joints is not None:
+            raw.set_limits(self.joints.lower, self.joints.upper)
+        run = self._runs[moves, mask] = Run(self, raw, mask, names, bodies, joints)
+        return run
+
+    # ---- the scene changes ----------------------------------------------------------------------------------------
+
+    def renew(self) -> None:
+        """Adopts the current scene. Raises StaleQuery if the query's ids mean something else in it."""
+        names = self.source._names
+        if names.revision != self.names.revision:
+            if change := self._changed_in(names):
+                raise StaleQuery(2, f"{change}; prepare the query again")
+            self.joints = None if self.joints is None else self.source._joint_table.joints(self.joints.ids)
+            self._runs = {}
+            self.rows_each = {}
+        self.names = names
+
+    def _changed_in(self, now: NameTable) -> str:
+        """Returns the first difference in the meaning of the query's ids, or an empty string."""
+        moved = self._movable if self.bodies is None and self.joints is None else self.bodies
+        if self.bodies is None and not any(moves for moves, _ in self._runs):
+            moved = None  # no configurations yet
+        for body in [] if moved is None else moved.tolist():
+            was, is_now = self.names.parent(body), now.parent(body)
+            if was != is_now:
+                return f"bodies: the parent of {self.names.meaning(body)} was {was}, and is now {is_now}"
+        for selector in self._selectors(moved):
+            was, is_now = self.names.meaning(selector), now.meaning(selector)
+            if was != is_now:
+                return f"the scene has changed: id {selector} was {was}, and is now {is_now}"
+        if self.joints is not None:
+            table = self.source._joint_table
+            for joint, name in zip(self.joints.ids.tolist(), self.joints.names):
+                is_now = table.names[joint] if joint < len(table.names) else "none"
+                if name != is_now:
+                    return f"the scene has changed: joint {joint} was {name!r}, and is now {is_now!r}"
+        if self._pair_margins is not None and (self.pairs is None or self.selects):
+            return "margin: one number for each pair, and the scene's pairs have changed"
+        return ""
+
+    def _selectors(self, moved: Optional[np.ndarray]) -> list[int]:
+        margins = () if self._margins is None else (self._margins["a"], self._margins["b"])
+        ids = [ids.ravel() for ids in (self.pairs, moved, *margins) if ids is not None]
+        return np.unique(np.concatenate(ids)).tolist() if ids else []
+
+
+class Run:
+    """A query with certain columns, in one revision of the scene; results take their pairs and names from it."""
+
+    __slots__ = ("query", "raw", "mask", "names", "bodies", "joints")
+
+    def __init__(
+        self,
+        query: Query,
+        raw: Any,
+        mask: int,
+        names: NameTable,
+        bodies: Optional[np.ndarray],
+        joints: Optional[np.ndarray],
+    ):
+        self.query, self.raw, self.mask, self.names = query, raw, mask, names
+        self.bodies, self.joints = bodies, joints
+
+    def pairs_at(self, revision: int) -> np.ndarray:
+        """Returns (P, 2) body ids of an answer for a revision of the scene."""
+        query = self.query
+        if query.pairs is not None and not query.selects:
+            return query.pairs
+        table = query.source._table(query.pairs, self.bodies, self.joints)
+        if query.source._scene_revision() != revision:
+            raise QueryError(2, "pairs: the scene has changed since this answer; read pairs before changing it")
+        return table
+
+    def body_names(self) -> tuple[str, ...]:
+        return self.names.body_names
+
+
+def _options(table: Mapping[str, Any], call: str, given: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+    """Converts options of wire/query_options.h."""
+    for name, value in given.items():
+        if name not in table or name in NO_ARGUMENTS:
+            raise TypeError(f"{call}() got an unexpected argument {name!r}, or one for a daemon alone")
+        if name == "rel_tol":
+            yield name, -1.0 if value is None else to_number_from_0(value, name, " or None")
+        else:
+            _, kind, _, words, *_ = table[name]
+            yield name, to_option(value, kind, words, name)
+
+
+def _joints_of(source: Source, joints: Any) -> Joints:
+    table = source._joint_table
+    ids = _some(_own(table.ids_of(joints, "joints")), "joints")
+    return table.joints(ids)
+
+
+def _own(array: np.ndarray) -> np.ndarray:
+    """Returns a read-only copy, which the caller cannot change."""
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def _some(ids: np.ndarray, what: str) -> np.ndarray:
+    if not len(ids):
+        raise ValueError(f"{what}: expected at least one")
+    return ids
 
 
 def _weights(weights: Any) -> np.ndarray:
@@ -204,7 +236,3 @@ def _weights(weights: Any) -> np.ndarray:
     if each.ndim != 1:
         raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
     return each.copy()
-
-
-def _names_of(mask: int) -> list[str]:
-    return [str(field.name).lower() for field in Field if mask & field]

@@ -17,9 +17,9 @@ _F64 = np.dtype("<f8")
 class RemotePlan(DevicePlan):
     """A callable query that runs on the daemon's GPU, with input and columns in the daemon's GPU memory.
 
-    Created by Client.plan_on_device(). The CUDA driver maps the memory into this process: `poses`, `positions` and the
-    columns have __cuda_array_interface__ (PyTorch, CuPy, JAX, Numba, Warp). Rows have the bits of a DevicePlan. A call
-    returns when its rows are complete. Also a context manager that closes the plan.
+    Created by Prepared.on_device() of a client. The CUDA driver maps the memory into this process: `poses`,
+    `positions` and the columns have __cuda_array_interface__ (PyTorch, CuPy, JAX, Numba, Warp). Rows have the bits of
+    a DevicePlan. A call returns when its rows are complete. Also a context manager that closes the plan.
     """
 
     #: (K, M, 7) float64, the poses of the next call, or None if it moves no bodies. Writing here saves a copy.

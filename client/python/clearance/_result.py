@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from types import SimpleNamespace
-from typing import Any, Callable, Optional, Union
+from typing import Any, Optional, Protocol
 
 import numpy as np
 
 from ._arguments import did_you_mean
-from ._limits import Beyond, LimitViolation
+from ._names import names_of
 from ._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
@@ -45,9 +43,16 @@ class _AnswerAttribute:
 
 
 #: Members of Result that describe it, in addition to the columns.
-_NUMBERS = ("fields", "rows", "capacity", "total", "configurations", "pairs", "joints", "scene_revision",
+_NUMBERS = ("fields", "rows", "total", "configurations", "pairs", "joints", "scene_revision",
             "snapshot_revision", "snapshot_stamp_ns", "snapshot_sequence", "pose_age_ns", "engine_ns", "server_ns",
             "backend")  # fmt: skip
+
+
+class PairSource(Protocol):
+    """The members of a query that a result uses."""
+
+    def pairs_at(self, revision: int) -> np.ndarray: ...
+    def body_names(self) -> tuple[str, ...]: ...
 
 
 class Result:
@@ -55,7 +60,8 @@ class Result:
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
     "within", where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame.
-    A column that was not requested raises AttributeError.
+    A column that was not requested raises AttributeError. Columns are created on first access, over memory that is
+    reused once all of them are gone. Can be pickled.
 
     The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
     """
@@ -86,20 +92,10 @@ class Result:
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     points32: np.ndarray = _ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
 
-    def __init__(
-        self,
-        answer: Any,
-        reduce: int,
-        out: Optional[Mapping[str, np.ndarray]],
-        pairs: Optional[np.ndarray],
-        pair_table: Callable[[int], np.ndarray],
-    ):
+    def __init__(self, answer: Any, reduce: int, source: PairSource):
         self._answer = answer
         self._reduce = reduce
-        self._out = out
-        self._pairs = pairs
-        self._pair_table = pair_table
-        self._configuration: Optional[np.ndarray] = None
+        self._source = source
 
     fields: int = _AnswerAttribute("Bits of clearance.Field: the columns that are there.")  # type: ignore[assignment]
     configurations: int = _AnswerAttribute("K, at least 1.")  # type: ignore[assignment]
@@ -140,9 +136,30 @@ class Result:
         """
         if self._reduce != Reduce.NONE:
             return self.pair
-        if self._pairs is None:
-            self._pairs = self._pair_table(self.scene_revision)
-        return self._pairs
+        pairs = self.__dict__.get("_pairs")
+        if pairs is None:
+            pairs = self.__dict__["_pairs"] = self._source.pairs_at(self.scene_revision)
+        return pairs
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The bodies' names by id, of the scene that the query's ids refer to."""
+        return self._source.body_names()
+
+    @property
+    def pair_names(self) -> np.ndarray:
+        """The names of `pairs`, in its shape: an array of str, and None where there is no body."""
+        return names_of(self.pairs, self.names)
+
+    def to_pandas(self) -> Any:
+        """Returns a pandas.DataFrame with a row for each row of the columns, and bodies and statuses by name.
+
+        Its columns are configuration, body_a and body_b, and those of the query; a column of several numbers a row
+        becomes several, such as point_a_x. Requires pandas, which is imported by this call only.
+        """
+        from ._frame import data_frame
+
+        return data_frame(self)
 
     @property
     def neighbours(self) -> np.ndarray:
@@ -155,12 +172,12 @@ class Result:
     @property
     def configuration(self) -> np.ndarray:
         """(R,) uint32: the configuration of each row of reduce="within"; otherwise 0 to K - 1."""
-        if self._configuration is None:
-            if self.fields & Field.CONFIGURATION:
-                self._configuration = self._column("configuration")
-            else:
-                self._configuration = np.arange(self.configurations, dtype=np.uint32)
-        return self._configuration
+        found = self.__dict__.get("_configuration")
+        if found is None:
+            is_column = bool(self.fields & Field.CONFIGURATION)
+            found = self._column("configuration") if is_column else np.arange(self.configurations, dtype=np.uint32)
+            self.__dict__["_configuration"] = found
+        return found
 
     @property
     def columns(self) -> dict[str, np.ndarray]:
@@ -173,10 +190,9 @@ class Result:
         if not self._answer.fields >> column.bit & 1:
             have = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
             raise AttributeError(f"the column {name!r} was not requested; fields were: {have}")
-        if self._out is not None and name in self._out:
-            array = self._out[name]
-            return array[: self._answer.rows] if self._reduce == Reduce.WITHIN else array
         answer = self._answer
+        if isinstance(answer, _Restored):
+            return answer.columns[name]
         lead = (answer.rows,) if self._reduce in _ROWS_ALONE else self._lead
         shape = lead if column.shape == () and name != "gradient_joints" else lead + self._row_shape(name)
         return np.ndarray(shape, column.dtype, answer, answer.offset(column.bit))
@@ -184,33 +200,48 @@ class Result:
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
-    def _reusable(self) -> dict[str, np.ndarray]:
-        """Returns the columns at their full capacity, to write another answer into."""
-        if self._reduce != Reduce.WITHIN:
-            return self.columns
-        arrays: dict[str, np.ndarray] = {}
-        for name, column in COLUMNS.items():
-            if self._out is not None and name in self._out:
-                arrays[name] = self._out[name]
-            elif self.fields & (1 << column.bit):
-                shape = (self._answer.capacity,) + self._row_shape(name)
-                arrays[name] = np.ndarray(shape, column.dtype, self._answer, self._answer.offset(column.bit))
-        return arrays
+    def _all_beyond(self) -> bool:
+        return bool(self._answer.all_beyond())
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
-        """Pickles and copies the columns and the table of pairs, without the engine or client."""
+        """Pickles and copies the columns, the table of pairs and the names, without the engine or client."""
         numbers = {name: getattr(self._answer, name) for name in _NUMBERS}
-        numbers["capacity"] = numbers["rows"]
         pairs, why_none = None, None
         try:
             pairs = self.pairs if self._reduce == Reduce.NONE else None
         except Exception as error:  # the scene has changed, or the daemon is gone; the columns are still valid
             why_none = error
-        return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none)
+        return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none, self.names)
 
     def __repr__(self) -> str:
         names = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
         return f"<clearance.Result {self.reduce} {self._lead}: {names}; {self.backend}, poses {self.snapshot_revision}>"
+
+
+class _Restored:
+    """Replaces the answer and the query in a restored Result."""
+
+    def __init__(
+        self,
+        numbers: dict[str, Any],
+        columns: dict[str, np.ndarray],
+        pairs: Optional[np.ndarray],
+        why_no_pairs: Optional[Exception],
+        names: tuple[str, ...],
+    ):
+        self.__dict__.update(numbers)
+        self.columns, self._pairs, self._why_no_pairs, self._names = columns, pairs, why_no_pairs, names
+
+    def all_beyond(self) -> bool:
+        return bool((self.columns["status"] == int(Status.BEYOND)).all())
+
+    def pairs_at(self, revision: int) -> np.ndarray:
+        if self._pairs is None:
+            raise self._why_no_pairs or ValueError("pairs: this result was restored without them")
+        return self._pairs
+
+    def body_names(self) -> tuple[str, ...]:
+        return self._names
 
 
 def _restored(
@@ -219,17 +250,11 @@ def _restored(
     columns: dict[str, np.ndarray],
     pairs: Optional[np.ndarray],
     why_no_pairs: Optional[Exception],
+    names: tuple[str, ...],
 ) -> Result:
     """Restores a Result from the state of __reduce__()."""
-
-    def no_pairs(revision: int) -> np.ndarray:
-        raise why_no_pairs or ValueError("pairs: this result was restored without them")
-
-    return Result(SimpleNamespace(**numbers), reduce, columns, pairs, no_pairs)
-
-
-#: Type of `out=`: arrays by column name, or an earlier result to overwrite.
-Out = Union[Mapping[str, np.ndarray], Result, None]
+    state = _Restored(numbers, columns, pairs, why_no_pairs, names)
+    return Result(state, reduce, state)
 
 
 def fields_mask(fields: Any) -> int:
@@ -256,92 +281,3 @@ def fields_mask(fields: Any) -> int:
     if not mask:
         raise ValueError("fields: expected at least one column")
     return mask
-
-
-def out_arrays(out: Any) -> dict[str, np.ndarray]:
-    """Returns the arrays of `out`, checked as far as possible without the answer's size."""
-    if isinstance(out, Result):
-        arrays = out._reusable()
-    elif isinstance(out, Mapping):
-        arrays = dict(out)
-    else:
-        raise TypeError(f"out: expected a dict of arrays or an earlier result, got {type(out).__name__}")
-    for name, array in arrays.items():
-        if name not in COLUMNS:
-            raise ValueError(f"out: no column is named {name!r}; there are {', '.join(COLUMNS)}")
-        dtype = COLUMNS[name].dtype
-        if not isinstance(array, np.ndarray):
-            raise TypeError(f"out[{name!r}]: expected a numpy array, got {type(array).__name__}")
-        if array.dtype != dtype:
-            raise TypeError(f"out[{name!r}]: expected dtype {dtype}, got {array.dtype}")
-        if not array.flags.c_contiguous or not array.flags.aligned:
-            raise ValueError(f"out[{name!r}]: expected a C-contiguous, aligned array")
-        if not array.flags.writeable:
-            raise ValueError(f"out[{name!r}]: the array is read-only")
-    return arrays
-
-
-_BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
-
-
-class Check:
-    """The free ones among K configurations (1 without configurations), and the status of the others.
-
-    `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
-    """
-
-    __slots__ = ("result", "free", "_beyond")
-
-    result: Result  #: of reduce="any", as distances() returns it
-    free: np.ndarray  #: (K,) bool: every pair is proved farther than its margin
-
-    def __init__(self, result: Result, beyond: Optional[Beyond] = None):
-        self.result = result
-        self.free = result.status == _BEYOND
-        self._beyond = beyond
-
-    @property
-    def beyond_limits(self) -> np.ndarray:
-        """(K,) bool: whether a joint of the query, or without configurations of the scene, is beyond its limits."""
-        if self._beyond is None:
-            return np.zeros(len(self.free), dtype=bool)
-        return self._beyond.configurations
-
-    @property
-    def ok(self) -> np.ndarray:
-        """(K,) bool: free, and within the joints' limits."""
-        return self.free & ~self.beyond_limits
-
-    @property
-    def limit_violations(self) -> tuple[LimitViolation, ...]:
-        """The joints beyond their limits in each configuration, with position and excess."""
-        return () if self._beyond is None else self._beyond.violations()
-
-    def __bool__(self) -> bool:
-        return bool(self.ok.all())
-
-    @property
-    def status(self) -> np.ndarray:
-        """(K,) uint8, values of clearance.Status.
-
-        BEYOND if free. OK, CONTACT or OVERLAP if `pair` is proved within its margin, and UNCONVERGED if neither is
-        proved. BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
-        """
-        return self.result.status
-
-    @property
-    def pair(self) -> np.ndarray:
-        """(K, 2) uint32: ids of a pair that is not proved free, or clearance.NONE."""
-        return self.result.pair
-
-    @property
-    def hit(self) -> np.ndarray:
-        """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
-        return self.status <= Status.CONTACT
-
-    def __repr__(self) -> str:
-        text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"
-        if self._beyond is not None:
-            count = np.count_nonzero(self.beyond_limits)
-            text += f", {count} beyond joint limits ({self._beyond.first()})"
-        return f"<clearance.Check: {text}>"

@@ -145,18 +145,16 @@ FIELD_MASKS: dict[str, int] = {
 }
 
 # Types of arguments for type checkers; tests compare them with the tables below.
-PrecisionWord = Literal["f64", "f32"]
-ModelWord = Literal["truth", "pieces"]
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
 MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
+ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
 
-PRECISIONS = {word.name.lower(): int(word) for word in Precision}
-MODELS = {word.name.lower(): int(word) for word in Model}
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
+SERVICE_CLASSES = {name: name for name in ("control", "planning")}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
 
 #: Marks a pair selector as a group; the other bits are the group's index.

@@ -5,12 +5,12 @@ memory.
 
     jax.config.update("jax_enable_x64", True)
     engine = clearance.Engine(scene, backend="cuda")
-    plan = engine.plan_on_device(64, bodies, pairs, fields=["distance", "gradient"])
+    plan = engine.prepare(bodies=bodies, pairs=pairs, fields=["distance", "gradient"]).on_device(64)
     distances = clearance.jax.Distances(engine, plan)
     cost = jax.jit(jax.value_and_grad(lambda poses: distances(poses).clip(max=0.1).sum()))
     value, by_pose = cost(poses)                # poses (K, M, 7) float64; by_pose the same
 
-    plan = engine.plan_on_device(64, joints="arm", reduce="min", fields=["distance", "gradient_joints"])
+    plan = engine.prepare(joints="arm", reduce="min", fields=["distance", "gradient_joints"]).on_device(64)
     distances = clearance.jax.JointDistances(plan)
     cost = jax.jit(jax.value_and_grad(lambda positions: (0.05 - distances(positions)).clip(min=0).sum()))
     value, by_joint = cost(positions)           # positions (K, J) float64; by_joint the same

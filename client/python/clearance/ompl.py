@@ -17,8 +17,9 @@ from typing import Any, Optional
 import numpy as np
 from ompl import base as ob
 
-from ._front import Front, Margin, Pairs
+from ._front import Front
 from ._joints import JointsRef
+from ._names import Margin, Pairs
 from ._words import Status
 
 
@@ -44,6 +45,9 @@ class JointProblem:
         self.joints = engine.joints(joints)
         self.requested: dict[str, Any] = {"joints": self.joints, "margin": margin, "pairs": pairs}
         self.max_evaluations = max_evaluations
+        self._check = engine.prepare("check", **self.requested)
+        self._motions = engine.prepare("motions", reduce="any", max_evaluations=max_evaluations, **self.requested)
+        self._least = engine.prepare(joints=self.joints, pairs=pairs, reduce="min", fields="lower")
         bounded = np.isfinite(self.joints.lower) & np.isfinite(self.joints.upper)
         self._bounded: list[int] = np.flatnonzero(bounded).tolist()
         self._turning: list[int] = np.flatnonzero(~bounded).tolist()
@@ -104,12 +108,15 @@ class JointProblem:
 
     def free(self, rows: np.ndarray) -> np.ndarray:
         """Returns whether (K, J) positions are free: (K,) bool."""
-        return self.engine.check(rows, **self.requested).free
+        return self._check.run(rows).free
 
     def motions(self, start: np.ndarray, end: np.ndarray) -> Any:
         """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
-        requested = {**self.requested, "reduce": "any", "max_evaluations": self.max_evaluations}
-        return self.engine.motions(start=start, end=self.unwrapped(start, end), **requested)
+        return self._motions.run(start, self.unwrapped(start, end))
+
+    def least(self, row: np.ndarray) -> float:
+        """Returns the certified lower bound of the least distance at (J,) positions, in metres."""
+        return float(self._least.run(row[None]).lower[0])
 
     def shortened(self, path: np.ndarray) -> np.ndarray:
         """Returns a shortcut of a path (N, J), which connects each kept waypoint to the farthest one with a motion
@@ -143,10 +150,7 @@ class StateValidity(ob.StateValidityChecker):  # type: ignore[misc]  # ompl has 
 
     def clearance(self, state: Any) -> float:
         """Returns the certified lower bound of the least distance, in metres."""
-        problem = self._problem
-        requested = {"joints": problem.joints, "pairs": problem.requested["pairs"]}
-        row = problem.row(state)[None]
-        return float(problem.engine.distances(positions=row, reduce="min", fields=["lower"], **requested).lower[0])
+        return self._problem.least(self._problem.row(state))
 
 
 class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]

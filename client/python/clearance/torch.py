@@ -4,12 +4,12 @@ GPU's memory.
     import torch, clearance, clearance.torch
 
     engine = clearance.Engine(scene, backend="cuda")
-    plan = engine.plan_on_device(64, bodies, pairs, fields=["distance", "gradient"])
+    plan = engine.prepare(bodies=bodies, pairs=pairs, fields=["distance", "gradient"]).on_device(64)
     distances = clearance.torch.Distances(engine, plan)
     d = distances(poses)                        # (K, P); poses (K, M, 7) float64, which may want a gradient
     d.clamp(max=0.1).sum().backward()           # poses.grad: (K, M, 7)
 
-    plan = engine.plan_on_device(64, joints="arm", reduce="min", fields=["distance", "gradient_joints"])
+    plan = engine.prepare(joints="arm", reduce="min", fields=["distance", "gradient_joints"]).on_device(64)
     distances = clearance.torch.JointDistances(plan)
     d = distances(positions)                    # (K,); positions (K, J) float64
     (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)

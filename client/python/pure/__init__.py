@@ -6,8 +6,6 @@ build writes.
 
 from __future__ import annotations
 
-import json
-import pathlib
 import threading
 import time
 from collections import deque
@@ -19,16 +17,10 @@ import numpy as np
 from .answers import Answer, answer_of
 from .connection import Connection
 from .matrices import poses_of_matrices
+from .query import CONTRACT, OPTIONS, Query
 from .requests import Session
 
 __all__ = ["OPTIONS", "Answer", "Client", "Pending", "Query", "RemotePlan", "poses_of_matrices", "wire_structs"]
-
-_CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
-#: {name: (tag, kind, default, words, unit, text, bytes in a record)}: the rows of wire/query_options.h.
-OPTIONS: dict[str, tuple[int, str, Any, str, str, str, int]] = {
-    name: tuple(row)  # type: ignore[misc]
-    for name, row in _CONTRACT["options"].items()
-}
 
 #: Interval at which a waiting call lets other threads use the connection.
 _SLICE_S = 0.01
@@ -36,46 +28,7 @@ _SLICE_S = 0.01
 
 def wire_structs() -> dict[str, list[tuple[str, str]]]:
     """Returns descriptions for numpy dtypes: {"FrameHeader": [("magic", "<u4"), ...], ...}."""
-    return {name: [(member, format) for member, format in members] for name, members in _CONTRACT["structs"].items()}
-
-
-class Query:
-    """Arguments of one query, with every option of OPTIONS as an attribute."""
-
-    def __init__(
-        self,
-        pairs: Optional[np.ndarray],
-        bodies: Optional[np.ndarray],
-        configurations: Optional[np.ndarray],
-        points_by_default: bool,
-        joints: Optional[np.ndarray] = None,
-        positions: Optional[np.ndarray] = None,
-    ):
-        if configurations is not None and (bodies is None or configurations.shape[1] != len(bodies)):
-            raise ValueError("configurations: expected one pose for each of bodies")
-        if positions is not None and (joints is None or positions.shape[1] != len(joints)):
-            raise ValueError("positions: expected one for each of joints")
-        self.pairs, self.bodies, self.configurations = pairs, bodies, configurations
-        self.joints, self.positions = joints, positions
-        self.margins: Optional[np.ndarray] = None
-        self.pair_margins: Optional[np.ndarray] = None
-        self.weights: Optional[np.ndarray] = None
-        self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
-
-    def at(self, configurations: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Query:
-        """Returns a copy with other configurations, whose shapes the caller has checked."""
-        other = Query.__new__(Query)
-        other.__dict__.update(self.__dict__, configurations=configurations, positions=positions)
-        return other
-
-    def set_margins(self, rows: np.ndarray) -> None:
-        self.margins = rows
-
-    def set_pair_margins(self, each: np.ndarray) -> None:
-        self.pair_margins = each
-
-    def set_weights(self, each: np.ndarray) -> None:
-        self.weights = each
+    return {name: [(member, format) for member, format in members] for name, members in CONTRACT["structs"].items()}
 
 
 class RemotePlan:
@@ -169,19 +122,35 @@ class Client:
         self._session.connection.check_process()
         self._session.connection.timeout_s = seconds
 
-    def submit(self, query: Query, out: Optional[list], copy: bool) -> Pending:
-        return Pending(self, self._with(self._session.send_query, query), query, out, copy)
+    def submit(self, query: Query, poses: Optional[np.ndarray], positions: Optional[np.ndarray], copy: bool) -> Pending:
+        query.check(poses, positions)
+        request = self._with(self._session.send_query, query, poses, positions)
+        return Pending(self, request, copy, query.beyond_limits(positions))
 
-    def ask(self, query: Query, out: Optional[list], copy: bool, timeout_s: float) -> Optional[Answer]:
+    def ask(
+        self,
+        query: Query,
+        poses: Optional[np.ndarray],
+        positions: Optional[np.ndarray],
+        copy: bool,
+        timeout_s: float,
+    ) -> Optional[Answer]:
         """Returns the answer, or None after the timeout."""
-        pending = self.submit(query, out, copy)
+        pending = self.submit(query, poses, positions, copy)
         return pending.answer() if pending.wait(timeout_s) else None
 
     def pairs(self, query: Query) -> np.ndarray:
         return self._with(self._session.pairs, query)
 
-    def certificate(self, query: Query, rows: Optional[np.ndarray]) -> str:
-        return self._with(self._session.certificate, query, rows)
+    def certificate(
+        self,
+        query: Query,
+        poses: Optional[np.ndarray],
+        positions: Optional[np.ndarray],
+        rows: Optional[np.ndarray],
+    ) -> str:
+        query.check(poses, positions)
+        return self._with(self._session.certificate, query, poses, positions, rows)
 
     def plan_on_device(self, query: Query, configurations: int) -> RemotePlan:
         return RemotePlan(self, *self._with(self._session.open_plan, query, configurations))
@@ -250,9 +219,8 @@ class Client:
 class Pending:
     """A pending request, abandoned by the destructor."""
 
-    def __init__(self, client: Client, request_id: int, query: Query, out: Optional[list], copy: bool):
-        self._client, self._request, self._out, self._copy = client, request_id, out, copy
-        self._reduce = query.__dict__["reduce"]
+    def __init__(self, client: Client, request_id: int, copy: bool, beyond_limits: bool):
+        self._client, self._request, self._copy, self._beyond_limits = client, request_id, copy, beyond_limits
         self._frame: Any = None
         self._is_over = False
 
@@ -274,7 +242,9 @@ class Pending:
         self._is_over = True
         session, frame = self._client._session, self._frame
         self._client._with(session.interpret, frame, "REPLY")
-        return answer_of(frame, self._reduce, self._out, self._copy, session.connection.url)
+        answer = answer_of(frame, self._copy, session.connection.url)
+        answer.beyond_limits = self._beyond_limits
+        return answer
 
     def cancel(self) -> None:
         if not self._is_over:

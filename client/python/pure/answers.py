@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Optional
+from typing import Any
 
 import numpy as np
 
 from .. import wire
-from .._words import COLUMNS, KNOWN_FIELDS, Reduce
+from .._words import COLUMNS, KNOWN_FIELDS, Status
 from .frames import Frame, malformed
 from .zmq_channel import aligned_bytes
 
@@ -23,7 +23,6 @@ class Answer(np.ndarray):
 
     fields: int
     rows: int
-    capacity: int
     total: int
     configurations: int
     pairs: int
@@ -36,6 +35,7 @@ class Answer(np.ndarray):
     engine_ns: int
     server_ns: int
     backend: str
+    beyond_limits: bool  #: whether a position of the run is beyond the limits of the query's joints
     _offsets: dict[int, int]
     _lease: Any
 
@@ -43,16 +43,20 @@ class Answer(np.ndarray):
         """Returns the offset of a column, or -1."""
         return self._offsets.get(field, -1)
 
+    def all_beyond(self) -> bool:
+        """Whether the status of every row is BEYOND."""
+        at = self.offset(COLUMNS["status"].bit)
+        if at < 0:
+            raise AttributeError("the column 'status' was not requested")
+        return bool((self[at : at + self.rows].view(np.ndarray) == int(Status.BEYOND)).all())
 
-def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: str) -> Answer:
-    """Raises ConnectionError for a malformed reply, ValueError for arrays that do not fit it."""
+
+def answer_of(frame: Frame, copy: bool, url: str) -> Answer:
+    """Raises ConnectionError for a malformed reply."""
     joints = frame.number(_JOINTS_RECORD, 4, url)
     header, columns = _parse(frame, joints, url)
-    given = {} if out is None else {bit: array for bit, array in enumerate(out) if array is not None}
-    _check_out(given, reduce, header, joints)
-    rows = int(header["rows"])
     if copy:
-        answer, offsets = _copied(frame, columns, given)
+        answer, offsets = _copied(frame, columns)
     else:
         first = min(columns.values(), default=(0, 0))[0]
         # An array's base skips intermediate views of plain arrays, but not this class, which keeps the lease alive.
@@ -63,7 +67,7 @@ def answer_of(frame: Frame, reduce: int, out: Optional[list], copy: bool, url: s
         answer.flags.writeable = False
         offsets = {bit: begin - first for bit, (begin, _) in columns.items()}
     answer._offsets = offsets
-    answer.rows = answer.capacity = rows
+    answer.rows = int(header["rows"])
     answer.joints = joints
     for name in (
         "fields", "total", "configurations", "pairs", "scene_revision", "snapshot_revision", "snapshot_stamp_ns",
@@ -99,45 +103,15 @@ def _parse(frame: Frame, joints: int, url: str) -> tuple[np.ndarray, dict[int, t
     return header, columns
 
 
-def _copied(
-    frame: Frame, columns: dict[int, tuple[int, int]], given: dict[int, np.ndarray]
-) -> tuple[Answer, dict[int, int]]:
+def _copied(frame: Frame, columns: dict[int, tuple[int, int]]) -> tuple[Answer, dict[int, int]]:
     payload = np.frombuffer(frame.payload, np.uint8)
-    kept = {bit: size for bit, (_, size) in columns.items() if bit not in given}
-    answer = aligned_bytes(sum(map(_padded, kept.values()))).view(Answer)
+    answer = aligned_bytes(sum(_padded(size) for _, size in columns.values())).view(Answer)
     at, offsets = 0, {}
     for bit, (begin, size) in columns.items():
-        if bit in given:
-            given[bit].reshape(-1).view(np.uint8)[:size] = payload[begin : begin + size]
-            continue
         answer[at : at + size] = payload[begin : begin + size]
         offsets[bit] = at
         at += _padded(size)
     return answer, offsets
-
-
-def _check_out(given: dict[int, np.ndarray], reduce: int, header: np.ndarray, joints: int) -> None:
-    """Checks that arrays have the shape of the answer (for "within", space for all rows), and do not overlap."""
-    rows, k, pairs = int(header["rows"]), int(header["configurations"]), int(header["pairs"])
-    names = {column.bit: name for name, column in COLUMNS.items()}
-    arrays = list(given.items())
-    for i, (bit, array) in enumerate(arrays):
-        for other, another in arrays[i + 1 :]:
-            if np.may_share_memory(array, another):
-                raise ValueError(f"out[{names[bit]!r}] and out[{names[other]!r}] share memory")
-    for bit, array in arrays:
-        lead: tuple[int, ...] = (rows,)
-        if reduce == Reduce.NONE:
-            lead = (k, pairs)
-        elif reduce == Reduce.NEAREST:
-            lead = (k, rows // k if k else 0)
-        expected = lead + column_shape(names[bit], joints)
-        is_within = reduce == Reduce.WITHIN
-        fits = array.ndim == len(expected) and array.shape[1:] == expected[1:]
-        if fits and (array.shape[0] >= rows if is_within else array.shape == expected):
-            continue
-        more = " or more rows" if is_within else ""
-        raise ValueError(f"out[{names[bit]!r}]: expected shape {expected}{more}, got {array.shape}")
 
 
 def _padded(size: int) -> int:

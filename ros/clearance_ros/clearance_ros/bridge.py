@@ -127,14 +127,13 @@ class Bridge:
         distance; 0 ignores age.
         """
         stale = self.stale(max_age_s)
-        requested: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair")}
-        if stale and max_age_s > 0:
-            requested["max_pose_age_ns"] = int(max_age_s * 1e9)
-        r = self.client.distances(reduce="within", max_distance=within, **requested)
+        requested: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair", "flags")}
+        requested["max_pose_age_ns"] = int(max_age_s * 1e9) if stale else 0
+        r = self.client.prepare("distances", reduce="within", max_distance=within, **requested).run()
         names = [body.name for body in self.client.bodies]
         rows = zip(r.pairs.tolist(), r.status.tolist(), r.lower.tolist(), r.upper.tolist())
         pairs = [Pair(names[a], names[b], clearance.Status(s).name.lower(), lo, up) for (a, b), s, lo, up in rows]
-        least = self.client.distances(reduce="min", **requested | {"fields": ("default", "pair", "flags")})
+        least = self.client.prepare("distances", reduce="min", **requested).run()
         known = bool(len(least.lower)) and least.status[0] <= clearance.Status.UNCONVERGED
         whole = known and not stale and not least.flags[0] & clearance.Flag.INCOMPLETE
         return Report(

@@ -145,10 +145,9 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
     requested = {**spec.requested, "fields": list(dict.fromkeys(fields))}
     moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in requested else rows
     if spec.rows.motions:
-        result = engine.motions(start=moving[:, 0], end=moving[:, 1], **requested)
+        result = engine.motions(moving[:, 0], moving[:, 1], **requested)
     else:
-        requested["configurations" if "bodies" in requested else "positions"] = moving
-        result = engine.distances(**requested)
+        result = engine.distances(configurations=moving, **requested)
     columns = {"row": index.astype(np.int64)}
     if spec.positions:
         columns.update(_positions(rows, spec.rows.motions))

@@ -78,11 +78,10 @@ def certified_edge(
     rows = start + times[:, None] * (end - start)
     rows[-1] = end
     r = front.motions(
-        joints,
         np.vstack((start, rows[:-1])),
         np.vstack((end, rows[1:])),
+        joints,
         margin=margin,
-        reduce="min",
         max_evaluations=max_evaluations,
         fields=_FIELDS,
     )

@@ -81,15 +81,16 @@ def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) ->
     """
     states: Sequence[BodyState] = front.body_states()  # type: ignore[attr-defined]  # both have it, of their own
     names = tuple(body.name for body in front.bodies)
-    requested: dict[str, Any] = {}
+    requested: dict[str, Any] = {"pairs": ("*", "*"), "fields": _FIELDS}
     if question.kind == "within":
         requested |= {"reduce": "within", "max_distance": question.max_distance, "max_results": _MOST_RESULTS}
     else:
         requested["reduce"] = "nearest"
     if what_if is not None:
-        requested |= {"joints": what_if.joints, "positions": np.atleast_2d(what_if.positions)}
+        requested["joints"] = what_if.joints
+    query = front.prepare("distances", **requested)
     began = time.perf_counter()
-    r = front.distances(("*", "*"), fields=_FIELDS, **requested)
+    r = query.run(None if what_if is None else np.atleast_2d(what_if.positions))
     took = time.perf_counter() - began
 
     pairs = r.pairs.reshape(-1, 2)

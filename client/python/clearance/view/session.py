@@ -31,7 +31,7 @@ class Session:
         self.front = front
         self.scene = scene
         self.source = source
-        self.asks_only = front._waits
+        self.asks_only = front._is_remote
         self.generation = 0  #: incremented when bodies have changed
         self.warning = ""
         self.shapes: list[Shape] = []
@@ -73,7 +73,10 @@ class Session:
         Adopts a new scene after a change or a restart of the daemon. Raises as Front.distances().
         """
         try:
-            return self._picture(question, elsewhere)
+            picture = self._picture(question, elsewhere)
+            if self.front.scene_revision == self._revision:
+                return picture
+            # The query has adopted a new scene.
         except NewEpoch:
             self.front.acknowledge_epoch()  # type: ignore[attr-defined]  # only a Client raises it
         except QueryError as error:

@@ -1,0 +1,144 @@
+// Queries in Python: the parsed arguments of a call, without its configurations, which each run gives.
+#pragma once
+
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <type_traits>
+#include <utility>
+
+#include "wire/query_options.h"
+#include "wire/types.h"
+
+namespace clearance::python {
+
+namespace nb = nanobind;
+
+using PairsArray = nb::ndarray<const std::uint32_t, nb::shape<-1, 2>, nb::c_contig, nb::device::cpu>;
+using BodiesArray = nb::ndarray<const std::uint32_t, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using PosesArray = nb::ndarray<const double, nb::shape<-1, -1, 7>, nb::c_contig, nb::device::cpu>;
+using PositionsArray = nb::ndarray<const double, nb::shape<-1, -1>, nb::c_contig, nb::device::cpu>;
+using CloudRows = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
+using PositionRow = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
+
+using BytesOfMargins =
+    nb::ndarray<const std::uint8_t, nb::shape<-1, sizeof(MarginEntry)>, nb::c_contig, nb::device::cpu>;
+using PairMargins = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
+
+/// Shares its arrays with Python, without copies. Not changed after its first run, so that threads may share it.
+struct Query : QueryOptions {
+  std::optional<PairsArray> pairs;    ///< by default all enabled pairs
+  std::optional<BodiesArray> bodies;  ///< (M,) that the poses of a run move
+  std::optional<BodiesArray> joints;  ///< (J,) that the positions of a run move
+  std::uint64_t scene_revision;       ///< scene of these ids; 0 for any
+  std::optional<BytesOfMargins> margins;
+  std::optional<PairMargins> pair_margins;
+  std::optional<PositionRow> weights;       ///< (J,)
+  std::optional<PositionRow> lower, upper;  ///< (J,) limits of the joints
+  bool points_by_default = false;           ///< whether an engine adds points and normal if there are few rows
+};
+
+/// Input of one run: configurations, shared with Python for the duration of the call.
+struct Configurations {
+  std::optional<PosesArray> poses;          ///< (K, M, 7)
+  std::optional<PositionsArray> positions;  ///< (K, J)
+
+  /// Throws ValueError unless the arrays have the query's bodies and joints, and are given if it has any.
+  void check(const Query& q) const {
+    if (poses.has_value() != q.bodies.has_value() || (poses && poses->shape(1) != q.bodies->shape(0)))
+      throw nb::value_error("configurations: expected one pose for each of bodies");
+    if (positions.has_value() != q.joints.has_value() || (positions && positions->shape(1) != q.joints->shape(0)))
+      throw nb::value_error("positions: expected one for each of joints");
+    if (poses && positions && poses->shape(0) != positions->shape(0))
+      throw nb::value_error("positions: expected as many configurations as there are of poses");
+  }
+  std::size_t count() const { return poses ? poses->shape(0) : positions ? positions->shape(0) : 0; }
+  /// Whether a position is beyond the limits of the query's joints.
+  bool beyond_limits(const Query& q) const {
+    if (!positions || !q.lower) return false;
+    const std::size_t joints = positions->shape(1);
+    const double *row = positions->data(), *const end = row + positions->shape(0) * joints;
+    for (; row != end; row += joints)
+      for (std::size_t j = 0; j < joints; ++j)
+        if (row[j] < q.lower->data()[j] || row[j] > q.upper->data()[j]) return true;
+    return false;
+  }
+};
+
+/// Copies the margins and weights of a query to a type with such members.
+template <class To>
+void copy_margins(const Query& q, To& to) {
+  if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
+  if (q.pair_margins) to.pair_margins = {q.pair_margins->data(), q.pair_margins->shape(0)};
+  if (q.weights) to.weights = {q.weights->data(), q.weights->shape(0)};
+}
+
+/// Python's type of an option of type T.
+template <class T>
+using OptionInPython = std::conditional_t<std::is_enum_v<T>, std::uint8_t, T>;
+
+inline std::span<const std::uint32_t> ids_of(const std::optional<BodiesArray>& array) {
+  return array ? std::span(array->data(), array->shape(0)) : std::span<const std::uint32_t>();
+}
+inline std::span<const double> numbers_of(const std::optional<PositionsArray>& array) {
+  return array ? std::span(array->data(), array->shape(0) * array->shape(1)) : std::span<const double>();
+}
+
+inline void bind_query(nb::module_& m) {
+  nb::class_<Query> query(m, "Query");
+  query.def(
+      "__init__",
+      [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
+         std::optional<BodiesArray> joints, std::uint64_t scene_revision) {
+        new (self)
+            Query{{}, std::move(pairs), std::move(bodies), std::move(joints), scene_revision, {}, {}, {}, {}, {}};
+      },
+      nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("joints").none(), nb::arg("scene_revision"));
+  query.def_rw("points_by_default", &Query::points_by_default);
+  query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
+  query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
+  query.def("set_weights", [](Query& q, PositionRow weights) { q.weights = std::move(weights); });
+  query.def("set_limits", [](Query& q, PositionRow lower, PositionRow upper) {
+    const std::size_t joints = q.joints ? q.joints->shape(0) : 0;
+    if (lower.shape(0) != joints || upper.shape(0) != joints)
+      throw nb::value_error("limits: expected one for each of joints");
+    q.lower = std::move(lower);
+    q.upper = std::move(upper);
+  });
+  for_each_query_option([&query](const QueryOption& option, auto member) {
+    using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
+    query.def_prop_rw(
+        option.name, [member](Query& q) { return static_cast<OptionInPython<T>>(member(q)); },
+        [member](Query& q, OptionInPython<T> value) { member(q) = static_cast<T>(value); });
+  });
+}
+
+/// Returns the rows of query_options.h that are members of Requested: {name: (tag, kind, default, words, unit, text,
+/// bytes in a record)}.
+template <class Requested>
+nb::dict query_options() {
+  nb::dict rows;
+  for_each_query_option([&rows](const QueryOption& option, auto member) {
+    if constexpr (requires(Requested & requested) { member(requested); }) {
+      using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
+      const bool is_word = option.legal.kind == Legal::Kind::kWord;
+      const char* kind = std::is_same_v<T, bool>       ? "bool"
+                         : is_word                     ? "word"
+                         : std::is_floating_point_v<T> ? "number"
+                         : std::is_signed_v<T>         ? "integer"
+                                                       : "count";
+      rows[option.name] =
+          nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
+                         is_word ? option.legal.text : "", option.unit, option.text, sizeof(OptionOnWire<T>));
+    }
+  });
+  return rows;
+}
+
+}  // namespace clearance::python

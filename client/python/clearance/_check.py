@@ -1,0 +1,82 @@
+"""The result of check()."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+import numpy as np
+
+from ._limits import Beyond, LimitViolation
+from ._result import Result
+from ._words import Status
+
+_BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
+
+
+class Check:
+    """The free ones among K configurations (1 without configurations), and the status of the others.
+
+    `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
+    """
+
+    __slots__ = ("result", "_beyond", "_free")
+
+    result: Result  #: of reduce="any", as distances() returns it
+
+    def __init__(self, result: Result, beyond: Optional[Beyond] = None):
+        self.result = result
+        self._beyond = beyond
+        self._free: Optional[np.ndarray] = None
+
+    @property
+    def free(self) -> np.ndarray:
+        """(K,) bool: every pair is proved farther than its margin."""
+        if self._free is None:
+            self._free = self.result.status == _BEYOND
+        return self._free
+
+    @property
+    def beyond_limits(self) -> np.ndarray:
+        """(K,) bool: whether a joint of the query, or without configurations of the scene, is beyond its limits."""
+        if self._beyond is None:
+            return np.zeros(len(self.free), dtype=bool)
+        return self._beyond.configurations
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(K,) bool: free, and within the joints' limits."""
+        return self.free & ~self.beyond_limits
+
+    @property
+    def limit_violations(self) -> tuple[LimitViolation, ...]:
+        """The joints beyond their limits in each configuration, with position and excess."""
+        return () if self._beyond is None else self._beyond.violations()
+
+    def __bool__(self) -> bool:
+        return self._beyond is None and self.result._all_beyond()
+
+    @property
+    def status(self) -> np.ndarray:
+        """(K,) uint8, values of clearance.Status.
+
+        BEYOND if free. OK, CONTACT or OVERLAP if `pair` is proved within its margin, and UNCONVERGED if neither is
+        proved. BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
+        """
+        return self.result.status
+
+    @property
+    def pair(self) -> np.ndarray:
+        """(K, 2) uint32: ids of a pair that is not proved free, or clearance.NONE."""
+        return self.result.pair
+
+    @property
+    def hit(self) -> np.ndarray:
+        """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
+        return self.status <= Status.CONTACT
+
+    def __repr__(self) -> str:
+        text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"
+        if self._beyond is not None:
+            count = np.count_nonzero(self.beyond_limits)
+            text += f", {count} beyond joint limits ({self._beyond.first()})"
+        return f"<clearance.Check: {text}>"

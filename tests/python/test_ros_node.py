@@ -1,0 +1,158 @@
+"""The ROS 2 package's node on a fake rclpy, and the files of the package."""
+
+import ast
+import importlib
+import math
+import sys
+import time
+from types import ModuleType
+from types import SimpleNamespace as Message
+
+import pytest
+
+import clearance
+from conftest import ROS_PACKAGE
+from patience import PATIENCE_S, wait_until
+from ros_messages import header, joints, scene, thing
+from scenes import at
+
+
+@pytest.fixture
+def make_node(ros, bridge, monkeypatch):
+    """make_node(parameter=value, ...) -> the node itself, on a fake rclpy, and its publications by topic."""
+    published = {}
+
+    given = {"url": bridge.daemon.urls["ipc"], "robot": "arm", "within": 0.5}
+
+    class Node:
+        def __init__(self, name):
+            self.calls = {}
+
+        def declare_parameter(self, name, value):
+            return Message(value=given.get(name, value))
+
+        def create_publisher(self, kind, topic, depth):
+            return Message(publish=lambda message: published.setdefault(topic, []).append(message))
+
+        def create_subscription(self, kind, topic, call, depth):
+            self.calls[topic] = call
+
+        def create_timer(self, period, call):
+            self.calls["timer"] = call
+
+        def get_logger(self):
+            return Message(
+                info=lambda text: None, warning=lambda text, **options: published.setdefault("log", []).append(text)
+            )
+
+        def get_clock(self):
+            return Message(now=lambda: Message(to_msg=lambda: "now"))
+
+    def module(name, **members):
+        made = ModuleType(name)
+        made.__dict__.update(members)
+        monkeypatch.setitem(sys.modules, name, made)
+
+    array = lambda: Message(header=Message(stamp=None), status=[])  # noqa: E731
+    module("rclpy")
+    module("rclpy.node", Node=Node)
+    module("diagnostic_msgs")
+    module("diagnostic_msgs.msg", DiagnosticArray=array, DiagnosticStatus=Message, KeyValue=Message)
+    module("sensor_msgs")
+    module("sensor_msgs.msg", JointState=Message)
+    module("std_msgs")
+    module("std_msgs.msg", Float64=Message)
+    module("moveit_msgs")
+    module("moveit_msgs.msg", PlanningScene=Message)
+
+    def make(**parameters):
+        given.update(parameters)
+        return importlib.import_module("clearance_ros.node").ClearanceNode(), published
+
+    return make
+
+
+def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
+    node, published = make_node(max_age=PATIENCE_S)
+    node.calls["timer"]()
+    assert [m.data for m in published.pop("~/clearance")] == [-math.inf], "nothing is known of the robot"
+    assert published.pop("~/distances")
+    node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2]))
+    node.calls["joint_states"](Message(header=header(time.time_ns()), name=["joint1"], position=[0.2, 0.3]))
+    assert published.pop("log") == ["joint_states: 1 names come with 2 positions"], "said, and the node goes on"
+    node.calls["planning_scene"](scene([thing("plane", planes=[Message(coef=[0, 0, 1, 0])])]))
+    node.calls["timer"]()
+    report = bridge.report(0.5)
+    assert [m.data for m in published["~/clearance"]] == [report.least]
+    (message,) = published["~/distances"]
+    assert [(s.name, s.message, s.values[0].value) for s in message.status] == [
+        (f"{p.a} - {p.b}", p.status, repr(p.lower)) for p in report.pairs
+    ]
+    assert message.header.stamp == "now" and all(len(s.level) == 1 for s in message.status)
+    assert ["planes are not supported" in text for text in published["log"]] == [True]
+    with clearance.connect(bridge.daemon.urls["ipc"]) as other:
+        other.add_body("new", sphere=0.1, pose=at(5))
+    node.calls["timer"]()
+    assert len(published["~/clearance"]) == 2 and len(published["log"]) == 1, "the query adopts the scene"
+    states = [message.status[0] for message in published["/diagnostics"]]
+    assert [s.level for s in states] == [b"\3", b"\0"], "when it changes"
+    assert [s.message for s in states] == ["joint_states: no position of arm has come", ""]
+
+
+def test_age_counts_unless_it_is_said_not_to(make_node):
+    node, published = make_node()
+    node.calls["timer"]()
+    assert published["/diagnostics"][0].status[0].level == b"\3", "nothing has come"
+    node, published = make_node(max_age=0.0)
+    published.clear()
+    node.calls["timer"]()
+    assert published["~/clearance"][0].data > -math.inf and published["/diagnostics"][0].status[0].level == b"\0"
+
+
+def test_the_node_shows_that_its_publisher_died(make_node):
+    node, published = make_node(max_age=0.02, rate=3)
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    wait_until(lambda: node.calls["timer"]() or published["~/clearance"][-1].data == -math.inf)
+    for _ in range(4):
+        node.calls["timer"]()
+    assert published["~/clearance"][-1].data == -math.inf
+    last = published["~/distances"][-1]
+    assert last.header.stamp == "now" and any(s.message == "stale_pose" for s in last.status)
+    for message in published["/diagnostics"][-2:]:
+        (state,) = message.status
+        assert message.header.stamp == "now" and state.level == b"\3", "again, though nothing has changed"
+        assert state.name == "clearance: inputs and daemon" and state.message == "arm/joint1: older than 0.02 s"
+        assert {v.key: v.value for v in state.values}["clearance"] == "-inf"
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    node.calls["timer"]()
+
+
+def test_the_node_shows_that_its_daemon_died(bridge, make_node):
+    node, published = make_node(max_age=PATIENCE_S)
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    node.calls["timer"]()
+    assert published["~/clearance"].pop().data > -math.inf
+    bridge.daemon.stop()
+    shown = len(published["~/distances"])
+    for _ in range(2):
+        node.calls["timer"]()
+    assert [m.data for m in published["~/clearance"]] == [-math.inf] * 2
+    assert len(published["~/distances"]) == shown, "no pairs are no answer"
+    state = published["/diagnostics"][-1].status[0]
+    assert state.level == b"\2" and bridge.daemon.urls["ipc"] in state.message
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is reported, and the node continues
+    assert len(published["log"]) == 3
+
+
+def test_the_package_is_whole():
+    """The files that ROS needs exist, and the node imports no other ROS package than those of package.xml."""
+    text = (ROS_PACKAGE / "package.xml").read_text()
+    tree = ast.parse((ROS_PACKAGE / "clearance_ros" / "node.py").read_text())
+    modules = {
+        node.module.partition(".")[0] for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and not node.level
+    }
+    for name in modules:
+        assert f"<exec_depend>{name}</exec_depend>" in text, name
+    assert {"rclpy", "moveit_msgs", "sensor_msgs"} <= modules
+    for name in ("setup.py", "setup.cfg", "resource/clearance_ros", "launch/clearance.launch.py"):
+        assert (ROS_PACKAGE / name).exists()
