@@ -138,3 +138,29 @@ def test_threads_keep_their_results(front):
     for thread in threads:
         thread.join()
     assert not wrong
+
+
+def test_calls_leave_no_garbage(front):
+    arm = front.joints("arm")
+    prepared, Q = front.prepare("check", joints=arm), rows_of(arm, 2)
+
+    def evaluate():
+        for call in (
+            lambda: front.check(Q, joints=arm),
+            lambda: front.distances(reduce="min"),
+            lambda: prepared.run(Q),
+        ):
+            bool(call() is None)
+        front.motions(Q[:1], Q[1:], joints=arm)
+        front.check_path(Q, joints=arm)
+        front.submit(reduce="min", fields="lower").result().pairs.sum()
+
+    evaluate()
+    gc.collect()
+    gc.disable()
+    try:
+        for _ in range(5):
+            evaluate()
+        assert gc.collect() == 0
+    finally:
+        gc.enable()

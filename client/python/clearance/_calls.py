@@ -44,7 +44,7 @@ class Call:
         raise NotImplementedError
 
     def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> Any:
-        return Result(answer, run.query.reduce, run)
+        return Result(answer, run.reduce, run)
 
     def steps(self, *inputs: Any) -> Steps:
         """Yields the queries, receives their answers, and returns the result."""

@@ -271,24 +271,24 @@ class Client(Front):
         return len(self._table(query.pairs, *query.moved(moves)))
 
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
-        connection, query = self._use(), run.query
-        timeout = connection.timeout_s if query.timeout_s is None else query.timeout_s
-        answer = self._guarded(connection.ask, run.raw, poses, positions, query.copy, timeout)
+        connection = self._use()
+        timeout = connection.timeout_s if run.timeout_s is None else run.timeout_s
+        answer = self._guarded(connection.ask, run.raw, poses, positions, run.copy, timeout)
         if answer is None:
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return answer
 
     def _open_plan(self, configurations: int, run: Run, *no_input: None) -> RemotePlan:
-        table = self._table(run.query.pairs, run.bodies, run.joints)
+        table = self._table(run.pairs, run.bodies, run.joints)
         plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
-        return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)
+        return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.reduce != 0)
 
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         seconds = self._use().timeout_s if timeout_s is None else timeout_s
         return self._worker.add(Future(self._worker, task, seconds, is_driven_by_caller=True))
 
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
-        return self._guarded(self._use().submit, run.raw, poses, positions, run.query.copy)
+        return self._guarded(self._use().submit, run.raw, poses, positions, run.copy)
 
     def _poll(self, job: Any, seconds: float) -> bool:
         return job.wait(seconds)

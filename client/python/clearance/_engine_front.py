@@ -141,7 +141,7 @@ class Engine(Front):
         return DEFAULT_FIELDS | POINTS_BY_DEFAULT
 
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
-        timeout_s = run.query.timeout_s
+        timeout_s = run.timeout_s
         answer = self._engine.answer(run.raw, poses, positions, math.inf if timeout_s is None else timeout_s)
         if answer is None:
             raise TimeoutError(f"no answer within {timeout_s} s")
@@ -149,8 +149,8 @@ class Engine(Front):
 
     def _open_plan(self, configurations: int, run: Run, *no_input: None) -> DevicePlan:
         plan = self._engine.plan_on_device(run.raw, configurations)
-        table = self._table(run.query.pairs, run.bodies, run.joints)
-        return DevicePlan(_engine, plan, run.bodies, table, run.joints, reduced=run.query.reduce != 0)
+        table = self._table(run.pairs, run.bodies, run.joints)
+        return DevicePlan(_engine, plan, run.bodies, table, run.joints, reduced=run.reduce != 0)
 
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         return self._worker.add(Future(self._worker, task, timeout_s, is_driven_by_caller=False))

@@ -143,7 +143,7 @@ class Query:
     def _changed_in(self, now: NameTable) -> str:
         """Returns the first difference in the meaning of the query's ids, or an empty string."""
         moved = self._movable if self.bodies is None and self.joints is None else self.bodies
-        if self.bodies is None and not any(moves for moves, _ in self._runs):
+        if self.bodies is None and not any(moves for moves, _ in list(self._runs)):
             moved = None  # no configurations yet
         for body in [] if moved is None else moved.tolist():
             was, is_now = self.names.parent(body), now.parent(body)
@@ -170,9 +170,14 @@ class Query:
 
 
 class Run:
-    """A query with certain columns, in one revision of the scene; results take their pairs and names from it."""
+    """A query with certain columns, in one revision of the scene; results take their pairs and names from it.
 
-    __slots__ = ("query", "raw", "mask", "names", "bodies", "joints")
+    Refers to no Query, since a cycle would keep the arrays of each one-off call until the next garbage collection.
+    """
+
+    __slots__ = (
+        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "reduce", "timeout_s", "copy",
+    )  # fmt: skip
 
     def __init__(
         self,
@@ -183,16 +188,16 @@ class Run:
         bodies: Optional[np.ndarray],
         joints: Optional[np.ndarray],
     ):
-        self.query, self.raw, self.mask, self.names = query, raw, mask, names
-        self.bodies, self.joints = bodies, joints
+        self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
+        self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
+        self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
 
     def pairs_at(self, revision: int) -> np.ndarray:
         """Returns (P, 2) body ids of an answer for a revision of the scene."""
-        query = self.query
-        if query.pairs is not None and not query.selects:
-            return query.pairs
-        table = query.source._table(query.pairs, self.bodies, self.joints)
-        if query.source._scene_revision() != revision:
+        if self.pairs is not None and not self.selects:
+            return self.pairs
+        table = self.source._table(self.pairs, self.bodies, self.joints)
+        if self.source._scene_revision() != revision:
             raise QueryError(2, "pairs: the scene has changed since this answer; read pairs before changing it")
         return table
 
