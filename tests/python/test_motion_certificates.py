@@ -347,7 +347,7 @@ def test_rows_by_number_and_what_has_none(engine):
     assert some == [all_rows[-1], all_rows[0]]
     with pytest.raises(clearance.QueryError, match=r"rows\[0\]: expected one of 2 rows, got 2"):
         engine.certificate([2], **requested)
-    with pytest.raises(TypeError, match="'end'"):
+    with pytest.raises(ValueError, match=r"end: expected .* got none"):
         engine.certificate(joints="arm", start=[[0, 0, 0]])
 
 
