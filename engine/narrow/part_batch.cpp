@@ -139,11 +139,15 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
     if (last.part != part) last = {part, &hulls_.emplace_back(*part)};
     return last.hull;
   };
+  const ConvexPart *a = nullptr, *b = nullptr;
+  const LaneHull *hull_a = nullptr, *hull_b = nullptr;
   for (std::size_t i = group.begin; i < group.end; ++i) {
     const PartTask& task = tasks_[at(i)];
     units += WorkMeter::units_of(*task.a, *task.b);
-    pairs_.push_back({hull_of(task.a, latest_a), hull_of(task.b, latest_b), &task.pose_a->R_wb, &task.pose_b->R_wb,
-                      &task.pose_a->t_w, &task.pose_b->t_w, task.max_distance, task.stop_below});
+    if (task.a != a) hull_a = hull_of(a = task.a, latest_a);
+    if (task.b != b) hull_b = hull_of(b = task.b, latest_b);
+    pairs_.push_back({hull_a, hull_b, &task.pose_a->R_wb, &task.pose_b->R_wb, &task.pose_a->t_w, &task.pose_b->t_w,
+                      task.max_distance, task.stop_below});
   }
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // otherwise they have moved
   if (answers_.size() < count) {                                // resized last, since memory may run out before
