@@ -136,7 +136,8 @@ class HullSearch : public WarpSearch {
   }
 
   // Evaluates waiting elements, one per thread.
-  __device__ void evaluate_waiting(std::uint32_t convex_part, const HullHead& head, PartBefore& before, PairAnswer& answer) {
+  __device__ void evaluate_waiting(std::uint32_t convex_part, const HullHead& head, PartBefore& before,
+                                   PairAnswer& answer) {
     __syncwarp();
     const std::uint32_t count = waiting_ < 32 ? waiting_ : 32;
     waiting_ -= count;
