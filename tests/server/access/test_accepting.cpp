@@ -54,8 +54,8 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
   const TestFolder folder;
   const std::array<std::string, 2> paths{folder / "a", folder / "b"};
   const std::array<UniqueFd, 2> listeners{socket_at(paths[0], true), socket_at(paths[1], true)};
-  const pid_t stranger = ::fork();
-  if (stranger == 0) ::_exit(connect_to(paths) == 0 ? 0 : 1);
+  const pid_t child = ::fork();
+  if (child == 0) ::_exit(connect_to(paths) == 0 ? 0 : 1);
   reserve_descriptor();
   const std::ptrdiff_t before = descriptors();
 
@@ -74,7 +74,7 @@ TEST(Accepting, WithoutDescriptorsAllAreTurnedAwayAndTheReserveStays) {
     other.join();
   }
   int status = -1;
-  ASSERT_EQ(::waitpid(stranger, &status, 0), stranger);
+  ASSERT_EQ(::waitpid(child, &status, 0), child);
   EXPECT_EQ(status, 0);
   EXPECT_EQ(served, 0);
   EXPECT_EQ(rejected, 2 * kRounds);

@@ -208,18 +208,18 @@ void SocketGroup::expect_rights_of_members(const std::vector<std::string>& envir
     EXPECT_EQ(tried(url), 7) << "the owner, at " << url;
     EXPECT_EQ(as_other_user(kGroup, {}, [&] { return tried(url); }), 3) << url;
     EXPECT_EQ(as_other_user(kOtherGroup, {1, 2, kGroup}, [&] { return tried(url); }), 3) << url;
-    const int stranger = as_other_user(kOtherGroup, {kOtherGroup}, [&] {
+    const int rejected = as_other_user(kOtherGroup, {kOtherGroup}, [&] {
       try {
         return 10 + tried(url);
       } catch (const ConnectionError&) {
         return 0;
       }
     });
-    EXPECT_EQ(stranger, 0) << url;
+    EXPECT_EQ(rejected, 0) << url;
   }
   // Even if the mode permits the connection, the daemon checks the credentials.
   ASSERT_EQ(chmod((folder_ / "c.sock").c_str(), 0666), 0);
-  const int stranger = as_other_user(kOtherGroup, {kOtherGroup}, [&] {
+  const int rejected = as_other_user(kOtherGroup, {kOtherGroup}, [&] {
     try {
       connect(shm);
       return 1;
@@ -229,7 +229,7 @@ void SocketGroup::expect_rights_of_members(const std::vector<std::string>& envir
       return said ? 0 : 2;
     }
   });
-  EXPECT_EQ(stranger, 0);
+  EXPECT_EQ(rejected, 0);
 }
 
 TEST_F(SocketGroup, ItsMembersGetTheirRightsAndOthersAreRejected) {

@@ -32,7 +32,7 @@ class RawTcp {
   }
 
   /// Sends bytes. Returns whether all were accepted before the other end hung up.
-  bool say(std::string_view bytes) {
+  bool send(std::string_view bytes) {
     while (!bytes.empty()) {
       const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL);
       if (sent < 0 && errno == EINTR) continue;
@@ -42,7 +42,7 @@ class RawTcp {
     return true;
   }
   /// Sends as much as the other end accepts at once. Returns false if it has hung up.
-  bool say_some(std::string_view bytes) {
+  bool send_some(std::string_view bytes) {
     const ssize_t sent = ::send(socket_.get(), bytes.data(), bytes.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
     return sent >= 0 || errno == EAGAIN || errno == EINTR;
   }

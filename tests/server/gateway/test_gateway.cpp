@@ -129,11 +129,11 @@ TEST_F(Gateway, PartsThatNeverEndAreAffairsOfItsMemoryAndNotOfTheCores) {
   const Busy busy(shm());
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
-  RawTcp stranger(tcp());
-  ASSERT_TRUE(stranger.say(RawTcp::handshake()));
+  RawTcp peer(tcp());
+  ASSERT_TRUE(peer.send(RawTcp::handshake()));
   const std::string part = RawTcp::head(1, 1 << 20) + std::string(1 << 20, 'x');
   std::uint64_t sent = 0;
-  while (stranger.say(part)) ASSERT_LT(++sent, 200u) << "MiB in one message, and nothing happens";
+  while (peer.send(part)) ASSERT_LT(++sent, 200u) << "MiB in one message, and nothing happens";
   EXPECT_GT(sent, 16u);
   // libzmq drops the connection or, if another one found no memory, its process ends.
   report("after parts that never end, until served over TCP", served_again());
@@ -146,11 +146,11 @@ TEST_F(Gateway, AMessageOfFourMillionPartsEndsItAndNotTheCore) {
   const Busy busy(shm());
   busy.expect_answers();
   const std::uint64_t before = high_water_kib();
-  RawTcp stranger(tcp());
-  ASSERT_TRUE(stranger.say(RawTcp::handshake()));
+  RawTcp peer(tcp());
+  ASSERT_TRUE(peer.send(RawTcp::handshake()));
   std::string parts;
   for (int i = 0; i < 4'000'000; ++i) parts += std::string_view("\1\0", 2);
-  stranger.say(parts + std::string(2, '\0'));  // the last one: flags 0, no bytes
+  peer.send(parts + std::string(2, '\0'));  // the last one: flags 0, no bytes
   wait_for("gateway.restarts", 1);
   report("after a message of 4 M parts, until served over TCP", served_again());
   busy.expect_answers();
@@ -263,17 +263,17 @@ TEST_F(GatewayWithKeys, UnauthenticatedPeersMaySendLittleBeforeAHandshake) {
   const int pid = child_of(daemon_->pid(), kName);
   ASSERT_GT(pid, 0);
   // Would take 1.6 GB: an incomplete command of 16 MiB over each of a hundred connections.
-  std::vector<std::unique_ptr<RawTcp>> strangers;
+  std::vector<std::unique_ptr<RawTcp>> peers;
   const std::string command = RawTcp::head(4, 16 << 20) + std::string(8 << 20, 'x');
   for (int i = 0; i < 100; ++i) {
-    strangers.push_back(std::make_unique<RawTcp>(tcp()));
-    strangers.back()->say(RawTcp::greeting("CURVE"));
-    strangers.back()->say_some(command);
+    peers.push_back(std::make_unique<RawTcp>(tcp()));
+    peers.back()->send(RawTcp::greeting("CURVE"));
+    peers.back()->send_some(command);
     if (i % 10 == 0) {
       EXPECT_EQ(good.distances().rows(), 6u);
     }
   }
-  for (const auto& stranger : strangers) EXPECT_TRUE(stranger->is_hung_up(kPatience));
+  for (const auto& peer : peers) EXPECT_TRUE(peer->is_hung_up(kPatience));
   EXPECT_EQ(child_of(daemon_->pid(), kName), pid) << "it lives";
   EXPECT_LT(status_kib(pid, "VmHWM"), 64u * 1024) << "its memory, KiB";
   EXPECT_EQ(good.distances().rows(), 6u);
@@ -284,7 +284,7 @@ TEST_F(GatewayWithKeys, UnauthenticatedPeersMaySendLittleBeforeAHandshake) {
 
 TEST_F(GatewayWithKeys, UnauthenticatedPeersThatSendNothingAreDisconnected) {
   RawTcp silent(tcp()), halfway(tcp());
-  halfway.say(RawTcp::greeting("CURVE"));
+  halfway.send(RawTcp::greeting("CURVE"));
   EXPECT_TRUE(silent.is_hung_up(kPatience));
   EXPECT_TRUE(halfway.is_hung_up(kPatience));
   EXPECT_EQ(patient(tcp(), own()).distances().rows(), 6u);
