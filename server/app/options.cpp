@@ -147,8 +147,7 @@ constexpr Limit kLimits[] = {
     {"max-clients", &DaemonOptions::max_clients, 1, 1'000'000,
      "clients of one endpoint (shared memory: connected, ZeroMQ: with requests under way)"},
     {"max-client-mib", &DaemonOptions::max_client_mib, 1, 1'000'000,
-     "MiB of one client's requests and replies under way; more are rejected (busy), but one always\n"
-     "may"},
+     "MiB of one client's requests and replies under way; beyond it, one request passes at a time"},
     {"max-pairs", &DaemonOptions::max_pairs, 1, kManyPairs, "pairs times configurations of one query"},
     {"max-piece-pairs", &DaemonOptions::max_part_pairs, 1, kManyPairs, "the same in pairs of the bodies' convex parts"},
     {"max-body-points", &DaemonOptions::max_body_points, 0, kManyPoints, "points of one update of a point cloud"},
