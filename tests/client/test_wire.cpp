@@ -153,7 +153,7 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
     if (!option.tag) return;
     EXPECT_GT(option.tag, std::exchange(last, option.tag)) << option.name << ": tags are given out one after another";
   });
-  EXPECT_EQ(in_header, 14);
+  EXPECT_EQ(in_header, 12);
   EXPECT_GE(last, 1);
 }
 
