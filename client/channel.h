@@ -30,7 +30,7 @@ class Frame {
   virtual std::span<const std::byte> payload() const = 0;  ///< aligned to 64 bytes
 };
 
-class Result;  // wire/result.h
+class Result;  // wire/api/result.h
 /// The result in a frame of type kReply, whose memory it shares. Throws ConnectionError if the frame is malformed.
 Result result_of(std::unique_ptr<Frame> frame);
 

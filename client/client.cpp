@@ -4,8 +4,8 @@
 #include <cstring>
 
 #include "client/client_impl.h"
-#include "wire/joints_named.h"
-#include "wire/unknown_name.h"
+#include "wire/api/joints_named.h"
+#include "wire/api/unknown_name.h"
 
 namespace clearance {
 

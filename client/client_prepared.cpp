@@ -2,8 +2,8 @@
 #include <algorithm>
 
 #include "client/client_impl.h"
-#include "wire/owned_query.h"
-#include "wire/query_names.h"
+#include "wire/api/owned_query.h"
+#include "wire/api/query_names.h"
 
 namespace clearance {
 

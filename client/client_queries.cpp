@@ -2,7 +2,7 @@
 #include <cstring>
 
 #include "client/client_impl.h"
-#include "wire/decisions.h"
+#include "wire/api/decisions.h"
 
 namespace clearance {
 

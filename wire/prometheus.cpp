@@ -168,8 +168,7 @@ Metric metric_of(const std::string& name) {
 /// Returns the metric's name without the suffix of its type.
 std::string prometheus_name(const std::string& name) {
   std::string metric = "clearance_" + name;
-  std::replace_if(
-      metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
+  std::replace_if(metric.begin(), metric.end(), [](unsigned char c) { return !std::isalnum(c); }, '_');
   return metric;
 }
 

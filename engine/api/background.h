@@ -11,7 +11,7 @@
 
 #include "engine/api/result_memory.h"
 #include "engine/query/job.h"
-#include "wire/prepared.h"
+#include "wire/api/prepared.h"
 
 namespace clearance {
 

@@ -5,9 +5,9 @@
 
 #include "engine/engine.h"
 #include "engine/scene/scene.h"
-#include "wire/errors.h"
-#include "wire/query.h"
-#include "wire/scene_info.h"
+#include "wire/api/errors.h"
+#include "wire/api/query.h"
+#include "wire/api/scene_info.h"
 
 namespace clearance {
 

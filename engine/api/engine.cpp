@@ -2,7 +2,7 @@
 
 #include "engine/api/engine_impl.h"
 #include "engine/api/scene_impl.h"
-#include "wire/joints_named.h"
+#include "wire/api/joints_named.h"
 
 namespace clearance {
 

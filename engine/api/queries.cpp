@@ -1,7 +1,7 @@
 // Queries of the installed Engine.
 #include "engine/api/engine_impl.h"
 #include "engine/base/body_pair.h"
-#include "wire/decisions.h"
+#include "wire/api/decisions.h"
 
 namespace clearance {
 

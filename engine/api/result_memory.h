@@ -7,7 +7,7 @@
 #include <new>
 
 #include "engine/query/job.h"
-#include "wire/result.h"
+#include "wire/api/result.h"
 
 namespace clearance {
 

@@ -35,7 +35,7 @@ std::string digest_of(std::string_view content) {
 }
 
 std::string read_all(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) fail(path, std::generic_category().message(errno));
   if (!S_ISREG(info.st_mode)) fail(path, "not a plain file");
   if (static_cast<std::uint64_t>(info.st_size) > kMaxBytes) fail(path, "larger than 4 GiB");

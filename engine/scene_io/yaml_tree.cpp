@@ -83,7 +83,7 @@ class TreeBuilder final : public YAML::EventHandler {
 };
 
 std::string read_file(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) throw engine::SceneError(path + ": " + std::generic_category().message(errno));
   if (S_ISDIR(info.st_mode)) throw engine::SceneError(path + ": expected a scene file, got a folder");
   if (!S_ISREG(info.st_mode)) throw engine::SceneError(path + ": expected a scene file, got a device, pipe or socket");

@@ -18,7 +18,7 @@ void add_default_endpoint(DaemonOptions& options) {
   if (!options.shm.empty() || !options.zmq.empty() || !options.lcm.empty()) return;
   const std::string folder = default_socket_folder();
   mkdir(folder.c_str(), 0700);  // only /tmp/clearance-UID may be missing
-  struct stat info {};
+  struct stat info{};
   if (stat(folder.c_str(), &info) || info.st_uid != getuid())
     throw std::runtime_error("shm://" + default_socket_path() + ": the folder " + folder +
                              " does not belong to this user; choose an endpoint with --shm or --zmq");

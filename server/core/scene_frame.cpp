@@ -34,7 +34,7 @@ wire::BodyRecord record_of(const Body& body, const BodyState& state) {
 /// Groups as records, whose members are appended.
 /// @param ids_of members of a group
 template <class Group, class Ids>
-std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::*ids_of,
+std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, Ids Group::* ids_of,
                                              std::vector<std::uint32_t>& members) {
   std::vector<wire::GroupRecord> records;
   for (const Group& group : groups) {

@@ -49,10 +49,11 @@ def files() -> list[Path]:
 
 
 def source_of(name: str) -> Path:
-    """The file of an include: <clearance/x.h> is a header of wire/, client/ or engine/api/ at its installed place."""
+    """Returns the file of an include: <clearance/x.h> is installed from one of four folders."""
     if name.startswith("clearance/"):
         leaf = name.removeprefix("clearance/")
-        return next((Path(f) / leaf for f in ("wire", "client", "engine/api") if (ROOT / f / leaf).is_file()), Path(name))
+        folders = map(Path, ("wire", "wire/api", "client", "engine/api"))
+        return next((folder / leaf for folder in folders if (ROOT / folder / leaf).is_file()), Path(name))
     return Path(name)
 
 

@@ -14,10 +14,10 @@ CLASSES = {
     "Engine": ("engine/api/engine.h", clearance.Engine),
     "Client": ("client/client.h", clearance.Client),
     "Scene": ("engine/api/scene.h", clearance.Scene),
-    "Result": ("wire/result.h", clearance.Result),
-    "Check": ("wire/check.h", clearance.Check),
-    "PathCheck": ("wire/check.h", clearance.PathCheck),
-    "Joints": ("wire/scene_info.h", clearance.Joints),
+    "Result": ("wire/api/result.h", clearance.Result),
+    "Check": ("wire/api/check.h", clearance.Check),
+    "PathCheck": ("wire/api/check.h", clearance.PathCheck),
+    "Joints": ("wire/api/scene_info.h", clearance.Joints),
 }
 #: C++ name: Python name, for the same thing.
 OTHER_NAMES = {

@@ -161,9 +161,7 @@ __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>
   bool decided = false;
   if constexpr (kHasSlack<S>) {
     decided = slack.any();
-    if (decided)
-      decide(
-          limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
+    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
   }
   if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
   if (!q.want_points) return;

@@ -118,9 +118,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
     const std::uint64_t P = plan_.size.pairs;
     answer_on_cpu(
         order_.size(),
-        [&](std::size_t i) {
-          return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P};
-        },
+        [&](std::size_t i) { return OpenRow{first_configuration + order_[i].first / P, order_[i].first % P}; },
         [&](std::size_t i, const PlacedBodies&, const PairAnswer& answer) { answers_[order_[i].second] = answer; });
   }
 

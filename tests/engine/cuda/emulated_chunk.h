@@ -88,8 +88,7 @@ struct HostChunk {
     view.begun = &begun;
     view.finished = &finished;
     view.number = 7;
-    launch(
-        blocks, [&] { kernel(view); }, threads);
+    launch(blocks, [&] { kernel(view); }, threads);
     EXPECT_EQ(finished.number, 7u) << "the last block says so";
     EXPECT_EQ(begun, 0u) << "left for the next chunk";
     EXPECT_TRUE(std::all_of(counts, counts + kCounts, [](std::uint32_t c) { return c == 0; }))

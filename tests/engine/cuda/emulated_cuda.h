@@ -129,8 +129,7 @@ class EmulatedGrid {
     getcontext(&f.context);
     f.context.uc_stack.ss_sp = f.stack.data();
     f.context.uc_stack.ss_size = f.stack.size();
-    makecontext(
-        &f.context, [] { one().run(); }, 0);
+    makecontext(&f.context, [] { one().run(); }, 0);
     setcontext(&f.context);
   }
   /// Main function of a fiber: runs one kernel after another.

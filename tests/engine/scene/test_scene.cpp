@@ -72,10 +72,9 @@ TEST(Scene, PrimitivesArePartsOfTheirOwn) {
   EXPECT_NE(
       error_text<engine::SceneError>([&] { scene.add_cone("flat", 1, 0, {}); }).find("cone length: expected a number"),
       std::string::npos);
-  EXPECT_NE(error_text<engine::SceneError>([&] {
-              scene.add_ellipsoid("flat", {1, 0, 1}, {});
-            }).find("half axis: expected"),
-            std::string::npos);
+  EXPECT_NE(
+      error_text<engine::SceneError>([&] { scene.add_ellipsoid("flat", {1, 0, 1}, {}); }).find("half axis: expected"),
+      std::string::npos);
 }
 
 TEST(Scene, HalfSpacesStandStill) {
@@ -177,32 +176,20 @@ TEST(Scene, BadInputIsRejectedWithTheReason) {
     return error_text<engine::SceneError>([&] { f(scene); });
   };
   EXPECT_EQ(text([](engine::Scene& s) { s.add_box("a", {1, 1, 1}, {}); }), "body name \"a\" is already that of a body");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box("g", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("g", {1, 1, 1}, {}); }),
             "body name \"g\" is already that of a group");
   EXPECT_EQ(text([](engine::Scene& s) { s.add_box("", {1, 1, 1}, {}); }), "body name is empty");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box("*", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("*", {1, 1, 1}, {}); }),
             "body name \"*\" is reserved: it selects every body");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box("x\ny", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("x\ny", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box("x\xff", {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("x\xff", {1, 1, 1}, {}); }),
             "body name holds an unprintable character or bad UTF-8 at byte 1");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box(std::string(64, 'n'), {1, 1, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box(std::string(64, 'n'), {1, 1, 1}, {}); }),
             "body name has 64 bytes, expected at most 63: \"" + std::string(40, 'n') + "\"...");
   EXPECT_EQ(text([](engine::Scene& s) { s.add_box(std::string(63, 'n'), {1, 1, 1}, {}); }), "");
   EXPECT_EQ(text([](engine::Scene& s) { s.add_box("Gl\xc3\xa4ser", {1, 1, 1}, {}); }), "");
-  EXPECT_EQ(text([](engine::Scene& s) {
-              s.add_box("d", {1, 0, 1}, {});
-            }),
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_box("d", {1, 0, 1}, {}); }),
             "body \"d\": box edge: expected a number of metres > 0, got 0");
   EXPECT_EQ(text([&](engine::Scene& s) { s.add_sphere("d", nan, {}); }),
             "body \"d\": sphere radius: expected a number of metres > 0, got nan");
@@ -211,9 +198,7 @@ TEST(Scene, BadInputIsRejectedWithTheReason) {
   EXPECT_EQ(text([](engine::Scene& s) { s.add_uv_sphere("d", 1, 1, {}); }),
             "body \"d\": uv_sphere resolution: expected an integer from 2 to 2000, got 1");
   EXPECT_EQ(text([](engine::Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a piece needs at least one vertex");
-  EXPECT_EQ(text([&](engine::Scene& s) {
-              s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {});
-            }),
+  EXPECT_EQ(text([&](engine::Scene& s) { s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {}); }),
             "body \"d\": vertex 1 has the coordinate nan; expected a finite number up to 1e60 m");
   EXPECT_EQ(text([](engine::Scene& s) {
               s.add_box("d", {1, 1, 1}, {.radius = -1, .parent = "", .is_static = false, .pose = {}});

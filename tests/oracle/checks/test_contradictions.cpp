@@ -141,9 +141,7 @@ struct Batch {
     std::vector<Interval> found(tasks.size());
     PartBatch(options).run(
         tasks,
-        [&](const PartTask& t, const LaneAnswer& lane, const LaneWitness&) {
-          found[t.id] = {lane.lower, lane.upper};
-        },
+        [&](const PartTask& t, const LaneAnswer& lane, const LaneWitness&) { found[t.id] = {lane.lower, lane.upper}; },
         [&](const PartTask& t, const NarrowAnswer& answer) { found[t.id] = answer.bounds; });
     return found;
   }

@@ -26,15 +26,9 @@ struct Registers {
     asm volatile("stmxcsr %0\n\tfnstcw %1" : "=m"(r.control), "=m"(r.x87) : : "memory");
     return r;
   }
-  void load() const {
-    asm volatile("ldmxcsr %0\n\tfldcw %1" : : "m"(control), "m"(x87) : "memory");
-  }
-  void flush_to_zero() {
-    control |= 1u << 15;
-  }
-  void denormals_are_zero() {
-    control |= 1u << 6;
-  }
+  void load() const { asm volatile("ldmxcsr %0\n\tfldcw %1" : : "m"(control), "m"(x87) : "memory"); }
+  void flush_to_zero() { control |= 1u << 15; }
+  void denormals_are_zero() { control |= 1u << 6; }
 #elif defined(__aarch64__)
   std::uint64_t control = 0, flags = 0;
   static Registers now() {
@@ -42,15 +36,9 @@ struct Registers {
     asm volatile("mrs %0, fpcr\n\tmrs %1, fpsr" : "=r"(r.control), "=r"(r.flags) : : "memory");
     return r;
   }
-  void load() const {
-    asm volatile("msr fpcr, %0\n\tmsr fpsr, %1" : : "r"(control), "r"(flags) : "memory");
-  }
-  void flush_to_zero() {
-    control |= 1u << 24;
-  }
-  void denormals_are_zero() {
-    control |= 1u << 24;
-  }
+  void load() const { asm volatile("msr fpcr, %0\n\tmsr fpsr, %1" : : "r"(control), "r"(flags) : "memory"); }
+  void flush_to_zero() { control |= 1u << 24; }
+  void denormals_are_zero() { control |= 1u << 24; }
 #endif
   bool operator==(const Registers&) const = default;
 };

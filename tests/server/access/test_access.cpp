@@ -118,7 +118,7 @@ TEST_F(LoopTest, ARequestIsAnsweredToThoseAloneWhoHaveItsRight) {
 // --- Unix sockets
 
 mode_t mode_of(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   EXPECT_EQ(stat(path.c_str(), &info), 0) << path;
   return info.st_mode & 07777;
 }

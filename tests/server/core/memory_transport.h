@@ -105,8 +105,7 @@ class MemoryTransport final : public Transport {
       if (size > kLargePayload) {
         const auto own = std::make_shared<std::vector<std::byte>>(std::move(frame));
         const OwnPayload payload{{own, own->data() + sizeof header}, size};
-        handler.on_large_frame(
-            header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
+        handler.on_large_frame(header, size, [payload] { return payload; }, std::make_unique<Sink>(*this, *client));
         continue;
       }
       const AlignedBytes copy = aligned_bytes(size + 1);

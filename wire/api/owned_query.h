@@ -4,7 +4,7 @@
 #include <stdexcept>
 #include <vector>
 
-#include "wire/query.h"
+#include "wire/api/query.h"
 
 namespace clearance {
 

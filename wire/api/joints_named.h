@@ -7,8 +7,8 @@
 #include <string_view>
 #include <vector>
 
-#include "wire/scene_info.h"
-#include "wire/unknown_name.h"
+#include "wire/api/scene_info.h"
+#include "wire/api/unknown_name.h"
 
 namespace clearance {
 

@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "wire/check.h"
-#include "wire/scene_info.h"
+#include "wire/api/check.h"
+#include "wire/api/scene_info.h"
 
 namespace clearance {
 

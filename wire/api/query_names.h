@@ -5,7 +5,7 @@
 #include <string>
 #include <vector>
 
-#include "wire/scene_info.h"
+#include "wire/api/scene_info.h"
 
 namespace clearance {
 
