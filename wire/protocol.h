@@ -105,7 +105,7 @@ inline constexpr std::uint16_t kRecordRequired = 1;
 
 /// Records with the same meaning in every frame.
 enum class CommonRecord : std::uint16_t {
-  /// uint64, never 0: the run of the daemon, a number drawn at random when it starts. Ends every reply of the daemon's
+  /// uint64, never 0. The run of the daemon, a number drawn at random when it starts. Ends every reply of the daemon's
   /// loop; in a request, the run it is for: any other rejects it with kNewEpoch.
   kEpoch = 0xFF00,
 };

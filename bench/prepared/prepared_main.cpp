@@ -1,4 +1,4 @@
-// clearance-prepared [SCENE [ROBOT]]: what the C++ interface adds to the engine's own work in a check of one state.
+// clearance-prepared [SCENE [ROBOT]]: time that the C++ interface adds to the engine's own work in a check of one state.
 //
 // The engine's own work is a call of its internal interface with columns of the caller. Prints the medians of rounds
 // that alternate, in microseconds a call, and what Prepared::run() and Engine::distances() add.

@@ -87,7 +87,7 @@ inline Query as_free_scale(Query query, std::span<const double> weights) {
   query.weights = weights;
   return query;
 }
-/// Converts a query to that of motions(): sets what has its default value in `query`. These are the maximum of
+/// Converts a query to that of motions(): sets options that have their default value. These are the maximum of
 /// evaluations, the columns (the default ones, flags, pair and those of motions) and, except for Reduce::kAny, the
 /// tolerance (1 mm).
 inline Query as_motions(Query query) {

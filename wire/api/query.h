@@ -30,7 +30,7 @@ using IdPair = std::array<std::uint32_t, 2>;
 
 struct Query {
   std::span<const IdPair> pairs = {};          ///< the pairs; if empty, see all_pairs
-  bool all_pairs = true;                       ///< if `pairs` is empty: all enabled pairs, otherwise no pairs
+  bool all_pairs = true;                       ///< whether an empty `pairs` means all enabled pairs, or none
   std::span<const std::uint32_t> bodies = {};  ///< (M,) moved bodies
   std::span<const Pose7> configurations = {};  ///< (K * M,) their poses; empty for the current poses
   std::span<const std::uint32_t> joints = {};  ///< (J,) moved joints, by id

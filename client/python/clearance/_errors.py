@@ -38,7 +38,7 @@ class JointLimitWarning(UserWarning):
 
 
 class MeshWarning(UserWarning):
-    """A mesh is probably not what the scene takes it for. The text names bodies and figures.
+    """A mesh is probably of another kind than the scene assumes. The text names bodies and measurements.
 
     It is far from convex, and distances are measured to its hull; or it is at least 50 m wide, and its file is probably
     in millimetres. ``warnings.simplefilter("ignore", clearance.MeshWarning)`` silences it, "error" rejects such scenes.

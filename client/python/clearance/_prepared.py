@@ -55,7 +55,7 @@ class Prepared:
         raise TypeError("a prepared query cannot be pickled or copied: send its arguments, and prepare it there")
 
     def run(self, *inputs: Any) -> Any:
-        """Answers the call for the current poses, and returns what the method of that name returns.
+        """Answers the call for the current poses, and returns the result of the method of that name.
 
         inputs: the call's inputs in their order: `configurations` (optional) of distances() and check(), `start` and
             `end` of motions(), `path` of check_path(), `positions` of free_scale(). float64 arrays in C order are read

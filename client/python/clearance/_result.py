@@ -63,7 +63,7 @@ class Result:
     A column that was not requested raises AttributeError. Columns are created on first access, over memory that is
     reused once all of them are gone. Can be pickled.
 
-    The bounds are certified: the exact distance of the stored convex pieces at the given poses lies in [lower, upper].
+    The bounds are certified: the exact distance of the stored convex parts at the given poses lies in [lower, upper].
     """
 
     distance: np.ndarray = _ColumnAttribute("float64: upper if apart, 0 or lower if overlapping; NaN for a bad pose")  # type: ignore[assignment]

@@ -31,7 +31,7 @@ class Frame:
         self.lease = lease
 
     def epoch(self, url: str) -> int:
-        """Which run of the daemon has answered; 0: the reply names none."""
+        """Returns the run of the daemon that answered, or 0 if the reply names none."""
         return self.number(CommonRecord.EPOCH, 8, url)
 
     def number(self, wanted: int, width: int, url: str) -> int:

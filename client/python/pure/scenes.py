@@ -132,7 +132,7 @@ class SceneRequests(Exchange):
         parent: int,
         is_static: bool,
         pose: Optional[np.ndarray],
-        doubts: tuple[float, float, float, float],
+        uncertainties: tuple[float, float, float, float],
         triangles: np.ndarray,
         mesh_as: int,
         cloud: np.ndarray,
@@ -140,7 +140,7 @@ class SceneRequests(Exchange):
     ) -> tuple:
         """Adds a body, or replaces the shape and radius of one. shape: "mesh", or one of _SHAPES.
 
-        numbers: vertices (V, 3), or sizes (1, 3). doubts: uncertainty of position and angle, padding, max_speed.
+        numbers: vertices (V, 3), or sizes (1, 3). uncertainties: of position and angle, padding, max_speed.
         triangles: (T, 3) uint32 of a mesh, otherwise empty. cloud: (N, 3) float32 points, otherwise empty.
         """
         is_hull = shape in ("vertices", "mesh")
@@ -156,7 +156,7 @@ class SceneRequests(Exchange):
             body["size"] = numbers[0]
         revision = 0 if parent == NONE else self._revision_of_ids()
         parts = [body, numbers] if is_hull else [body]
-        records = record(_BODY_DOUBTS, struct.pack("<4d", *doubts)) if any(doubts) else b""
+        records = record(_BODY_DOUBTS, struct.pack("<4d", *uncertainties)) if any(uncertainties) else b""
         if len(triangles):
             records += record(_BODY_TRIANGLES, triangles.astype("<u4").tobytes())
             records += record(_BODY_MESH_AS, struct.pack("<B", mesh_as))

@@ -220,7 +220,7 @@ TEST_F(SceneEdits, LetJobsFinishOnTheirScene) {
   EXPECT_THROW(old->set_poses(std::vector<BodyPose>{{kCup, Pose{}}}), UpdatesStopped) << "they would be lost";
 }
 
-// Each thread owns a body: whatever it sets must be there as soon as the call returns, and stay.
+// Each thread owns a body: each of its updates must be there as soon as the call returns, and stay.
 TEST_F(SceneEdits, LoseNoUpdateOfOtherThreads) {
   constexpr int kThreads = 3;
   for (int i = 0; i < kThreads; ++i) add("own" + std::to_string(i), at(10 + i));
