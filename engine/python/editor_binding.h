@@ -87,7 +87,7 @@ template <class T>
 void bind_scene_changes(nb::class_<T>& engine) {
   engine
       .def("add_body", &PyEditor::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
-           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
+           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"), nb::arg("triangles"),
            nb::arg("mesh_as"), nb::arg("cloud"), nb::arg("revision"))
       .def("remove_body", &PyEditor::remove_body, nb::arg("name"))
       .def("replace", &PyEditor::replace, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),

@@ -486,7 +486,7 @@ NB_MODULE(_client, m) {
       .def("allow", &PyClient::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"))
       .def("reload", &PyClient::reload, nb::arg("timeout_s"))
       .def("add_body", &PyClient::add_body, nb::arg("name"), nb::arg("shape"), nb::arg("numbers"), nb::arg("radius"),
-           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("doubts"), nb::arg("triangles"),
+           nb::arg("parent"), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"), nb::arg("triangles"),
            nb::arg("mesh_as"), nb::arg("cloud"), nb::arg("replaces"))
       .def("remove_body", &PyClient::remove_body, nb::arg("name"))
       .def("scene", &PyClient::scene, nb::arg("refresh"))

@@ -202,7 +202,7 @@ def to_uncertainty(value: Any, what: str) -> tuple[float, float]:
     return position, angle
 
 
-def to_doubts(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, float, float, float]:
+def to_uncertainties(uncertainty: Any, padding: Any, max_speed: Any) -> tuple[float, float, float, float]:
     """Returns a body's uncertainty: position, angle, padding, max_speed (metres, radians, metres per second)."""
     position, angle = to_uncertainty({} if uncertainty is None else uncertainty, "uncertainty")
     return position, angle, to_number(padding, "padding"), to_number(max_speed, "max_speed")

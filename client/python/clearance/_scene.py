@@ -16,7 +16,7 @@ import clearance._engine as _engine
 from ._arguments import (
     to_bool,
     to_cloud,
-    to_doubts,
+    to_uncertainties,
     to_floats,
     to_list,
     to_number,
@@ -430,8 +430,8 @@ class Scene(RobotScene):
         max_speed: float,
     ) -> tuple[Optional[str], bool, Optional[np.ndarray], tuple[float, ...]]:
         name = None if parent is None else self._body(parent, "parent").name
-        doubts = to_doubts(uncertainty, padding, max_speed)
-        return name, to_bool(static, "static"), None if pose is None else as_first_pose(pose, "pose"), doubts
+        uncertainties = to_uncertainties(uncertainty, padding, max_speed)
+        return name, to_bool(static, "static"), None if pose is None else as_first_pose(pose, "pose"), uncertainties
 
     def _body(self, body: BodyRef, what: str) -> BodyInfo:
         table = self._table()

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from ._arguments import ShapeArgument, to_bool, to_doubts, to_number, to_shape, to_text
+from ._arguments import ShapeArgument, to_bool, to_uncertainties, to_number, to_shape, to_text
 from ._names import BodyRef, NameTable
 from ._poses import as_first_pose
 from ._words import NONE, MeshAsWord
@@ -34,7 +34,7 @@ class NewBody(NamedTuple):
     parent: int
     static: bool
     pose: Optional[np.ndarray]
-    doubts: tuple[float, float, float, float]
+    uncertainties: tuple[float, float, float, float]
     triangles: np.ndarray
     mesh_as: int
     cloud: np.ndarray
@@ -117,7 +117,7 @@ class SceneChanges:
             names.body(parent, "parent") if names and parent is not None else NONE,
             to_bool(static, "static"),
             None if pose is None else as_first_pose(pose, "pose").reshape(1, 7),
-            to_doubts(uncertainty, padding, max_speed),
+            to_uncertainties(uncertainty, padding, max_speed),
             shape.triangles,
             shape.mesh_as,
             shape.cloud,

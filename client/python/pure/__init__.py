@@ -189,7 +189,7 @@ class Client:
         parent: int,
         static: bool,
         pose: Optional[np.ndarray],
-        doubts: tuple[float, float, float, float],
+        uncertainties: tuple[float, float, float, float],
         triangles: np.ndarray,
         mesh_as: int,
         cloud: np.ndarray,
@@ -197,7 +197,18 @@ class Client:
     ) -> tuple:
         mesh = (triangles, mesh_as)
         return self._with(
-            self._session.add_body, name, shape, numbers, radius, parent, static, pose, doubts, *mesh, cloud, replaces
+            self._session.add_body,
+            name,
+            shape,
+            numbers,
+            radius,
+            parent,
+            static,
+            pose,
+            uncertainties,
+            *mesh,
+            cloud,
+            replaces,
         )
 
     def remove_body(self, name: str) -> tuple:
