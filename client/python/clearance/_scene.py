@@ -16,7 +16,6 @@ import clearance._engine as _engine
 from ._arguments import (
     to_bool,
     to_cloud,
-    to_uncertainties,
     to_floats,
     to_list,
     to_number,
@@ -24,6 +23,7 @@ from ._arguments import (
     to_path,
     to_shape,
     to_text,
+    to_uncertainties,
     to_word,
 )
 from ._errors import SceneError

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from ._arguments import ShapeArgument, to_bool, to_uncertainties, to_number, to_shape, to_text
+from ._arguments import ShapeArgument, to_bool, to_number, to_shape, to_text, to_uncertainties
 from ._names import BodyRef, NameTable
 from ._poses import as_first_pose
 from ._words import NONE, MeshAsWord
