@@ -4,6 +4,7 @@ import asyncio
 import concurrent.futures
 import gc
 import pickle
+import signal
 import time
 
 import numpy as np
@@ -156,6 +157,27 @@ def test_threads_wait_for_one_future(front):
             future = front.submit(reduce="min")
             results = [pool.submit(future.result, PATIENCE_S) for _ in range(3)]
             assert [result.result().lower[0] for result in results] == [expected] * 3
+
+
+def test_threads_with_timeouts_of_their_own_and_one_that_cancels(start_daemon, cell):
+    daemon = start_daemon(cell, ["ipc"])
+    client = clearance.connect(daemon.urls["ipc"], timeout_s=PATIENCE_S, hang_s=0)
+    client.check()
+    daemon.process.send_signal(signal.SIGSTOP)
+    try:
+        future = client.submit(reduce="min")
+        with concurrent.futures.ThreadPoolExecutor(2) as pool:
+            waiting = pool.submit(future.result, PATIENCE_S)
+            until(waiting.running)
+            begin = time.monotonic()
+            with pytest.raises(clearance.TimeoutError, match=r"no answer within 0\.01 s"):
+                future.result(timeout=0.01)
+            assert future.cancel() and time.monotonic() - begin < PATIENCE_S / 2
+            with pytest.raises(concurrent.futures.CancelledError):
+                waiting.result()
+    finally:
+        daemon.process.send_signal(signal.SIGCONT)
+    assert client.distances(reduce="min").lower.shape == (1,), "the connection still works"
 
 
 def test_a_daemon_that_goes_away(start_daemon, cell):

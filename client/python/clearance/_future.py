@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import concurrent.futures
+import math
 import threading
 import time
 import weakref
@@ -14,7 +15,8 @@ from ._arguments import to_number_from_0
 from ._errors import QueryError, TimeoutError
 
 _WRONG_SCENE = 2
-_WAIT_S = 0.1  # of a caller in result(), between checks of the deadline
+_SLICE_S = 0.1  # of a caller in result()
+_YIELD_S = 0.0005  # for other threads with the same future, between slices
 
 
 class Runner(Protocol):
@@ -120,20 +122,32 @@ class Future(concurrent.futures.Future):  # type: ignore[type-arg]  # generic fr
 
     def _within(self, timeout: Optional[float], wait: Any) -> Any:
         seconds = self._timeout_s if timeout is None else to_number_from_0(timeout, "timeout")
+        left = seconds
         if self._is_driven_by_caller:
-            end = None if seconds is None else time.monotonic() + seconds
-            with self._turn:
-                while not self._is_over:
-                    left = _WAIT_S if end is None else min(end - time.monotonic(), _WAIT_S)
-                    self._advance(max(left, 0.0))
-                    if end is not None and time.monotonic() >= end:
-                        break
+            self._drive(seconds)
+            left = 0
         try:
-            return wait(0 if self._is_driven_by_caller else seconds)
+            return wait(left)
         except concurrent.futures.TimeoutError as error:
             if super().done():
                 raise
             raise TimeoutError(f"no answer within {seconds:g} s") from error
+
+    def _drive(self, seconds: Optional[float]) -> None:
+        """Advances the call on this thread until it is over, or for so long. Other threads may do that as well."""
+        end = math.inf if seconds is None else time.monotonic() + seconds
+        while True:
+            left = min(max(end - time.monotonic(), 0.0), _SLICE_S)
+            if self._turn.acquire(timeout=left):
+                try:
+                    self._advance(left)
+                    if self._is_over:
+                        return
+                finally:
+                    self._turn.release()
+            if time.monotonic() >= end:
+                return
+            time.sleep(_YIELD_S)
 
     def _advance(self, seconds: float) -> bool:
         """Advances the call, unless another thread does. Returns whether it is over."""

@@ -28,10 +28,7 @@ MotionReduceWord = Literal["none", "min", "any"]
 
 
 class Queries:
-    """The methods of Front for queries.
-
-    A row of wire/query_options.h is an option of prepare(), and of a call if the call has a parameter of that name.
-    """
+    """The methods of Front for queries. A parameter with the name of a row in wire/query_options.h is that option."""
 
     _module: Any
     _prepared_only: frozenset[str] = frozenset()  #: arguments of prepare() in addition to options of queries
@@ -259,7 +256,8 @@ class Queries:
         Names become ids here, and the query keeps these: see Prepared. Raises as that method does, and TypeError for an
         argument that it does not take.
         """
-        everyday = _everyday(to_word(call, _CALL_NAMES, "call"))
+        to_word(call, CALLS, "call")
+        everyday = _everyday(call)
         check_arguments(call, everyday, self._module, self._prepared_only, arguments)
         return Prepared(self, call, {**everyday, **arguments})  # type: ignore[arg-type]
 
@@ -286,9 +284,6 @@ class Queries:
 
 
 _SIGNATURES = {call: inspect.signature(getattr(Queries, call)) for call in CALLS}
-
-
-_CALL_NAMES = {call: call for call in CALLS}
 
 
 @functools.cache
