@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import clearance
+from clearance._query import NO_ARGUMENTS
 from conftest import PATIENCE_S
 from robots import rows_of
 from scenes import at, random_poses, same_bits
@@ -185,6 +186,19 @@ def test_options_of_prepared_queries_alone(front):
         else:
             with pytest.raises(TypeError, match=name):
                 front.prepare(**{name: value})
+
+
+def test_every_row_of_the_options_is_an_argument(front):
+    """A new row of wire/query_options.h needs no other code."""
+    taken = []
+    for name, (_, kind, default, words, *_) in front._module.OPTIONS.items():
+        if name in (*NO_ARGUMENTS, "max_evaluations"):
+            continue
+        value = words.split()[default] if kind == "word" else None if name == "rel_tol" else default
+        result = front.prepare(**{"fields": "default", name: value}).run()
+        assert same_bits(result, front.distances(fields="default")), name
+        taken.append(name)
+    assert {"max_distance", "precision", "model", "max_results", "fields", "reduce", "margin"} <= set(taken)
 
 
 def test_parameters():
