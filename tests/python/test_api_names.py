@@ -31,7 +31,12 @@ OTHER_NAMES = {
 #: Names that only C++ has, with the reason.
 CPP_ONLY = {
     "Engine": {"group": "names of groups are accepted wherever selectors are"},
-    "Client": {"group": "as of an Engine", "Duration": "a type", "wait_for_poses": "an option of queries"},
+    "Client": {
+        "group": "as of an Engine",
+        "Duration": "a type",
+        "wait_for_poses": "an option of queries",
+        "plan_on_device": "of a prepared query",
+    },
     "Result": {
         "info": "all properties at once",
         "bytes": "of a column",
@@ -40,7 +45,7 @@ CPP_ONLY = {
         "epoch": "of the client",
     },
     "Check": {"upper": "in `result`"},
-    "Joints": {"size": "len()"},
+    "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
 }
 #: Names that only Python has, with the reason.
 PYTHON_ONLY = {
