@@ -90,7 +90,7 @@ TEST_F(LcmTransportTest, Float32Columns) {
   start();
   set_poses(1, 0.7);
   query_t query = query_message();
-  query.fields = query_t::FIELD_BOUNDS | query_t::FIELD_POINTS32;
+  query.fields = static_cast<std::int32_t>(kFieldBounds | kFieldPoints32);
   const auto reply = evaluate(query);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
