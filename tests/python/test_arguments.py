@@ -111,6 +111,13 @@ MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, 
 ENDS = [None, "x", 3, [], [IDENTITY], [[[1, 2, 3]]]]
 
 #: Of both front ends: call -> (valid arguments, invalid values of each argument).
+SHAPES = {
+    "radius": [*NUMBERS, None], "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
+    "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
+    "mesh_as": [*WORDS, "solid"],
+    "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
+    "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
+}  # fmt: skip
 FRONT = {
     "distances": ({}, QUERY),
     "submit": ({}, QUERY),
@@ -140,17 +147,12 @@ FRONT = {
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "certificate": ({}, {"rows": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
+    "add_body": ({"name": "mug", "sphere": 0.1}, {"name": TEXTS, **SHAPES, **OF_A_BODY, **DOUBTS}),
+    "replace": ({"name": "cup", "sphere": 0.1}, {"name": TEXTS, **SHAPES}),
+    "remove_body": ({}, {"name": TEXTS}),
 }  # fmt: skip
 CLIENT: dict[str, tuple[dict, dict]] = {
     "reload": ({}, {"timeout_s": [*NUMBERS_FROM_0, None]}),
-    "add_body": ({"name": "mug", "sphere": 0.1}, {
-        "name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
-        "vertices": [*VERTICES, np.zeros((0, 3))], "box": SIZES, "capsule": TWO, "cylinder": TWO,
-        "mesh_as": [*WORDS, "solid"],
-        "mesh": [3, "m", [1], ([[0, 0, 0]],), ([[0, 0, 0]], [[0.5, 1, 2]]), ([["0", 0, 0]], [[0, 0, 0]])],
-        "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
-        **DOUBTS}),
-    "remove_body": ({}, {"name": TEXTS}),
     "wait_for_poses": ({"stamp_ns": 1}, {
         "stamp_ns": [*COUNTS, 0], "of": [*BODIES, None, ""], "timeout_s": [*NUMBERS, None, "", 11, -1]}),
     "ping": ({}, {"payload": ["text", 3, None, [1]]}),
@@ -165,7 +167,7 @@ SCENE = {
     "add_mesh": ({"name": "x", "path": "x.obj"}, {
         "name": TEXTS, "path": [*PATHS, None], "scale": [*SIZES[:2], *SIZES[3:], None, True], "mesh_as": WORDS,
         "up": WORDS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
-    "add_body": CLIENT["add_body"],
+    "add_body": FRONT["add_body"],
     "add_box": ({"name": "x", "size": [1, 1, 1]},
                 {"name": TEXTS, "size": SIZES, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
     "add_sphere": ({"name": "x", "radius": 1}, {"name": TEXTS, "radius": [*NUMBERS, None], **OF_A_BODY, **DOUBTS}),
