@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any, Optional
 
 import numpy as np
@@ -110,10 +109,7 @@ class Engine(Front):
         return names
 
     def _load_names(self) -> NameTable:
-        scene, revision, parents = self._engine.scene_state()
-        table = name_table(scene, revision)  # with the parents at load
-        bodies = [replace(b, parent=None if p == NONE else p) for b, p in zip(table.bodies, parents)]
-        return NameTable(revision, bodies, table.groups)
+        return name_table(*self._engine.scene_state())
 
     def _parse(self, *arguments: Any, **more: Any) -> Query:
         revision = self._names.revision  # before names are resolved, so that a later change of their ids is found

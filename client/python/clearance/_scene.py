@@ -454,12 +454,12 @@ def _restored(files: dict[str, bytes]) -> Scene:
     return scene
 
 
-def name_table(scene: Any, revision: int) -> NameTable:
-    """Returns the names and ids of an _engine.Scene."""
-    bodies = [
-        BodyInfo(name, i, None if parent == NONE else parent, *rest)
-        for i, (name, parent, *rest) in enumerate(scene.bodies())
-    ]
+def name_table(scene: Any, revision: int, parents: Optional[Sequence[int]] = None) -> NameTable:
+    """Returns the names and ids of an _engine.Scene. parents: of each body, if not those at load."""
+    bodies = []
+    for i, (name, parent, *rest) in enumerate(scene.bodies()):
+        now = parent if parents is None else parents[i]
+        bodies.append(BodyInfo(name, i, None if now == NONE else now, *rest))
     groups = {name: np.array(members, dtype=np.uint32) for name, members in scene.groups()}
     return NameTable(revision, bodies, groups)
 
