@@ -90,7 +90,7 @@ std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan
   plan.keep_configurations();
   const bool may_be_kept = plan.question && JobCache::keeps(plan.size);
   auto job = std::make_unique<MotionJob>(context, std::move(plan), reply);
-  if (may_be_kept) job->keeper = context.kept;
+  if (may_be_kept) job->keeper = context.job_cache;
   return job;
 }
 
