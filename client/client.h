@@ -148,7 +148,8 @@ class CLEARANCE_API Client {
   SceneChanged add_body(const NewBody& body);
   /// Replaces the shape of a body by that of `shape`, grown by its `radius`, and waits until the scene contains it. The
   /// body of this name keeps its id, pose, attachments, allowed pairs, padding and uncertainty; the other members of
-  /// `shape` are ignored. Received points of a cloud are dropped. Throws as add_body(), and for links of robots.
+  /// `shape` are ignored. Received points of a cloud are dropped. Throws as add_body(), for links of robots, and for bodies
+  /// of the scene file without the right "admin".
   SceneChanged replace(const NewBody& shape);
   /// Removes a body that add_body() added. The ids of bodies added after it change. Throws RequestError for any other
   /// body, and for the parent of another body.

@@ -108,6 +108,7 @@ void SceneChanges::add_body(Request& request) {
   check_size(parts);
   const std::string name = wire::name_of(parts.record.name);
   if (parts.replaces) {
+    check_may_replace(request, name);
     check_scene(*engine_, request.header, std::array{engine_->scene().find_body(name)});
     return begin_edit(request, name, Change::kReshape, reshaping(parts));
   }
@@ -119,6 +120,13 @@ void SceneChanges::add_body(Request& request) {
                           "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   begin_edit(request, name, Change::kAdd,
              addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
+}
+
+/// Throws RejectedRequest for a body of the scene file without the right to change that.
+void SceneChanges::check_may_replace(const Request& request, const std::string& name) const {
+  const auto has_name = [&](const AddedBody& added) { return added.body.name == name; };
+  if (std::ranges::any_of(parts_.added, has_name) || (request.sink->rights() & kMayAdmin)) return;
+  throw RejectedRequest{ErrorCode::kForbidden, "replacing a body of the scene file needs the right \"admin\""};
 }
 
 void SceneChanges::check_size(const wire::NewBodyParts& parts) const {

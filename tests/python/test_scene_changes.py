@@ -44,6 +44,14 @@ def scene(tmp_path, urdf):
     return write_scene(tmp_path / "cell", urdf)
 
 
+@pytest.fixture(params=["engine", "shm", "ipc"])
+def front(request, scene, start_daemon):
+    """An engine, or a client with the right "admin", which clients over LCM lack."""
+    if request.param == "engine":
+        return clearance.Engine(clearance.Scene.load(scene))
+    return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
+
+
 def loaded(tmp_path, urdf, *arguments, **options):
     """An engine of a scene that was loaded with other content."""
     return clearance.Engine(clearance.Scene.load(write_scene(tmp_path / "other", urdf, *arguments, **options)))

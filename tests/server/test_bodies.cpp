@@ -129,6 +129,36 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   EXPECT_EQ(loop_->engine().scene().revision(), before);
 }
 
+TEST_F(Bodies, AReplacedOneKeepsItsPlace) {
+  start_editable(small_scene());
+  const auto replacing = [](const char* name, std::span<const std::byte> content = {}) {
+    std::vector<std::byte> frame = box_frame(name), records;
+    wire::append_record(records, 24, wire::kRecordRequired, content);
+    wire::FrameHeader header;
+    std::memcpy(&header, frame.data(), sizeof header);
+    header = wire::with_records(header, records.size());
+    std::memcpy(frame.data(), &header, sizeof header);
+    frame.insert(frame.end(), records.begin(), records.end());
+    return frame;
+  };
+  const BodyPose moved{1, Pose{{0, 0, 0.7}}};
+  loop_->on_poses(std::span(&moved, 1), 5);
+  EXPECT_EQ(change(replacing("cup")).body, 1u);
+  EXPECT_EQ(bodies()[1].source, "box");
+  EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7);
+  EXPECT_EQ(rejection(replacing("cups")), "there is no body \"cups\"");
+  EXPECT_EQ(rejection(replacing("cup", std::as_bytes(std::span("x"))), ErrorCode::kBadFrame),
+            "new body: replace (record 24) has 2 bytes, expected 0");
+  change(box_frame("crate"));
+  a_.rights = kMayQuery | kMayPose;
+  EXPECT_EQ(rejection(replacing("cup"), ErrorCode::kForbidden),
+            "replacing a body of the scene file needs the right \"admin\"");
+  EXPECT_EQ(change(replacing("crate")).body, 4u);
+  a_.rights = kAllRights;
+  change(simple_frame(FrameType::kReload, 3));
+  EXPECT_EQ(bodies()[1].source, "box") << "also after a reload";
+}
+
 TEST_F(Bodies, WhatCannotBeAddedIsRejectedAndChangesNothing) {
   Loop::Options options;
   options.max_added_bodies = 2;

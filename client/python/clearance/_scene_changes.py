@@ -154,7 +154,8 @@ class SceneChanges:
         The body keeps its id, pose, attachments, allowed pairs, padding and uncertainty; points received by
         set_points() are dropped. Running queries finish on the scene that they started with. Raises QueryError for an
         unknown body, an invalid shape, a robot's link or frame, and for the half-space of a body that is not static;
-        ValueError and TypeError for a wrong argument.
+        ValueError and TypeError for a wrong argument; and from a client RequestError (FORBIDDEN) for a body of the
+        scene file without the right "admin".
         """
         shape = to_shape(
             mesh_as, voxel, vertices=vertices, mesh=mesh, box=box, sphere=sphere, capsule=capsule, cylinder=cylinder,
