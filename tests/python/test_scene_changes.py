@@ -251,7 +251,7 @@ def test_a_running_query_ends_with_its_scene():
     assert engine.distances(**query).lower.shape[1] > expected.lower.shape[1]
 
 
-def test_changes_beside_queries_and_updates(scene):
+def test_changes_during_queries_and_updates(scene):
     """Threads that update and query their own bodies while the scene changes: no update is lost, no id is confused."""
     engine = clearance.Engine(clearance.Scene.load(scene), threads=1)
     engine.add_body("first", sphere=0.01, pose=at(0, 50))
