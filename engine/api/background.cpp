@@ -38,15 +38,15 @@ Result BackgroundJob::get() {
   return std::move(*result_);
 }
 
-void Background::work(Queue& queue) {
+void Background::work() {
   while (true) {
     std::shared_ptr<BackgroundJob> job;
     {
-      std::unique_lock lock(queue.mutex);
-      queue.changed.wait(lock, [&] { return queue.is_closed || !queue.jobs.empty(); });
-      if (queue.is_closed) return;
-      job = std::move(queue.jobs.front());
-      queue.jobs.pop_front();
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [this] { return is_closed_ || !jobs_.empty(); });
+      if (is_closed_) return;
+      job = std::move(jobs_.front());
+      jobs_.pop_front();
     }
     job->run();
   }
@@ -54,24 +54,20 @@ void Background::work(Queue& queue) {
 
 void Background::add(std::shared_ptr<BackgroundJob> job) {
   {
-    const std::lock_guard lock(queue_->mutex);
-    queue_->jobs.push_back(std::move(job));
-    if (!thread_.joinable()) thread_ = std::thread([queue = queue_] { work(*queue); });
+    const std::lock_guard lock(mutex_);
+    jobs_.push_back(std::move(job));
+    if (!thread_.joinable()) thread_ = std::thread([this] { work(); });
   }
-  queue_->changed.notify_one();
+  changed_.notify_one();
 }
 
 Background::~Background() {
   {
-    const std::lock_guard lock(queue_->mutex);
-    queue_->is_closed = true;
+    const std::lock_guard lock(mutex_);
+    is_closed_ = true;
   }
-  queue_->changed.notify_one();
-  if (!thread_.joinable()) return;
-  if (thread_.get_id() == std::this_thread::get_id())  // a callback released the engine
-    thread_.detach();
-  else
-    thread_.join();
+  changed_.notify_one();
+  if (thread_.joinable()) thread_.join();
 }
 
 }  // namespace clearance

@@ -46,16 +46,13 @@ class Background {
   void add(std::shared_ptr<BackgroundJob> job);
 
  private:
-  struct Queue {
-    std::mutex mutex;
-    std::condition_variable changed;
-    std::deque<std::shared_ptr<BackgroundJob>> jobs;
-    bool is_closed = false;
-  };
-  static void work(Queue& queue);
+  void work();
 
-  std::shared_ptr<Queue> queue_ = std::make_shared<Queue>();
-  std::thread thread_;  // guarded by the queue's mutex
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::deque<std::shared_ptr<BackgroundJob>> jobs_;  // guarded by mutex_, as the members below
+  bool is_closed_ = false;
+  std::thread thread_;
 };
 
 }  // namespace clearance

@@ -13,7 +13,7 @@
 namespace clearance {
 
 /// Called once when the result of a query is there, so that get() does not wait: by a thread of the engine, or by the
-/// call of a client's ready(), wait_for() or get() that receives it. It must not throw.
+/// call of a client's ready(), wait_for() or get() that receives it. It must not throw, nor destroy the engine.
 using WhenDone = std::function<void()>;
 
 /// A query under way. The destructor abandons it. Not thread-safe, also with respect to its client.

@@ -135,10 +135,11 @@ TEST(EngineApi, SubmittedQueriesCallBack) {
     changed.notify_one();
   };
   Pending pending = engine.submit({.reduce = Reduce::kMin}, count);
-  {
+  const auto wait_until_called = [&](int times) {
     std::unique_lock lock(mutex);
-    changed.wait(lock, [&] { return called == 1; });
-  }
+    changed.wait(lock, [&] { return called == times; });
+  };
+  wait_until_called(1);
   EXPECT_TRUE(pending.ready());
   const Result result = pending.get();
   EXPECT_NEAR(result.distance()[0], 1, 1e-6);
@@ -153,6 +154,7 @@ TEST(EngineApi, SubmittedQueriesCallBack) {
   EXPECT_NEAR(second.get().distance()[0], 3, 1e-6);
   EXPECT_TRUE(first.wait_for(std::chrono::nanoseconds(0)));  // answered in order
   EXPECT_NEAR(first.get().distance()[0], 2, 1e-6);
+  wait_until_called(2);
 }
 
 TEST(EngineApi, AbandonedQueriesLeaveTheEngineUsable) {
