@@ -71,6 +71,15 @@ SceneInfo scene_info_of(const engine::Engine& engine) {
   return info;
 }
 
+SceneInfo scene_names_of(const engine::Engine& engine) {
+  SceneInfo info;
+  info.revision = engine.scene_revision();
+  for (const Body& body : engine.scene().bodies()) info.bodies.push_back({.name = body.name});
+  for (std::uint32_t id = 0; id < info.bodies.size(); ++id) info.bodies[id].parent = engine.body_state(id).parent;
+  for (const Group& group : engine.scene().groups()) info.groups.push_back({group.name, {}});
+  return info;
+}
+
 JointsInfo joints_of(const engine::Engine& engine) {
   const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
   const engine::Scene& scene = engine.scene();

@@ -37,6 +37,8 @@ QueryView view_of(const Query& query);
 std::vector<BodyInfo> bodies_of(const engine::Scene& scene);
 std::vector<GroupInfo> groups_of(const engine::Scene& scene);
 SceneInfo scene_info_of(const engine::Engine& engine);
+/// Only the revision, the names of bodies and groups, and the parents.
+SceneInfo scene_names_of(const engine::Engine& engine);
 JointsInfo joints_of(const engine::Engine& engine);
 
 }  // namespace clearance

@@ -10,8 +10,9 @@ namespace clearance {
 struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   Prepared(std::shared_ptr<Impl> of, const Query& query) : engine(std::move(of)), owned(query) {
     view = view_without_inputs(owned.query);
-    view.scene_revision = engine->engine.scene_revision();
-    names = names_in(owned.query, scene_info_of(engine->engine), joints());
+    const SceneInfo scene = scene_names_of(engine->engine);
+    view.scene_revision = scene.revision;
+    names = names_in(owned.query, scene, joints());
     if (!owned.bodies.empty() || !owned.joints.empty()) return;  // their number is known with the inputs
     translated([&] { engine->engine.size(view); });              // throws for an invalid query
   }
@@ -27,10 +28,10 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   }
 
   bool is_stale() override {
-    const std::uint64_t now = engine->engine.scene_revision();
-    if (now == view.scene_revision) return false;
-    why = changed_name(names, owned.query, scene_info_of(engine->engine), joints());
-    if (why.empty()) view.scene_revision = now;
+    if (engine->engine.scene_revision() == view.scene_revision) return false;
+    const SceneInfo now = scene_names_of(engine->engine);
+    why = changed_name(names, owned.query, now, joints());
+    if (why.empty()) view.scene_revision = now.revision;
     return !why.empty();
   }
 
