@@ -1,8 +1,7 @@
 // Poses and columns as Eigen has them, for <clearance/client.h> and <clearance/engine.h> alike. Needs Eigen 3.3.
 //
 //   client.set_poses({{"gripper", clearance::eigen::pose(X_wb)}});            // Eigen::Isometry3d
-//   const auto a = clearance::eigen::points(reply.point_a());                 // Map, 3 x rows, of the reply's own
-//   memory
+//   const auto a = clearance::eigen::points(result.point_a());                // map, 3 x rows, of the result's memory
 #pragma once
 
 #include <clearance/query.h>
