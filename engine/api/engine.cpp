@@ -24,38 +24,41 @@ std::vector<std::string> Engine::backends() {
   return engine::Engine::backends();
 }
 std::string_view Engine::backend() const {
-  return impl_->engine.backend();
+  return impl_->engine()->backend();
 }
 std::string Engine::device_error() const {
-  return impl_->engine.device_error();
+  return impl_->engine()->device_error();
 }
 
 SceneInfo Engine::scene() const {
-  return scene_info_of(impl_->engine);
+  return scene_info_of(*impl_->engine());
 }
 std::uint32_t Engine::body(std::string_view name) const {
-  const std::uint32_t id = impl_->engine.scene().find_body(name);
-  if (id == kNone) unknown_name("body", name, impl_->engine.scene().bodies());
+  const std::shared_ptr<engine::Engine> now = impl_->engine();
+  const std::uint32_t id = now->scene().find_body(name);
+  if (id == kNone) unknown_name("body", name, now->scene().bodies());
   return id;
 }
 std::uint32_t Engine::group(std::string_view name) const {
   if (name == "*") return kEveryBody;
-  const std::uint32_t index = impl_->engine.scene().find_group(name);
-  if (index == kNone) unknown_name("group", name, impl_->engine.scene().groups());
+  const std::shared_ptr<engine::Engine> now = impl_->engine();
+  const std::uint32_t index = now->scene().find_group(name);
+  if (index == kNone) unknown_name("group", name, now->scene().groups());
   return index | kGroupBit;
 }
 Joints Engine::joints(std::string_view group) const {
   return joints_named(*impl_->joint_limits(), group);
 }
 JointsInfo Engine::joint_states() const {
-  return joints_of(impl_->engine);
+  return joints_of(*impl_->engine());
 }
 
 std::vector<BodyStateInfo> Engine::body_states() const {
   const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-  std::vector<BodyStateInfo> states(impl_->engine.scene().bodies().size());
+  const std::shared_ptr<engine::Engine> engine = impl_->engine();
+  std::vector<BodyStateInfo> states(engine->scene().bodies().size());
   for (std::uint32_t id = 0; id < states.size(); ++id) {
-    const BodyState s = impl_->engine.body_state(id);
+    const BodyState s = engine->body_state(id);
     const Pose& X = s.X_wb;
     states[id] = {{X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz},
                   s.status,
@@ -67,7 +70,7 @@ std::vector<BodyStateInfo> Engine::body_states() const {
 }
 
 std::vector<std::pair<std::string, std::uint64_t>> Engine::stats() const {
-  const Counters counters = impl_->engine.stats();
+  const Counters counters = impl_->engine()->stats();
   return {counters.begin(), counters.end()};
 }
 
@@ -77,10 +80,12 @@ namespace {
 
 /// Applies an update of the engine, and describes its result.
 template <class F>
-UpdateResult updated(engine::Engine& engine, F&& update) {
+UpdateResult updated(SceneEditor& editor, F&& update) {
   return translated([&] {
-    const PoseUpdateResult done = update(engine);
-    return UpdateResult{done.revision, engine.scene_revision(), done.applied, done.bad, done.unknown, done.fixed};
+    return editor.update([&](engine::Engine& engine) {
+      const PoseUpdateResult done = update(engine);
+      return UpdateResult{done.revision, engine.scene_revision(), done.applied, done.bad, done.unknown, done.fixed};
+    });
   });
 }
 
@@ -91,7 +96,7 @@ UpdateResult Engine::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> 
   std::vector<BodyPose> batch;
   batch.reserve(poses.size());
   for (const auto& [body, X] : poses) batch.push_back({body, pose_of(X)});
-  return updated(impl_->engine, [&](auto& engine) { return engine.set_poses(batch, stamp_ns, sequence); });
+  return updated(impl_->editor, [&](auto& engine) { return engine.set_poses(batch, stamp_ns, sequence); });
 }
 UpdateResult Engine::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
                                std::int64_t sequence) {
@@ -104,25 +109,25 @@ UpdateResult Engine::set_joints(std::span<const std::pair<std::uint32_t, double>
   std::vector<JointPosition> batch;
   batch.reserve(positions.size());
   for (const auto& [joint, position] : positions) batch.push_back({joint, position});
-  return updated(impl_->engine, [&](auto& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
+  return updated(impl_->editor, [&](auto& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
 }
 UpdateResult Engine::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,
                                 std::optional<double> radius, std::int64_t stamp_ns, std::int64_t sequence) {
   const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.size());
-  return updated(impl_->engine,
+  return updated(impl_->editor,
                  [&](auto& engine) { return engine.set_points(body, points, radius, stamp_ns, sequence); });
 }
 UpdateResult Engine::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
                             std::span<const std::uint32_t> allow) {
   const Pose X_pc = X_parent_child ? pose_of(*X_parent_child) : Pose();
-  return updated(impl_->engine,
+  return updated(impl_->editor,
                  [&](auto& engine) { return engine.attach(child, parent, X_parent_child ? &X_pc : nullptr, allow); });
 }
 UpdateResult Engine::allow(std::uint32_t a, std::uint32_t b) {
-  return updated(impl_->engine, [&](auto& engine) { return engine.allow(a, b, true); });
+  return updated(impl_->editor, [&](auto& engine) { return engine.allow(a, b, true); });
 }
 UpdateResult Engine::forbid(std::uint32_t a, std::uint32_t b) {
-  return updated(impl_->engine, [&](auto& engine) { return engine.allow(a, b, false); });
+  return updated(impl_->editor, [&](auto& engine) { return engine.allow(a, b, false); });
 }
 
 }  // namespace clearance

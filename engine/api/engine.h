@@ -11,6 +11,7 @@
 
 #include <clearance/check.h>
 #include <clearance/errors.h>
+#include <clearance/new_body.h>
 #include <clearance/prepared.h>
 #include <clearance/query.h>
 #include <clearance/result.h>
@@ -125,6 +126,17 @@ class CLEARANCE_API Engine {
   /// and its child. `applied` counts the pairs that have changed. Throws QueryError.
   UpdateResult allow(std::uint32_t a, std::uint32_t b);
   UpdateResult forbid(std::uint32_t a, std::uint32_t b);
+
+  /// Adds a body (for example a grasped object). It gets the next id; the other bodies keep their ids and poses. Running
+  /// queries finish on the scene that they started with. Throws QueryError for a name in use or an invalid shape;
+  /// std::invalid_argument unless there is exactly one shape.
+  SceneChanged add_body(const NewBody& body);
+  /// Removes a body that add_body() added. The ids of bodies added after it change. Throws QueryError for any other
+  /// body, and for the parent of another body.
+  SceneChanged remove_body(std::string_view name);
+  /// Replaces the shape and radius of the body of this name, which keeps its id, pose, attachments and allowed pairs.
+  /// Throws QueryError for frames and links of robots, and as add_body().
+  SceneChanged replace(const NewBody& shape);
 
  private:
   struct Impl;

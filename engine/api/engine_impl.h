@@ -7,12 +7,16 @@
 #include "engine/api/background.h"
 #include "engine/api/conversions.h"
 #include "engine/api/engine.h"
+#include "engine/editor/scene_editor.h"
 #include "engine/engine.h"
 
 namespace clearance {
 
 struct Engine::Impl {
-  Impl(engine::Scene scene, const engine::Engine::Options& options) : engine(std::move(scene), options) {}
+  Impl(engine::Scene scene, const engine::Engine::Options& options) : editor(std::move(scene), options) {}
+
+  /// The present engine. A call that uses several of its functions holds it, so that they see one scene.
+  std::shared_ptr<engine::Engine> engine() const { return editor.engine(); }
 
   /// Answers a query.
   /// \param memory of an earlier result, which is reused if no such result exists; may be null
@@ -22,10 +26,10 @@ struct Engine::Impl {
   /// The joints, of which only the limits are valid.
   std::shared_ptr<const JointsInfo> joint_limits() const;
 
-  engine::Engine engine;
+  SceneEditor editor;
   mutable std::mutex limits_mutex;
   mutable std::shared_ptr<const JointsInfo> limits;
-  Background background;  // last, since its jobs use the engine
+  Background background;
 
   struct Request;
   struct Prepared;

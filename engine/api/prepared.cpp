@@ -10,11 +10,11 @@ namespace clearance {
 struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   Prepared(std::shared_ptr<Impl> of, const Query& query) : engine(std::move(of)), owned(query) {
     view = view_without_inputs(owned.query);
-    const SceneInfo scene = scene_names_of(engine->engine);
+    const SceneInfo scene = scene_names_of(*engine->engine());
     view.scene_revision = scene.revision;
     names = names_in(owned.query, scene, joints());
     if (!owned.bodies.empty() || !owned.joints.empty()) return;  // their number is known with the inputs
-    translated([&] { engine->engine.size(view); });              // throws for an invalid query
+    translated([&] { engine->engine()->size(view); });           // throws for an invalid query
   }
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
@@ -28,8 +28,8 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   }
 
   bool is_stale() override {
-    if (engine->engine.scene_revision() == view.scene_revision) return false;
-    const SceneInfo now = scene_names_of(engine->engine);
+    if (engine->engine()->scene_revision() == view.scene_revision) return false;
+    const SceneInfo now = scene_names_of(*engine->engine());
     why = changed_name(names, owned.query, now, joints());
     if (why.empty()) view.scene_revision = now.revision;
     return !why.empty();
@@ -48,14 +48,15 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
       try {
         return f();
       } catch (const engine::QueryError& error) {
-        if (error.code != QueryErrorCode::kWrongScene || view.scene_revision == engine->engine.scene_revision()) throw;
+        if (error.code != QueryErrorCode::kWrongScene || view.scene_revision == engine->engine()->scene_revision())
+          throw;
       }
       if (is_stale())
         throw StaleQuery(static_cast<std::uint16_t>(QueryErrorCode::kWrongScene), "prepared query: " + why);
       return f();
     });
   }
-  JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : joints_of(engine->engine); }
+  JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : joints_of(*engine->engine()); }
 
   const std::shared_ptr<Impl> engine;
   OwnedQuery owned;

@@ -20,33 +20,36 @@ struct Engine::Impl::Request final : Pending::Request {
 
 Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& memory) const {
   const auto begin = std::chrono::steady_clock::now();
-  PreparedQuery prepared = engine.prepare(query);
+  const std::shared_ptr<engine::Engine> now = engine();
+  PreparedQuery prepared = now->prepare(query);
   if (memory && memory.use_count() == 1)
     memory->fit(prepared.size());
   else
     memory = std::make_shared<ResultMemory>(prepared.size());
-  Job job = engine.start(std::move(prepared), memory->view());
+  Job job = now->start(std::move(prepared), memory->view());
   while (!job.advance()) {
   }
   return ResultMemory::result(memory, job.info(), std::chrono::steady_clock::now() - begin);
 }
 
 Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done) {
-  // A job may read its configurations until it is done.
+  // What a job reads until it is done.
   struct Inputs {
+    std::shared_ptr<engine::Engine> engine;
     std::vector<double> positions;
     std::vector<Pose> configurations;
     std::shared_ptr<ResultMemory> memory;
   };
   const auto inputs = std::make_shared<Inputs>();
+  inputs->engine = self->engine();
   inputs->positions.assign(query.positions.begin(), query.positions.end());
   inputs->configurations.assign(query.configurations.begin(), query.configurations.end());
   QueryView own = query;
   own.positions = inputs->positions;
   own.configurations = inputs->configurations;
-  PreparedQuery prepared = self->engine.prepare(own);
+  PreparedQuery prepared = inputs->engine->prepare(own);
   inputs->memory = std::make_shared<ResultMemory>(prepared.size());
-  Job job = self->engine.start(std::move(prepared), inputs->memory->view());
+  Job job = inputs->engine->start(std::move(prepared), inputs->memory->view());
   const std::shared_ptr<const ResultMemory> memory(inputs, inputs->memory.get());
   auto started = std::make_shared<BackgroundJob>(std::move(job), memory, std::move(when_done));
   self->background.add(started);
@@ -55,7 +58,7 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
 
 std::shared_ptr<const JointsInfo> Engine::Impl::joint_limits() const {
   const std::lock_guard lock(limits_mutex);
-  if (!limits) limits = std::make_shared<const JointsInfo>(joints_of(engine));
+  if (!limits) limits = std::make_shared<const JointsInfo>(joints_of(*engine()));
   return limits;
 }
 
@@ -94,13 +97,13 @@ Pending Engine::submit(const Query& query, WhenDone when_done) const {
 std::vector<IdPair> Engine::pairs(const Query& query) const {
   return translated([&] {
     std::vector<IdPair> pairs;
-    for (const BodyPair& pair : impl_->engine.pairs(view_of(query))) pairs.push_back({pair.a, pair.b});
+    for (const BodyPair& pair : impl_->engine()->pairs(view_of(query))) pairs.push_back({pair.a, pair.b});
     return pairs;
   });
 }
 
 std::string Engine::certificate(const Query& query, std::optional<std::span<const std::uint64_t>> rows) const {
-  return translated([&] { return impl_->engine.certificate(view_of(query), rows); });
+  return translated([&] { return impl_->engine()->certificate(view_of(query), rows); });
 }
 
 }  // namespace clearance

@@ -54,9 +54,6 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
-        "add_body": "of the client",
-        "remove_body": "of the client",
-        "replace": "scenes are built anew",
     },
     "Client": {
         "groups": "in scene()",
