@@ -111,12 +111,6 @@ class Engine(Front):
     def _load_names(self) -> NameTable:
         return name_table(*self._engine.scene_state())
 
-    def _parse(self, *arguments: Any, **more: Any) -> Query:
-        revision = self._names.revision  # before names are resolved, so that a later change of their ids is found
-        query = super()._parse(*arguments, **more)
-        query.raw.scene_revision = revision
-        return query
-
     def _scene_revision(self) -> int:
         return self._engine.scene_revision
 
