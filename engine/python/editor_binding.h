@@ -14,8 +14,9 @@
 #include <span>
 #include <string>
 
-#include "client/python/bindings/columns.h"
 #include "client/python/bindings/gil.h"
+#include "client/python/bindings/process_guard.h"
+#include "client/python/bindings/query.h"
 #include "engine/editor/scene_editor.h"
 
 namespace clearance::python {
