@@ -108,7 +108,6 @@ class HostPlans final : public cuda::ResidentWorkspace {
   void begin(const cuda::QuerySetup& setup) override {
     bodies_ = setup.given_count;
     joints_ = setup.joints;
-    pairs_ = setup.all_pairs;
   }
   std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
   std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }
@@ -138,7 +137,7 @@ class HostPlans final : public cuda::ResidentWorkspace {
  private:
   PlanDevice& device_;
   Reduce reduce_;
-  std::uint64_t bodies_ = 0, joints_ = 0, pairs_ = 0;
+  std::uint64_t bodies_ = 0, joints_ = 0;
   std::vector<double> components_;
   std::vector<std::uint8_t> state_;
 };
