@@ -22,7 +22,7 @@ constexpr std::uint64_t kCapacity = shm::kPage;
 constexpr std::uint64_t kSegmentBytes = shm::segment_bytes(kSlots, kCapacity, kCapacity);
 
 /// One message of the daemon, possibly with a segment.
-struct Prepared {
+struct Prelude {
   std::vector<std::byte> message;
   shm::UniqueFd segment;
 };
@@ -54,8 +54,8 @@ shm::UniqueFd make_segment(Input& in) {
   return fd;
 }
 
-Prepared prepare(Input& in) {
-  Prepared out;
+Prelude prepare(Input& in) {
+  Prelude out;
   const auto how = in.number<std::uint8_t>();
   shm::Message message;
   message.wire_version = wire::kVersion;
@@ -75,8 +75,8 @@ Prepared prepare(Input& in) {
 /// The daemon's mapping of its first segment, for writes while the client waits.
 class Pen {
  public:
-  explicit Pen(const std::vector<Prepared>& messages) {
-    for (const Prepared& m : messages) {
+  explicit Pen(const std::vector<Prelude>& messages) {
+    for (const Prelude& m : messages) {
       if (!m.segment) continue;
       const off_t size = ::lseek(m.segment.get(), 0, SEEK_END);
       if (size < static_cast<off_t>(kSegmentBytes)) return;
@@ -130,10 +130,10 @@ class HandDaemon {
                 ::listen(listener_.get(), 1) == 0,
             "the socket listens");
   }
-  void speak(const std::vector<Prepared>& messages) {
+  void speak(const std::vector<Prelude>& messages) {
     const shm::UniqueFd socket(::accept4(listener_.get(), nullptr, nullptr, SOCK_CLOEXEC));
     const shm::UniqueFd wake(::memfd_create("clearance-fuzz-wake", MFD_CLOEXEC));
-    for (const Prepared& m : messages) {
+    for (const Prelude& m : messages) {
       iovec data{const_cast<std::byte*>(m.message.data()), m.message.size()};
       alignas(cmsghdr) std::byte control[CMSG_SPACE(2 * sizeof(int))] = {};
       msghdr header{};
@@ -193,8 +193,8 @@ CLEARANCE_FUZZ_TARGET(shm_client) {
   static const ScratchFolder folder;
   const std::string path = folder / "c";
   Input in(bytes);
-  std::vector<Prepared> messages(in.number<std::uint8_t>() % 4);
-  for (Prepared& message : messages) message = prepare(in);
+  std::vector<Prelude> messages(in.number<std::uint8_t>() % 4);
+  for (Prelude& message : messages) message = prepare(in);
   Pen pen(messages);
   HandDaemon daemon(path);
   std::jthread thread([&] { daemon.speak(messages); });
