@@ -104,7 +104,7 @@ Bytes bad_body(std::uint64_t id, std::mt19937_64& random) {
   std::fill(std::begin(body.size), std::end(body.size), 0.5);
   switch (random() % 8) {
     case 0:
-      body.shape = static_cast<std::uint8_t>(5 + random() % 250);
+      body.shape = static_cast<std::uint8_t>(9 + random() % 240);
       break;
     case 1:
       body.size[0] = one_of(random, {-1.0, std::nan(""), std::numeric_limits<double>::infinity()});

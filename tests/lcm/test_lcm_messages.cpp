@@ -104,7 +104,7 @@ TEST(LcmCheck, NamedPoseUpdate) {
   test_sizes(named_poses({"base", "", "a longer name"}), {32, 36, 45});
 }
 TEST(LcmCheck, Query) {
-  const std::size_t parameters = 8 + 3 * 8 + 3 * 8 + 5 * 8 + 2 * 4 + 6;
+  const std::size_t parameters = 8 + 3 * 8 + 3 * 8 + 5 * 8 + 2 * 4 + 4;
   test_sizes(query(0, 0, 0), {parameters, parameters + 4, parameters + 8});
   test_sizes(query(2, 3, 4), {parameters, parameters + 4 + 16, parameters + 4 + 16 + 4 + 12});
   query_t out;
