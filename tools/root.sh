@@ -4,7 +4,7 @@
 #
 #   bullseye bookworm trixie    Debian 11, 12, 13
 #   jammy noble                 Ubuntu 22.04, 24.04
-#   trixie-build                another of the kind, with what building needs beside what running needs
+#   trixie-build                another of the kind, with the packages of a build in addition to those of a run
 #   arm64-bookworm              Debian 12 for 64-bit ARM: its packages unpacked and not set up, for a cross-compiler and qemu
 set -euo pipefail
 . "$(dirname "$0")/step.sh" >&2

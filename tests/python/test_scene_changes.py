@@ -211,7 +211,7 @@ def test_ids_keep_their_meaning_or_are_rejected(front):
     front.remove_body("crate")
     assert front.body_id("lid") == count
     assert of_cup.run().lower.shape == front.distances(pairs=("cup", "hand")).lower.shape
-    with pytest.raises(clearance.StaleQuery, match="id .* was 'lid'|is now none"):
+    with pytest.raises(clearance.StaleQuery, match=r"id .* was 'lid'|is now none"):
         of_lid.run()  # its id is that of no body now
     assert front.distances(pairs=("lid", "table")).status[0, 0] == Status.OK
     with pytest.raises(ValueError, match="no body is named 'crate'"):
