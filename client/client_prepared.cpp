@@ -29,10 +29,10 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
   }
 
   bool is_stale() override {
-    const SceneInfo& scene = client->get_scene();
-    if (scene.revision == revision) return false;
-    why = changed_name(names, owned.query, scene, joints());
-    if (why.empty()) revision = scene.revision;
+    const SceneInfo& known = client->get_scene();
+    if (known.revision == revision) return false;
+    why = changed_name(names, owned.query, known, joints());
+    if (why.empty()) revision = known.revision;
     return !why.empty();
   }
 
