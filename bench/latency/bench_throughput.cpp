@@ -32,7 +32,7 @@ struct ThroughputOptions : BenchQueryOptions {
   std::string csv, command;
 };
 
-struct Result {
+struct Throughput {
   std::vector<std::uint64_t> answers;  ///< for each client
   double seconds = 0;
   std::uint64_t pairs = 0, request_bytes = 0, reply_bytes = 0;
@@ -64,7 +64,7 @@ class Copier {
 
 /// One client's closed loop, with `depth` outstanding requests.
 std::uint64_t drive_client(Client& client, const Query& query, int depth, const std::atomic<bool>& stop,
-                           Result* samples) {
+                           Throughput* samples) {
   std::uint64_t answers = 0;
   if (depth > 1) {
     std::vector<Pending> under_way;
@@ -81,7 +81,7 @@ std::uint64_t drive_client(Client& client, const Query& query, int depth, const 
   if (samples) copier = std::make_unique<Copier>(samples->reply_bytes);
   while (!stop.load(std::memory_order_relaxed)) {
     const auto begin = Clock::now();
-    const clearance::Result reply = client.distances(query);
+    const Result reply = client.distances(query);
     ++answers;
     if (!samples || samples->latency.full()) continue;
     samples->latency.add(ns_since(begin));
@@ -93,8 +93,8 @@ std::uint64_t drive_client(Client& client, const Query& query, int depth, const 
   return answers;
 }
 
-Result measure(const ThroughputOptions& o) {
-  Result result;
+Throughput measure(const ThroughputOptions& o) {
+  Throughput result;
   result.answers.resize(static_cast<std::size_t>(o.clients));
   std::vector<Client> clients;
   for (int i = 0; i < o.clients; ++i) clients.push_back(o.connection.open());
@@ -106,7 +106,7 @@ Result measure(const ThroughputOptions& o) {
     queries.push_back(make_query(clients[static_cast<std::size_t>(i)], own));
   }
   {
-    const clearance::Result reply = clients[0].distances(queries[0].query);
+    const Result reply = clients[0].distances(queries[0].query);
     result.pairs = reply.pairs() * reply.configurations();
     result.reply_bytes =
         sizeof(wire::FrameHeader) + sizeof(wire::ReplyHeader) + wire::columns_bytes(reply.rows(), reply.fields());
@@ -137,7 +137,7 @@ Result measure(const ThroughputOptions& o) {
   return result;
 }
 
-Table row_of(const ThroughputOptions& o, const std::string& url, const Result& r) {
+Table row_of(const ThroughputOptions& o, const std::string& url, const Throughput& r) {
   const auto [least, most] = std::minmax_element(r.answers.begin(), r.answers.end());
   const double per_second = r.seconds > 0 ? static_cast<double>(r.total()) / r.seconds : 0;
   const double outside = r.latency.percentile_us(0.5) - r.engine.percentile_us(0.5);
@@ -158,7 +158,7 @@ Table row_of(const ThroughputOptions& o, const std::string& url, const Result& r
 void run(const ThroughputOptions& o) {
   const std::string url = o.connection.open().url();
   if (!o.csv.empty()) check_csv(row_of(o, url, {}), o.csv);
-  const Result r = measure(o);
+  const Throughput r = measure(o);
   const auto [least, most] = std::minmax_element(r.answers.begin(), r.answers.end());
   std::printf("%s, %s\n%d client%s, %d request%s of %llu pairs under way in each, replies of %llu bytes, %.1f s\n\n",
               url.c_str(), machine_name().c_str(), o.clients, o.clients > 1 ? "s" : "", o.depth, o.depth > 1 ? "s" : "",
