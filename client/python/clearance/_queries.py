@@ -82,8 +82,9 @@ class Queries:
         signed_distance: adds the penetration depth of overlapping pairs; for a solid or a surface, an interval that
             contains it. Default: False, since depths take several times the time of the pair.
         fields: names of the columns to return; "points" is both points, "default" is distance, lower, upper and
-            status, "bounds" is lower and upper in float32, rounded outward. The default is "default", plus points and
-            normal for at most 100,000 rows, which cost up to a third more time.
+            status, "bounds" is lower and upper in float32, rounded outward, "points32" is both points in float32, each
+            relative to its body's origin in world axes. The default is "default", plus points and normal for at most
+            100,000 rows, which cost up to a third more time.
         timeout_s: seconds. Default: the client's timeout; no limit in process.
 
         Raises TypeError or ValueError naming the argument; QueryError for a query that cannot be answered;
