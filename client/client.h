@@ -172,7 +172,7 @@ class CLEARANCE_API Client {
   /// Opens a query with input and columns in the memory of the daemon's GPU, which this process maps (docs/cuda.md,
   /// "Through the daemon"), over shm:// and ipc://. This library does not need CUDA for it. Throws RequestError, also
   /// without a GPU in the daemon, and beyond its limits on plans and memory.
-  /// \param query as for Engine::plan_on_device(), without configurations and positions, which go into that memory
+  /// \param query with Reduce::kNone, kMin or kAny, and without configurations and positions, which go into that memory
   /// \param configurations K, the number of configurations of each run; 0 for one configuration, the current poses
   RemotePlan plan_on_device(const Query& query, std::uint32_t configurations);
   std::vector<BodyStateInfo> body_states();  ///< by id; poses are X_wb
