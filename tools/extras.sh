@@ -19,7 +19,7 @@ extras=(
   "jax              2  client/python/clearance/jax.py client/python/clearance/_xla_ffi.py client/python/clearance/_device_plan.py client/python/clearance/_pose_gradient.py tests/python/test_jax.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
-  "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h"
+  "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
   "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
   "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/geometry engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
   "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
