@@ -222,7 +222,7 @@ def try_daemon(browser, folder):
             wait_until(lambda: viewer._panel.elsewhere() is not None, "the slider")
             positions = viewer._panel.positions()
             tab.open("Pairs")
-            what_if = {"joints": judge.joints("arm"), "positions": positions[None]}
+            what_if = {"joints": judge.joints("arm"), "configurations": positions[None]}
             tab.wait_for(expected_rows(judge, **what_if), "what would be")
             tab.picture("daemon")
             assert judge.distances(reduce="min").snapshot_revision == revision, "the viewer has moved something"
