@@ -93,12 +93,12 @@ TEST(Allow, EndsWithTheAttachmentThatItIsFor) {
   EXPECT_FALSE(means_the_same(engine, {{kHand, 4}}, before));
   const std::uint64_t attached = engine.scene_revision();
   engine.attach(4, 3, nullptr, std::span(fingers, 1));
-  EXPECT_TRUE(is_enabled(engine, 4, kFloor)) << "attached anew, for less";
+  EXPECT_TRUE(is_enabled(engine, 4, kFloor)) << "attached again, with fewer allowed pairs";
   EXPECT_NE(engine.scene_revision(), attached);
   EXPECT_FALSE(means_the_same(engine, {{4, kEveryBody}}, attached));
   EXPECT_EQ(engine.allow(4, 2).applied, 0u);  // permanently, from here on
   EXPECT_EQ(engine.allow(4, 1, false).applied, 1u);
-  EXPECT_TRUE(is_enabled(engine, 1, 4)) << "forbidden, whoever allowed it";
+  EXPECT_TRUE(is_enabled(engine, 1, 4)) << "forbidden, although an attachment allowed it";
   engine.attach(4, kNone);
   EXPECT_FALSE(is_enabled(engine, 2, 4)) << "allowed for good";
   EXPECT_TRUE(is_enabled(engine, 1, 4));

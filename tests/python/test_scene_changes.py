@@ -173,9 +173,9 @@ def test_what_makes_no_sense_is_rejected_and_changes_nothing(front):
         (lambda: front.add_body("odd", sphere=0.1, parent=99), "the parent, body 99, is not in the scene"),
         (lambda: front.add_body("odd", mesh=(TETRAHEDRON[0], [[0, 1, 9]])), "names the vertex 9, and there are 4"),
         (lambda: front.remove_body("cup"), '"cup" was loaded with the scene: only added bodies can be removed'),
-        (lambda: front.remove_body("nobody"), '"nobody" is not in the scene'),
+        (lambda: front.remove_body("ghost"), '"ghost" is not in the scene'),
         (lambda: front.remove_body("crate"), '"lid" follows "crate": detach it first'),
-        (lambda: front.replace("nobody", sphere=0.1), 'there is no body "nobody"'),
+        (lambda: front.replace("ghost", sphere=0.1), 'there is no body "ghost"'),
         (lambda: front.replace("arm", sphere=0.1), 'body "arm": '),
         (lambda: front.replace("cup", half_space=True), "a half_space is static, and this body may move"),
         (lambda: front.replace("cup", sphere=-1), "sphere radius: expected"),
@@ -191,8 +191,8 @@ def test_what_makes_no_sense_is_rejected_and_changes_nothing(front):
             call("thing")
         with pytest.raises(ValueError, match=r"box: expected three numbers, got \[1, 2\]"):
             call("thing", box=[1, 2])
-    with pytest.raises(ValueError, match="nobody"):
-        front.add_body("odd", sphere=0.1, parent="nobody")
+    with pytest.raises(ValueError, match="ghost"):
+        front.add_body("odd", sphere=0.1, parent="ghost")
     assert front.distances().scene_revision == revision
     assert front.set_poses({"cup": at(1)}).applied == 1, "updates go on after a removal was rejected"
     front.attach("lid", None)

@@ -23,18 +23,23 @@ inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t p
   record.pose[3] = 1;
   return simple_frame(wire::FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
 }
-/// The same with a record of the body's uncertainty.
-template <class UncertaintyRecord>
-std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties,
-                                       std::uint16_t tag = 20) {
+/// The same with a record.
+inline std::vector<std::byte> box_frame_with(const std::string& name, std::uint16_t tag,
+                                             std::span<const std::byte> content) {
   std::vector<std::byte> frame = box_frame(name), records;
-  wire::append_record(records, tag, wire::kRecordRequired, std::as_bytes(std::span(&uncertainties, 1)));
+  wire::append_record(records, tag, wire::kRecordRequired, content);
   wire::FrameHeader header;
   std::memcpy(&header, frame.data(), sizeof header);
   header = wire::with_records(header, records.size());
   std::memcpy(frame.data(), &header, sizeof header);
   frame.insert(frame.end(), records.begin(), records.end());
   return frame;
+}
+/// The same with a record of the body's uncertainty.
+template <class UncertaintyRecord>
+std::vector<std::byte> uncertain_frame(const std::string& name, const UncertaintyRecord& uncertainties,
+                                       std::uint16_t tag = 20) {
+  return box_frame_with(name, tag, std::as_bytes(std::span(&uncertainties, 1)));
 }
 /// A tetrahedron of up to four corners, with records by tag.
 inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<const wire::TriangleRecord> triangles,

@@ -132,14 +132,7 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
 TEST_F(Bodies, AReplacedOneKeepsItsPlace) {
   start_editable(small_scene());
   const auto replacing = [](const char* name, std::span<const std::byte> content = {}) {
-    std::vector<std::byte> frame = box_frame(name), records;
-    wire::append_record(records, 24, wire::kRecordRequired, content);
-    wire::FrameHeader header;
-    std::memcpy(&header, frame.data(), sizeof header);
-    header = wire::with_records(header, records.size());
-    std::memcpy(frame.data(), &header, sizeof header);
-    frame.insert(frame.end(), records.begin(), records.end());
-    return frame;
+    return box_frame_with(name, 24, content);
   };
   const BodyPose moved{1, Pose{{0, 0, 0.7}}};
   loop_->on_poses(std::span(&moved, 1), 5);

@@ -191,13 +191,13 @@ TEST_F(SceneEdits, ThatMakeNoSenseAreRejected) {
   EXPECT_EQ(engine().set_poses(std::vector<BodyPose>{{kCup, Pose{}}}).applied, 1u) << "updates are accepted again";
   EXPECT_EQ(rejection([&] { editor_.remove("cup"); }),
             "remove_body: \"cup\" was loaded with the scene: only added bodies can be removed");
-  EXPECT_EQ(rejection([&] { editor_.remove("nobody"); }), "remove_body: \"nobody\" is not in the scene");
+  EXPECT_EQ(rejection([&] { editor_.remove("ghost"); }), "remove_body: \"ghost\" is not in the scene");
   EXPECT_NE(rejection([&] { add("cup"); }).find("is already that of a body"), std::string::npos);
   EXPECT_NE(rejection([&] { add("hand"); }).find("is already that of a group"), std::string::npos);
   EXPECT_NE(rejection([&] { add("odd", at(0), -1); }).find("box edge: expected"), std::string::npos);
-  follows.parent = "nobody";
-  EXPECT_NE(rejection([&] { add("odd", follows); }).find("there is no body \"nobody\""), std::string::npos);
-  EXPECT_EQ(rejection([&] { editor_.reshape("nobody", box(1), 0); }), "there is no body \"nobody\"");
+  follows.parent = "ghost";
+  EXPECT_NE(rejection([&] { add("odd", follows); }).find("there is no body \"ghost\""), std::string::npos);
+  EXPECT_EQ(rejection([&] { editor_.reshape("ghost", box(1), 0); }), "there is no body \"ghost\"");
   EXPECT_NE(rejection([&] { editor_.reshape("cup", {BodyShape::kHalfSpace}, 0); }).find("a half_space is static"),
             std::string::npos);
   editor_.reshape("floor", {BodyShape::kHalfSpace}, 0);

@@ -34,7 +34,7 @@ void expect_same(const Answer& a, const Answer& b) {
 }
 
 /// Answers a query without a cached job, by publishing the same poses once more.
-Answer request_anew(engine::Engine& engine, std::uint32_t body, const QueryView& query) {
+Answer request_fresh(engine::Engine& engine, std::uint32_t body, const QueryView& query) {
   const BodyPose same{body, engine.body_state(body).X_wb};
   engine.set_poses({&same, 1});
   return evaluate(engine, query);
@@ -77,7 +77,7 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene,
                                                      const std::function<QueryView(int)>& query) {
   std::array<std::uint64_t, 8> seen{};
   const engine::Engine kept(scene, {.backend = "cpu", .threads = 2});
-  engine::Engine anew(scene, {.backend = "cpu", .threads = 2});
+  engine::Engine fresh(scene, {.backend = "cpu", .threads = 2});
   for (const Precision precision : {Precision::kF64, Precision::kF32})
     for (const Named& reduction : reductions()) {
       SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
@@ -87,13 +87,13 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene,
         q.precision = precision;
         reduction.set(q);
         const Answer answer = evaluate(kept, q);
-        expect_same(answer, request_anew(anew, body, q));
+        expect_same(answer, request_fresh(fresh, body, q));
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
       }
       EXPECT_EQ(cache_hits(kept) - before, static_cast<std::uint64_t>(count - 1));
     }
-  EXPECT_EQ(cache_hits(anew), 0u);
+  EXPECT_EQ(cache_hits(fresh), 0u);
   return seen;
 }
 
@@ -182,7 +182,7 @@ TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
     for (const std::uint32_t configurations : {2u, 6u}) {
       SCOPED_TRACE("reduce " + std::to_string(static_cast<int>(reduce)) + ", " + std::to_string(configurations));
       const engine::Engine kept(arm.scene, {.backend = "cpu", .threads = 2});
-      engine::Engine anew(arm.scene, {.backend = "cpu", .threads = 2});
+      engine::Engine fresh(arm.scene, {.backend = "cpu", .threads = 2});
       for (int k = 0; k < kCount; ++k) {
         QueryView q = arm.query(6 * k);
         q.fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldPair | kMotionFields;
@@ -192,7 +192,7 @@ TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
         q.positions =
             std::span(arm.positions)
                 .subspan(static_cast<std::size_t>(6 * k) * arm.joints.size(), configurations * arm.joints.size());
-        const Answer answer = evaluate(kept, q), expected = request_anew(anew, ball, q);
+        const Answer answer = evaluate(kept, q), expected = request_fresh(fresh, ball, q);
         expect_same(answer, expected);
         const std::uint64_t n = answer.info.rows;
         expect_same_column("time", answer.view.time, 0, expected.view.time, n, 1);
@@ -360,7 +360,7 @@ TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   constexpr int kThreads = 4, kRounds = 50;
   const Arm arm(kRounds);
   const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
-  engine::Engine anew(arm.scene, {.backend = "cpu", .threads = 1});
+  engine::Engine fresh(arm.scene, {.backend = "cpu", .threads = 1});
   const std::uint32_t ball = arm.scene.find_body("ball");
   std::vector<Answer> wanted;
   const auto query = [&](int k) {
@@ -368,7 +368,7 @@ TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
     q.reduce = Reduce::kMin;
     return q;
   };
-  for (int k = 0; k < kRounds; ++k) wanted.push_back(request_anew(anew, ball, query(k)));
+  for (int k = 0; k < kRounds; ++k) wanted.push_back(request_fresh(fresh, ball, query(k)));
   std::array<std::vector<Answer>, kThreads> found;
   std::vector<std::thread> threads;
   for (auto& answers : found)
