@@ -30,12 +30,13 @@ def until(condition):
 
 @pytest.fixture
 def long():
-    """An engine, and arguments of a query that takes seconds."""
+    """An engine, and arguments of a query that takes ten seconds or more."""
     scene, poses = random_hulls(80, seed=3, vertices=300, spread=2.0)
     engine = clearance.Engine(scene, backend="cpu", threads=1)
     engine.set_poses(poses)
     rng = np.random.default_rng(4)
-    return engine, {"configurations": np.stack([random_poses(rng, 80, 2.0) for _ in range(1000)]), "fields": "lower"}
+    some = np.stack([random_poses(rng, 80, 2.0) for _ in range(1000)])
+    return engine, {"configurations": np.tile(some, (10, 1, 1)), "fields": "lower"}
 
 
 def test_result_and_state(front):

@@ -78,6 +78,7 @@ class Future(concurrent.futures.Future):  # type: ignore[type-arg]  # generic fr
         self._is_driven_by_caller = is_driven_by_caller
         self._turn = threading.RLock()  # held while the task advances
         self._is_over = False
+        self._is_given_up = False  # by cancel(), which waits for the turn
 
     def __reduce__(self) -> Any:
         raise TypeError("a future cannot be pickled or copied: send its result()")
@@ -106,6 +107,7 @@ class Future(concurrent.futures.Future):  # type: ignore[type-arg]  # generic fr
         """Cancels the call. Returns False if its result is there."""
         if self.done():
             return self.cancelled()
+        self._is_given_up = True  # so that the worker does not take the turn again and again before this thread
         with self._turn:
             if self._is_over:
                 return self.cancelled()
@@ -154,8 +156,8 @@ class Future(concurrent.futures.Future):  # type: ignore[type-arg]  # generic fr
         if not self._turn.acquire(blocking=False):
             return False
         try:
-            if self._is_over:
-                return True
+            if self._is_over or self._is_given_up:
+                return self._is_over
             try:
                 is_complete, error = self._task.advance(seconds), None
             except Exception as raised:
