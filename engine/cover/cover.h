@@ -1,14 +1,13 @@
-// Covers: trees of balls that bound a body's distances from both sides at little cost (docs/bounds.md, "Covers").
+// Covers: trees of balls that bound a body's distances from both sides at little cost (docs/bounds_covers.md).
 #pragma once
 
 #include <array>
 #include <cstdint>
-#include <memory>
+#include <limits>
 #include <optional>
 #include <span>
 #include <vector>
 
-#include "engine/base/vec.h"
 #include "engine/hull/convex_part.h"
 
 namespace clearance {
@@ -23,30 +22,43 @@ struct CoverBall {
   float inner;
 };
 
-/// Balls by level. The shares of a ball's children make up its own share, so that every complete cut of the tree covers
-/// the body, its interior included.
+/// Balls side by side: some of the children of one ball.
+struct BallPacket {
+  static constexpr int kBalls = 8;
+  static constexpr float kNoRadius = -1e30f;  ///< of unused balls, which neither reach nor hold anything
+
+  alignas(32) float x[kBalls], y[kBalls], z[kBalls];
+  float outer[kBalls], inner[kBalls];
+  std::uint32_t children[kBalls];  ///< packet of the children, which are at most kBalls; kNone on the last level
+  std::uint32_t count;             ///< balls in use, the first ones
+};
+
+/// A tree of balls. The shares of a ball's children make up its own share, so that every complete cut of the tree
+/// covers the body, its interior included.
 struct Cover {
-  static constexpr int kLevels = 4;
+  static constexpr int kLevels = 4;  ///< the root is level 0
 
-  std::vector<CoverBall> balls;                          ///< level by level; the first is the root
-  std::array<std::uint32_t, kLevels + 1> level_begin{};  ///< level k has balls level_begin[k] to level_begin[k + 1]
-  std::vector<std::uint32_t> first_child;                ///< one more than balls: ball i has children first_child[i] to
-                                                         ///< first_child[i + 1]; none on the last level
+  CoverBall root;
+  /// Level by level. The first `level_begin[2]` packets are the children of the root.
+  std::vector<BallPacket> packets;
+  std::array<std::uint32_t, kLevels + 1> level_begin{};  ///< packets of level k >= 1: level_begin[k] to [k + 1]
+  double reach = 0;  ///< bound on the distance of the body's points and of all centres from its origin, metres
 
-  std::span<const CoverBall> level(int k) const {
-    return std::span(balls).subspan(level_begin[k], level_begin[k + 1] - level_begin[k]);
+  std::span<const BallPacket> level(int k) const {
+    return std::span(packets).subspan(level_begin[k], level_begin[k + 1] - level_begin[k]);
   }
-  std::uint64_t resident_bytes() const;
+  std::uint64_t resident_bytes() const { return sizeof *this + packets.capacity() * sizeof(BallPacket); }
 };
 
 /// Mean and greatest width outer - max(inner, 0) of a level's balls, in metres: the width of the bounds that it gives.
 struct StandOut {
   double mean = 0, greatest = 0;
+  std::uint64_t balls = 0;
 };
 StandOut stand_out(const Cover& cover, int level);
 
-/// The cover of the union of convex parts in one frame, or nothing if a part is a half-space or there is none.
-/// Deterministic. Takes 0.1 to 1 s on one core.
+/// The cover of the union of convex parts in one frame, or nothing if a part is a half-space or has a surface, or there
+/// is none. Deterministic: the same on every machine. Takes about a second on one core.
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts);
 
 }  // namespace clearance
