@@ -46,7 +46,4 @@ struct Obstacle {
 std::optional<Obstacle> make_obstacle(const ConvexPart& part, const Mat3d& rotation, const Vec3d& translation,
                                       double reach);
 
-/// Bounds for eight points of the common frame.
-void point_gaps(const Obstacle& obstacle, const float* x, const float* y, const float* z, PointGaps& gaps);
-
 }  // namespace clearance
