@@ -7,4 +7,8 @@ void run_decide_baseline(const DecisionBatch& batch, const DecisionRoom& room) {
   decide_baseline::decide(batch, room);
 }
 
+SpanDecision run_decide_span_baseline(const SpanBatch& batch) {
+  return decide_baseline::decide_span(batch);
+}
+
 }  // namespace clearance

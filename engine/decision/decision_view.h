@@ -8,6 +8,7 @@
 #include "engine/cover/cover.h"
 #include "engine/cover/obstacle.h"
 #include "engine/pose/pose.h"
+#include "wire/types.h"
 
 namespace clearance {
 
@@ -78,10 +79,51 @@ struct DecisionRoom {
   std::uint32_t capacity;  ///< of `open`, at least the pairs of one state for each state
 };
 
+/// Velocity of a body in the middle of a span of time, multiplied by half its length: metres until its ends. In the
+/// axes of the common frame.
+struct SpanTwist {
+  float turn[3], shift[3];  ///< radians; of the body's origin
+};
+/// Movement of a body within half a span: a point r from its origin moves at most the lesser of `way` and
+/// |shift + turn x r| + bend. Metres.
+struct SpanBody {
+  SpanTwist twist;
+  float way, bend;
+};
+/// The same for two moved bodies, relative to a reference body: they come nearer by at most the lesser of `way` and the
+/// sum for both twists.
+struct SpanPair {
+  SpanTwist a, b;
+  float way, bend;
+};
+/// An obstacle and a body, or, if `obstacle` is kNone, an index of DecisionView::moved_pairs.
+struct SpanItem {
+  std::uint32_t obstacle, at;
+};
+
+/// A span of a motion to decide: whether all its pairs are beyond their margins throughout, or one is within its margin
+/// in the middle.
+struct SpanBatch {
+  const DecisionView* view;
+  const Pose* poses;       ///< in the middle
+  const SpanBody* bodies;  ///< (columns,)
+  SpanPair (*pair)(const void* context, std::uint32_t moved_pair);
+  const void* context;
+  const SpanItem* items;  ///< those to decide; null for all pairs
+  std::size_t count;
+  SpanItem* open;  ///< receives the items left open, in order
+  std::size_t capacity;
+};
+struct SpanDecision {
+  Verdict verdict = Verdict::kUnresolved;
+  std::size_t open = 0;  ///< number of items left open; 0 if the span could not be decided at all
+};
+
 /// One version of the kernel; all give the same results.
 struct DecisionKernel {
   const char* name;  ///< "avx512", "avx2", "baseline"
   void (*run)(const DecisionBatch&, const DecisionRoom&);
+  SpanDecision (*run_span)(const SpanBatch&);
 };
 /// The versions that this machine can run, the fastest first.
 std::span<const DecisionKernel> decision_kernels();
