@@ -7,6 +7,7 @@
 
 #include "algorithm_version.h"
 #include "engine/hull/primitive.h"
+#include "engine/pose/pose.h"
 #include "wire/types.h"
 
 namespace clearance {
@@ -51,19 +52,18 @@ BallPacket packet_of(const PacketRecord& record) {
 
 bool is_sound(const CoverBall& ball, double reach) {
   const auto [x, y, z] = ball.centre;
-  return std::hypot(double{x}, double{y}, double{z}) <= reach * (1 + 0x1p-40) && ball.outer >= 0 && ball.outer <= kMaxCoordinate &&
-         ball.inner <= ball.outer && ball.inner >= -kMaxCoordinate;
+  return std::hypot(double{x}, double{y}, double{z}) <= reach * (1 + 0x1p-40) && ball.outer >= 0 &&
+         ball.outer <= kMaxCoordinate && ball.inner <= ball.outer && ball.inner >= -kMaxCoordinate;
 }
 
-/// Whether the balls in use have finite radii, the others none, and all children are packets of the next level.
+/// Whether the balls in use have finite radii, the others none, and children are packets of the next level.
 bool is_sound(const BallPacket& packet, const Cover& cover, int level) {
   if (packet.count < 1 || packet.count > BallPacket::kBalls) return false;
-  const bool is_last = level + 1 == Cover::kLevels;
   for (std::uint32_t i = 0; i < packet.count; ++i) {
     const std::uint32_t children = packet.children[i];
     if (!is_sound({{packet.x[i], packet.y[i], packet.z[i]}, packet.outer[i], packet.inner[i]}, cover.reach) ||
-        (is_last ? children != kNone
-                 : children < cover.level_begin[level + 1] || children >= cover.level_begin[level + 2]))
+        (children != kNone && (level + 1 == Cover::kLevels || children < cover.level_begin[level + 1] ||
+                               children >= cover.level_begin[level + 2])))
       return false;
   }
   for (std::uint32_t i = packet.count; i < BallPacket::kBalls; ++i)
@@ -75,7 +75,7 @@ bool is_sound(const BallPacket& packet, const Cover& cover, int level) {
 
 bool is_sound(const Cover& cover) {
   const auto& begin = cover.level_begin;
-  if (begin[0] != 0 || begin[1] != 0 || !std::is_sorted(begin.begin(), begin.end()) ||
+  if (begin[0] != 0 || begin[1] != 0 || !std::is_sorted(begin.begin(), begin.end()) || begin[2] == 0 ||
       begin.back() != cover.packets.size() || !(cover.reach >= 0 && cover.reach <= kMaxCoordinate) ||
       !is_sound(cover.root, cover.reach))
     return false;
@@ -139,9 +139,9 @@ std::optional<TimedCover> read_cover(const Cache& cache, const std::string& name
 }
 
 std::optional<TimedCover> make_timed_cover(const Cache& cache, const std::string& name,
-                                           std::span<const ConvexPartPtr> parts) {
+                                           std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped) {
   const auto begin = std::chrono::steady_clock::now();
-  std::optional<Cover> cover = make_cover(parts);
+  std::optional<Cover> cover = make_cover(parts, stopped);
   if (!cover) return {};
   TimedCover made{std::move(*cover), std::chrono::duration<double>(std::chrono::steady_clock::now() - begin).count()};
   if (cache.is_on()) cache.write(name, cover_record(made));

@@ -1,6 +1,7 @@
 // Covers in the cache.
 #pragma once
 
+#include <atomic>
 #include <cstddef>
 #include <optional>
 #include <span>
@@ -32,8 +33,9 @@ std::optional<TimedCover> cover_of_record(std::span<const std::byte> record);
 
 /// Reads a cover from the cache.
 std::optional<TimedCover> read_cover(const Cache& cache, const std::string& name);
-/// Makes a cover and stores it in the cache. Returns nothing if the body can have none.
+/// Makes a cover, as make_cover() does, and stores it in the cache.
 std::optional<TimedCover> make_timed_cover(const Cache& cache, const std::string& name,
-                                           std::span<const ConvexPartPtr> parts);
+                                           std::span<const ConvexPartPtr> parts,
+                                           const std::atomic<bool>* stopped = nullptr);
 
 }  // namespace clearance

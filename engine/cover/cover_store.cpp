@@ -40,9 +40,9 @@ std::uint64_t hash_of_body(std::span<const ConvexPartPtr> parts) {
 
 bool is_same(const ConvexPartPtr& a, const ConvexPartPtr& b) {
   const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  return a == b || (a->digest == b->digest && a->radius == b->radius && !a->surface && !b->surface &&
-                    same_primitive(*a, *b) &&
-                    std::equal(a->vertices.begin(), a->vertices.end(), b->vertices.begin(), b->vertices.end(), same));
+  return a == b ||
+         (a->digest == b->digest && a->radius == b->radius && !a->surface && !b->surface && same_primitive(*a, *b) &&
+          std::equal(a->vertices.begin(), a->vertices.end(), b->vertices.begin(), b->vertices.end(), same));
 }
 
 /// Runs the calling thread only when no other wants its core, and leaves signals to other threads.
@@ -61,8 +61,8 @@ struct CoverStore::State {
   /// A body in the table, from which none is removed.
   struct Entry {
     Parts parts;
-    std::uint64_t hash;
-    Entry* next;                         ///< in the bucket
+    std::uint64_t hash = 0;
+    Entry* next = nullptr;               ///< in the bucket
     std::atomic<bool> is_done{false};    ///< set after `cover`
     std::shared_ptr<const Cover> cover;  ///< null if impossible
     int makers = 0;                      ///< threads at work on it
@@ -97,7 +97,8 @@ struct CoverStore::State {
   std::condition_variable changed;
   std::deque<Entry*> pending;
   std::thread thread;
-  bool is_running = false, is_stopping = false;
+  bool is_running = false;
+  std::atomic<bool> is_stopping{false};
   Clock::time_point begin;
 };
 
@@ -145,9 +146,12 @@ void CoverStore::State::add(Parts parts) {
   const std::uint64_t hash = hash_of_body(parts);
   if (!may_have_cover(parts) || find(parts, hash)) return;
   std::atomic<Entry*>& bucket = buckets[hash % buckets.size()];
-  auto* const entry = new Entry{std::move(parts), hash, bucket.load(std::memory_order_relaxed)};
-  bucket.store(entry, std::memory_order_release);
+  auto* const entry = new Entry;
+  entry->parts = std::move(parts);
+  entry->hash = hash;
+  entry->next = bucket.load(std::memory_order_relaxed);
   pending.push_back(entry);
+  bucket.store(entry, std::memory_order_release);
   pending_count = pending.size();
 }
 
@@ -192,21 +196,20 @@ void CoverStore::State::make(Entry& entry, std::unique_lock<std::mutex>& lock, b
   lock.unlock();
   const Clock::time_point before = Clock::now();
   std::optional<TimedCover> made;
-  bool is_needless = false;
   try {
     const std::string name = cover_name(entry.parts);
     made = read_cover(cache, name);
     if (!made && in_background) {
       lock.lock();
-      is_needless = changed.wait_until(lock, begin + kGrace, [&] { return is_stopping || entry.is_done; });
+      changed.wait_until(lock, begin + kGrace, [&] { return is_stopping || entry.is_done; });
       lock.unlock();
     }
-    if (!made && !is_needless) made = make_timed_cover(cache, name, entry.parts);
+    if (!made && !is_stopping && !entry.is_done) made = make_timed_cover(cache, name, entry.parts, &is_stopping);
   } catch (const std::exception&) {  // no memory
   }
   lock.lock();
   --entry.makers;
-  if (!entry.is_done && !is_needless) finish(entry, std::move(made), Clock::now() - before);
+  if (!entry.is_done && (made || !is_stopping)) finish(entry, std::move(made), Clock::now() - before);
 }
 
 void CoverStore::State::finish(Entry& entry, std::optional<TimedCover> made, std::chrono::nanoseconds took) {
@@ -245,7 +248,8 @@ void CoverStore::request(std::vector<Parts> bodies) {
 
 bool CoverStore::wait(std::chrono::nanoseconds timeout) {
   const Clock::time_point begin = Clock::now();
-  const Clock::time_point until = timeout < Clock::time_point::max() - begin ? begin + timeout : Clock::time_point::max();
+  const Clock::time_point until =
+      timeout < Clock::time_point::max() - begin ? begin + timeout : Clock::time_point::max();
   std::unique_lock lock(state_->mutex);
   while (!state_->pending.empty() && Clock::now() < until) {
     if (State::Entry* entry = state_->next(1))

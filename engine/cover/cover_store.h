@@ -29,8 +29,7 @@ class CoverStore {
 
   /// \param most_bytes of all covers; a store that holds more makes no further ones
   explicit CoverStore(std::uint64_t most_bytes = kMostBytes);
-  /// Waits until the thread has finished its present body. Frees nothing in a child after fork(), which has no such
-  /// thread.
+  /// Stops the thread. Frees nothing in a child after fork(), which has no such thread.
   ~CoverStore();
   CoverStore(const CoverStore&) = delete;
   CoverStore& operator=(const CoverStore&) = delete;
