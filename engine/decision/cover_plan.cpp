@@ -182,7 +182,9 @@ std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
   const double world_error = 0x1p-46 * (norm(frame_inverse_.translation) + norm(placed.pose.t_w));
   std::vector<Obstacle> obstacles;
   for (const ConvexPartPtr& part : body.parts) {
-    std::optional<Obstacle> obstacle = make_obstacle(*part, rotation, X.translation, reach_);
+    const std::shared_ptr<const ObstacleShape> shape = store_.obstacle_shapes().of(part);
+    if (!shape) return kNone;
+    std::optional<Obstacle> obstacle = make_obstacle(*shape, rotation, X.translation, reach_);
     if (!obstacle) return kNone;
     obstacle->error = up(obstacle->error + world_error);
     obstacles.push_back(std::move(*obstacle));
