@@ -11,6 +11,7 @@
 
 #include "engine/cover/point_gaps.h"
 #include "engine/decision/placed_balls.h"
+#include "engine/decision/table_lookup.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
@@ -19,16 +20,19 @@ namespace CLEARANCE_ISA {
 template <bool kMoves>
 class Decider {
  public:
-  explicit Decider(const DecisionView& view) : v_(view), placed_(view) {}
+  explicit Decider(const DecisionView& view) : v_(view), placed_(view), tables_(view) {}
 
+  /// \param positions of joints, or null
   /// \param open receives at most `capacity` positions
   /// \param any_hit DecisionBatch::any_hit
-  Decision decide(const Pose* poses, bool any_hit, std::uint64_t* open, std::uint32_t capacity) {
+  Decision decide(const Pose* poses, const double* positions, bool any_hit, std::uint64_t* open,
+                  std::uint32_t capacity) {
     Decision result;
     if (!placed_.place(poses)) return result;
     begin(any_hit, capacity);
     open_ = open;
-    decide_obstacles();
+    tables_.look_up(positions, [&](std::uint64_t position) { record(position, {}, kHit); });
+    if (!is_over()) decide_obstacles();
     if (!is_over()) decide_moved_pairs();
     if (overflow_) return result;
     result.is_listed = true;
@@ -112,7 +116,7 @@ class Decider {
       return record(pair.position, item, moved_pair(pair, item.at));
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
-    if (v_.position[cell] > hit_) return;
+    if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
     record(v_.position[cell], item,
            against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
   }
@@ -163,6 +167,7 @@ class Decider {
   void decide_moved_pairs() {
     for (std::uint32_t k = 0; k < v_.moved_pair_count; ++k) {
       const MovedPair& pair = v_.moved_pairs[k];
+      if (tables_.is_free(pair.table)) continue;
       const float d = placed_.distance_of_roots(pair.a, pair.b);
       float reach = v_.moved_root_outer[pair.a] + v_.moved_root_outer[pair.b] + pair.grow;
       if constexpr (kMoves) reach += placed_.root_way(pair.a) + placed_.root_way(pair.b);
@@ -244,6 +249,7 @@ class Decider {
 
   const DecisionView& v_;
   PlacedBalls placed_;
+  TableLookup tables_;
   const SpanBatch* span_ = nullptr;
   SpanPair pair_span_{};
   bool any_hit_ = true, overflow_ = false;
@@ -261,7 +267,9 @@ inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
     decision = {};
     if (batch.usable[k])
       decision =
-          decider.decide(batch.poses + k * batch.stride, batch.any_hit, room.open + used, room.capacity - used);
+          decider.decide(batch.poses + k * batch.stride,
+                         batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
+                         room.open + used, room.capacity - used);
     decision.open_begin = used;
     decision.open_end += used;
     used = decision.open_end;
