@@ -58,8 +58,8 @@ struct ObstacleShape {
 /// The shape of a part, or nothing for a part with a surface and for one that reaches farther than 1e6 m.
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part);
 
-/// The obstacle for a shape, or nothing if a number is not finite, `reach` is above 1e4 m or the obstacle is farther
-/// away than 1e6 m.
+/// The obstacle for a shape, or nothing if a number is not finite, `reach` is above 1e4 m or the translation longer than
+/// 1e6 m.
 /// \param rotation of the part's frame in the common frame, within 2^-47 of a rotation (Frobenius norm)
 /// \param translation likewise, within 2^-47 of its length; a greater error must be added to Obstacle::error
 /// \param reach bound on the distance from the common frame's origin of the points for which gaps are computed, metres

@@ -280,6 +280,33 @@ MUTANTS = [
         ),
         ("model_overlap", "evaluate/evaluate.cpp", "std::max(best.bounds.upper, 0.0)", "best.bounds.upper"),
     ),
+    # Obstacles of covers, and the gaps of points from them.
+    *mutants_of(
+        "obstacles",
+        ("obstacle_error", "cover/obstacle.cpp", "above(@rounding + error@)", "0.0"),
+        ("obstacle_distance", "cover/obstacle.cpp", "@units * far@ + at", "0.0"),
+        ("obstacle_planes_error", "cover/obstacle.cpp", "kFloatUnit * (@9 * far + 3 * shape.spread@", "0.0"),
+        ("obstacle_half", "cover/obstacle.cpp", "@turn.column[k]@)] = half[k]", "static_cast<int>(k)"),
+        ("obstacle_half_of_segment", "cover/obstacle.cpp", "@turn.column[2]@)])", "0"),
+        ("obstacle_axis", "cover/obstacle.cpp", "o.kind == Kind::kCylinder && @turn.column[2] != 2@", "false"),
+        ("obstacle_radius", "cover/obstacle.cpp", "o.radius = @static_cast<float>(shape.radius)@", "0.0f"),
+        ("obstacle_outer", "cover/obstacle.cpp", "o.outer.push_back(@above(outer)@)", "below(outer)"),
+        ("obstacle_inner", "cover/obstacle.cpp", "o.inner.push_back(@below(proved)@)", "above(outer)"),
+        ("obstacle_turned", "cover/obstacle.cpp", "middle + plane.outer + @turned@", "0.0"),
+        (
+            "obstacle_inner_ball",
+            "cover/obstacle.cpp",
+            "std::max(0.0f, @below(inner_radius)@)",
+            "2 * below(inner_radius)",
+        ),
+        ("obstacle_corners", "cover/obstacle_shape.cpp", "std::max(most, @dot(n, v)@)", "0.9 * dot(n, v)"),
+        ("obstacle_face", "cover/obstacle_shape.cpp", "@std::min({dot(n, a), dot(n, b), dot(n, c)})@ -", "reach(n)"),
+        ("obstacle_flat", "cover/obstacle.cpp", "if (@!(o.inner_radius > 0)@)", "false"),
+        ("gap_depth", "cover/point_gaps.h", "greater(@greater(beyond_x, beyond_y)@, beyond_z)", "beyond_x"),
+        ("gap_side", "cover/point_gaps.h", "@magnitude(y)@ - half[1]", "y"),
+        ("gap_end", "cover/point_gaps.h", "out_z = @greater(beyond_z, 0.0f)@", "0.0f"),
+        ("gap_planes", "cover/point_gaps.h", "(up + @inner_radius@)", "1.5f * inner_radius"),
+    ),
     # Bounds on motions.
     *mutants_of(
         "motions",
