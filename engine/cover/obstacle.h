@@ -40,8 +40,8 @@ struct Obstacle {
   float inner_radius = 0;
 };
 
-/// What an obstacle takes from its part: the same for all poses, float64, in the part's frame. Planes take up to some
-/// milliseconds.
+/// Shape of an obstacle in its part's frame, in float64: the same for all poses, so worth keeping with the part. That of
+/// a hull takes tens of microseconds or more.
 struct ObstacleShape {
   struct Plane {
     Vec3d normal;         ///< not longer than 1
