@@ -106,6 +106,7 @@ double place_planes(Obstacle& o, const ObstacleShape& shape, const Mat3d& rotati
     inner_radius = std::min(inner_radius, static_cast<double>(o.inner.back()) - dot(n, at) - rounding);
   }
   o.inner_radius = std::max(0.0f, below(inner_radius));
+  o.outer_radius = above(shape.spread + norm(at - centre) + rounding);
   if (!(o.inner_radius > 0)) std::fill(o.inner.begin(), o.inner.end(), -kBelowAll);
   return kFloatUnit * (9 * far + 3 * shape.spread + 2 * shape.radius);
 }

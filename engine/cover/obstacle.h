@@ -36,8 +36,9 @@ struct Obstacle {
   /// kPlanes, in the common frame: n . c <= outer for all points c of the core. A point with n . c <= inner for all n,
   /// as computed in float32, is in the core. |n| <= 1.
   std::vector<float> normal_x, normal_y, normal_z, outer, inner;
-  /// kPlanes: n . at <= inner - inner_radius, or 0 if no point satisfies all. Then `at` is a point of the core.
-  float inner_radius = 0;
+  /// kPlanes: the core holds the ball of inner_radius about `at`, and is held by that of outer_radius. If the former is
+  /// 0, no point satisfies all planes, and `at` is a point of the core.
+  float inner_radius = 0, outer_radius = 0;
 };
 
 /// Shape of an obstacle in its part's frame, in float64: the same for all poses, so worth keeping with the part. That of

@@ -79,7 +79,7 @@ void take_box(ObstacleShape& shape, const std::vector<Vec3d>& vertices, const Re
   const Vec3d along = farthest_from([&](const Vec3d& p) { return squared_norm(p - origin); }) - origin;
   const Vec3d other = farthest_from([&](const Vec3d& p) { return squared_norm(cross(along, p - origin)); }) - origin;
   const Vec3d up = cross(along, other);
-  shape.centre = origin;
+  for (const Vec3d& v : vertices) shape.centre += v * (1.0 / static_cast<double>(vertices.size()));
   const double rounding = kSumRounding * 4 * shape.reach;
   const Mat3d axes = Mat3d::identity(), own{{along, cross(up, along), up}};
   for (int k = 0; k < 3; ++k) {
@@ -87,7 +87,7 @@ void take_box(ObstacleShape& shape, const std::vector<Vec3d>& vertices, const Re
     for (const double sign : {kShorterNormal, -kShorterNormal}) {
       const Vec3d n = size > 1e-30 ? own.row[k] * (sign / size) : axes.row[k] * sign;
       // No point is proved to be in the core but the centre.
-      shape.planes.push_back({n, reach(n) - dot(n, origin) + rounding, -1.0});
+      shape.planes.push_back({n, reach(n) - dot(n, shape.centre) + rounding, -1.0});
     }
   }
 }

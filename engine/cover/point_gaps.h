@@ -87,13 +87,14 @@ CLEARANCE_INLINE void gaps_of_planes(const Obstacle& o, const float (&x)[8], con
       above.at[k] = greater(height - inner, above.at[k]);
     }
   }
-  const float at[3] = {o.at[0], o.at[1], o.at[2]}, radius = o.radius, inner_radius = o.inner_radius;
+  const float at[3] = {o.at[0], o.at[1], o.at[2]}, radius = o.radius;
+  const float inner_radius = o.inner_radius, outer_radius = o.outer_radius;
   CLEARANCE_LANES
   for (int k = 0; k < 8; ++k) {
     const float dx = x[k] - at[0], dy = y[k] - at[1], dz = z[k] - at[2], up = greater(above.at[k], 0.0f);
-    const float way = root(dx * dx + dy * dy + dz * dz) * up / (up + inner_radius);
-    low.at[k] -= radius;
-    high.at[k] = way + lesser(above.at[k], 0.0f) - radius;
+    const float way = root(dx * dx + dy * dy + dz * dz);
+    low.at[k] = greater(low.at[k], way - outer_radius) - radius;
+    high.at[k] = way * up / (up + inner_radius) + lesser(above.at[k], 0.0f) - radius;
   }
   CLEARANCE_LANES
   for (int k = 0; k < 8; ++k) {

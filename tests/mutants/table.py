@@ -299,6 +299,12 @@ MUTANTS = [
             "std::max(0.0f, @below(inner_radius)@)",
             "2 * below(inner_radius)",
         ),
+        (
+            "obstacle_outer_ball",
+            "cover/obstacle.cpp",
+            "above(@shape.spread + norm(at - centre)@",
+            "0.99 * shape.spread",
+        ),
         ("obstacle_corners", "cover/obstacle_shape.cpp", "std::max(most, @dot(n, v)@)", "0.9 * dot(n, v)"),
         ("obstacle_face", "cover/obstacle_shape.cpp", "@std::min({dot(n, a), dot(n, b), dot(n, c)})@ -", "reach(n)"),
         ("obstacle_flat", "cover/obstacle.cpp", "if (@!(o.inner_radius > 0)@)", "false"),
