@@ -1,11 +1,10 @@
-// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half| and factors 1.01 for
-// products of errors. Signed distances change by no more than a point moves, and by no more than a convex set's surface.
+// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half|, and 1.01 for terms of order
+// u^2. A signed distance changes by at most the way that the point moves, and by at most the way of the surface.
 //   at: u |at|. Difference c - at: u D. Axes: sqrt(3) u D. Their products and sums: 3 sqrt(3) u D.
 //   half: u H. Difference from half: u (D + H). Root of squares: 2.5 u D. radius: u radius. Last difference:
-//   u (D + H + radius). Squares below the least float: 2^-70. A cylinder has two roots of 2 u D each, aligned obstacles
-//   no axes.
-// The pose, the shape's own rounding, all in float64: 2^-45 (D + |translation| + the core's reach + radius).
-// Planes: docs/bounds_covers.md, "Obstacles".
+//   u (D + H + radius). Squares below the least float: 2^-70.
+// A cylinder has two roots of 2 u D each, aligned obstacles no axes. Float64, the pose's rounding included: 2^-45 of all
+// lengths. Planes: docs/bounds_covers.md, "Obstacles".
 #include "engine/cover/obstacle.h"
 
 #include <algorithm>
@@ -67,7 +66,7 @@ QuarterTurn nearest_quarter_turn(const Mat3d& axes, int first) {
   return turn;
 }
 
-/// Makes an obstacle aligned whose axes are those of the common frame but for a quarter turn. Returns the error of that.
+/// Aligns an obstacle whose axes are a quarter turn from those of the common frame. Returns the error of that.
 double align(Obstacle& o, const Mat3d& axes, double distance) {
   using Kind = Obstacle::Kind;
   o.is_aligned = o.kind == Kind::kSegment && o.half[2] == 0;

@@ -41,8 +41,8 @@ struct Obstacle {
   float inner_radius = 0, outer_radius = 0;
 };
 
-/// Shape of an obstacle in its part's frame, in float64: the same for all poses, so worth keeping with the part. That of
-/// a hull takes tens of microseconds or more.
+/// Shape of an obstacle in its part's frame, in float64. It is the same for all poses, so worth keeping with the part:
+/// that of a hull takes tens of microseconds or more.
 struct ObstacleShape {
   struct Plane {
     Vec3d normal;         ///< not longer than 1
@@ -59,7 +59,7 @@ struct ObstacleShape {
 /// The shape of a part, or nothing for a part with a surface and for one that reaches farther than 1e6 m.
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part);
 
-/// The obstacle for a shape, or nothing if a number is not finite, `reach` is above 1e4 m or the translation longer than
+/// The obstacle for a shape, or nothing if a number is not finite, `reach` above 1e4 m or the translation longer than
 /// 1e6 m.
 /// \param rotation of the part's frame in the common frame, within 2^-47 of a rotation (Frobenius norm)
 /// \param translation likewise, within 2^-47 of its length; a greater error must be added to Obstacle::error

@@ -79,6 +79,7 @@ void take_box(ObstacleShape& shape, const std::vector<Vec3d>& vertices, const Re
   const Vec3d along = farthest_from([&](const Vec3d& p) { return squared_norm(p - origin); }) - origin;
   const Vec3d other = farthest_from([&](const Vec3d& p) { return squared_norm(cross(along, p - origin)); }) - origin;
   const Vec3d up = cross(along, other);
+  shape.centre = {0, 0, 0};
   for (const Vec3d& v : vertices) shape.centre += v * (1.0 / static_cast<double>(vertices.size()));
   const double rounding = kSumRounding * 4 * shape.reach;
   const Mat3d axes = Mat3d::identity(), own{{along, cross(up, along), up}};
@@ -114,7 +115,7 @@ bool take_round(ObstacleShape& shape, const Primitive& core) {
   return take_planes(shape, points, 0x1p-49 * shape.reach, [&](const Vec3d& n) { return farthest(core, n).value; });
 }
 
-/// Whether the vertices are the corners of a box along the axes, or of a rectangle or segment: then its centre and half.
+/// Takes vertices that are exactly the corners of a box along the axes, or of a rectangle or segment.
 bool take_aligned(ObstacleShape& shape, const std::vector<Vec3d>& vertices) {
   Vec3d low = vertices.front(), high = low;
   for (const Vec3d& v : vertices)
