@@ -1,10 +1,10 @@
-// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half|, and 1.01 for terms of order
-// u^2. A signed distance changes by at most the way that the point moves, and by at most the way of the surface.
+// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half|, and 1.01 for terms of
+// order u^2. A signed distance changes by at most the way that the point moves, and by at most that of the surface.
 //   at: u |at|. Difference c - at: u D. Axes: sqrt(3) u D. Their products and sums: 3 sqrt(3) u D.
 //   half: u H. Difference from half: u (D + H). Root of squares: 2.5 u D. radius: u radius. Last difference:
 //   u (D + H + radius). Squares below the least float: 2^-70.
-// A cylinder has two roots of 2 u D each, aligned obstacles no axes. Float64, the pose's rounding included: 2^-45 of all
-// lengths. Planes: docs/bounds_covers.md, "Obstacles".
+// A cylinder has two roots of 2 u D each, aligned obstacles no axes. Float64, the pose's rounding included: 2^-45 of
+// all lengths. Planes: docs/bounds_covers.md, "Obstacles".
 #include "engine/cover/obstacle.h"
 
 #include <algorithm>
