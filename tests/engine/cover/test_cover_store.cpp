@@ -221,7 +221,7 @@ TEST_F(CoverStoreTest, RecordsAreChecked) {
                          with(good, kReach, 0.0),
                          with(good, kRoot, kNan),
                          with(good, kRoot + 12, -1.0f),
-                         with(good, kRoot + 16, 1e9f),
+                         with(good, kRoot + 16, kNan),
                          with(good, kLevels, 1),
                          with(good, kLevels + 8, 0),
                          with(good, kLevels + 16, 1 << 30),
