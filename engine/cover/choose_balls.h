@@ -11,14 +11,14 @@
 namespace clearance {
 
 struct ChosenBall {
-  Vec3d centre;
-  double radius;
+  Vec3d centre;   ///< of float32
+  double radius;  ///< enough for samples of the simplices, perhaps not for all of them
 };
 
 struct BallChoice {
   std::size_t most;                 ///< number of balls
   std::size_t candidates, samples;  ///< centres tried, and points of the body that balls have to hold
-  double edge;                      ///< longest edge of the simplices, in metres
+  double edge;                      ///< longest edge of most simplices, in metres
 };
 
 /// At most `choice.most` balls that hold samples of the simplices and stand out by about the least common length.
