@@ -8,6 +8,7 @@
 
 #include "engine/cover/cover_store.h"
 #include "engine/decision/decision_view.h"
+#include "engine/decision/table_plan.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/plan.h"
 
@@ -20,7 +21,9 @@ class CoverPlan {
   /// Whether covers may decide states of a plan: those of joints alone, without many pairs.
   static bool may_decide(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
-  static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers);
+  /// \param tables may be null
+  static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
+                                               const JointTableStore* tables = nullptr);
 
   const DecisionView& view() const { return view_; }
   /// Positions of pairs, ascending, that covers do not know: they are open in every state.
@@ -43,6 +46,8 @@ class CoverPlan {
   std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
   std::vector<float> root_outer_, root_inner_, grow_, shrink_;
   std::vector<std::uint64_t> position_, unknown_;
+  TablePlan tables_;
+  std::vector<std::uint8_t> table_of_cell_;
   DecisionView view_{};
 };
 

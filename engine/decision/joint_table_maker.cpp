@@ -67,15 +67,16 @@ std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t c
 // Evaluates blocks of positions, and halves them until their bounds suffice.
 class JointTableMaker {
  public:
-  JointTableMaker(const TablePair& pair, std::array<TableColumn, 2> columns)
+  explicit JointTableMaker(const TablePair& pair)
       : pair_(pair), robot_(pair.robot->kinematics),
         paths_(paths_between(robot_, pair.a.link, pair.a.ball, pair.b.link, pair.b.ball)) {
-    table_.columns = columns;
     table_.column_count = static_cast<std::uint32_t>(pair.columns.size());
+    for (std::size_t c = 0; c < pair.columns.size(); ++c) table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
     take_error();
     take_cells();
   }
 
+  JointTable take() { return std::move(table_); }
   std::optional<JointTable> make(const std::atomic<bool>* stopped) {
     std::vector<Block> blocks{{0, 0}}, next;
     std::uint32_t shift[2] = {fine_shift(0), fine_shift(1)};  // of the blocks' sizes, in fine cells
@@ -289,11 +290,14 @@ std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& rob
   return pair;
 }
 
+JointTable empty_joint_table(const TablePair& pair) {
+  const FpEnvironment environment;
+  return JointTableMaker(pair).take();
+}
+
 std::optional<JointTable> make_joint_table(const TablePair& pair, const std::atomic<bool>* stopped) {
   const FpEnvironment environment;
-  std::array<TableColumn, 2> columns{};
-  for (std::size_t c = 0; c < pair.columns.size(); ++c) columns[c] = *table_column(*pair.robot, pair.columns[c]);
-  return JointTableMaker(pair, columns).make(stopped);
+  return JointTableMaker(pair).make(stopped);
 }
 
 }  // namespace clearance

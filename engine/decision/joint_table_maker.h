@@ -37,6 +37,8 @@ std::vector<std::uint32_t> columns_between(const Kinematics& robot, std::uint32_
 /// roots, or with a joint between them that slides without limits.
 std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& robot, const Body& a, const Body& b);
 
+/// The table of a pair without bounds: no positions are within any cell.
+JointTable empty_joint_table(const TablePair& pair);
 /// \param stopped makes it return nothing once it is set; may be null
 std::optional<JointTable> make_joint_table(const TablePair& pair, const std::atomic<bool>* stopped = nullptr);
 
