@@ -55,8 +55,9 @@ SpanRates::SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_
 double SpanRates::rounding(const Plan& plan, const Source& source) {
   const SceneRobot& robot = plan.motions[source.robot].robot();
   const double by = kTimeRounding * kMostPosition * kUp, travel = greatest_travel(robot);
+  const MotionPath path(robot.kinematics, source.link, source.ball);
   double sum = 0;
-  for (const Mover& mover : MotionPath(robot.kinematics, source.link, source.ball).movers())
+  for (const Mover& mover : path.movers())
     sum += way_of_mover(mover, travel) * by;
   return sum * kUp;
 }
