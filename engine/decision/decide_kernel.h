@@ -60,7 +60,7 @@ class Decider {
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr Bits kOpen = 1, kHit = 2;
   static constexpr int kMostPackets = 160;     // of one body against one obstacle
-  static constexpr int kMostPacketPairs = 64;  // of two moved bodies
+  static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit;
