@@ -200,8 +200,8 @@ class Result:
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
-    def _all_beyond(self) -> bool:
-        return bool(self._answer.all_beyond())
+    def _all_free(self) -> bool:
+        return bool(self._answer.all_free())
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """Pickles and copies the columns, the table of pairs and the names, without the engine or client."""
@@ -232,8 +232,8 @@ class _Restored:
         self.__dict__.update(numbers)
         self.columns, self._pairs, self._why_no_pairs, self._names = columns, pairs, why_no_pairs, names
 
-    def all_beyond(self) -> bool:
-        return bool((self.columns["status"] == int(Status.BEYOND)).all())
+    def all_free(self) -> bool:
+        return bool((self.columns["verdict"] == int(Status.BEYOND)).all())
 
     def pairs_at(self, revision: int) -> np.ndarray:
         if self._pairs is None:
