@@ -89,6 +89,9 @@ class Result:
     )  # type: ignore[assignment]
     steps: np.ndarray = _ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
     free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
+    verdict: np.ndarray = _ColumnAttribute(
+        'uint8, reduce="any" only: values of clearance.Status, as status, but OK for any pair proved within its margin'
+    )  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     points32: np.ndarray = _ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
 
@@ -132,7 +135,8 @@ class Result:
     def pairs(self) -> np.ndarray:
         """Body ids (a, b): (P, 2) for reduce="none", otherwise the pair of each row: (K, N, 2), (K, 2) or (R, 2).
 
-        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any".
+        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any". A query
+        with the column verdict has no pairs unless it requests the column pair.
         """
         if self._reduce != Reduce.NONE:
             return self.pair
