@@ -183,8 +183,9 @@ TEST(Motions, VerdictIsTheStatusWithoutTheKindOfAHit) {
     for (const std::uint32_t steps : {1u, 256u}) compare(margin, steps);
   engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
   compare(0, 256);
-  for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond, Status::kUnconverged, Status::kBadPose})
-    EXPECT_GT(seen[static_cast<std::size_t>(status)], 10) << static_cast<int>(status);
+  for (const Status status :
+       {Status::kOk, Status::kContact, Status::kOverlap, Status::kBeyond, Status::kUnconverged, Status::kBadPose})
+    EXPECT_GT(seen[static_cast<std::size_t>(status)], 3) << static_cast<int>(status);
 }
 
 // A least distance below the tolerance is no contact if the same row proves the motion free.
