@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearance
-from clearance._query import NO_ARGUMENTS
+from clearance._query.query import NO_ARGUMENTS
 from conftest import PATIENCE_S
 from robots import rows_of
 from scenes import at, random_poses, same_bits

@@ -18,12 +18,12 @@ from ._arguments import (
     to_text,
     to_word,
 )
+from ._device.remote_plan import RemotePlan
 from ._errors import ConnectionError, QueryError, TimeoutError
 from ._front import BodyState, Front
-from ._future import Future, Task, Worker
 from ._names import BodyInfo, BodyRef, NameTable
-from ._query import Query, Run
-from ._remote_plan import RemotePlan
+from ._query.future import Future, Task, Worker
+from ._query.query import Query, Run
 from ._scene_changes import NewBody, SceneChanged
 from ._updates import UpdateResult
 from ._words import (

@@ -11,13 +11,13 @@ import numpy as np
 import clearance._engine as _engine
 
 from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_word
-from ._device_plan import DevicePlan
+from ._device.plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import BodyState, Front
-from ._future import Future, Task, Worker
 from ._names import NameTable
-from ._query import POINTS_BY_DEFAULT, Query, Run
-from ._scene import Scene, name_table
+from ._query.future import Future, Task, Worker
+from ._query.query import POINTS_BY_DEFAULT, Query, Run
+from ._scene.scene import Scene, name_table
 from ._scene_changes import NewBody
 from ._updates import UpdateResult
 from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status

@@ -10,18 +10,18 @@ from typing import Any, Literal, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_list, to_word
-from ._calls import CALLS
-from ._certificate import Certificate
-from ._check import Check
-from ._future import Future
-from ._joints import JointsRef
-from ._names import Bodies, Margin, Pairs
-from ._path import PathCheck
-from ._prepared import Prepared, check_arguments
-from ._query import Run
-from ._result import Result
-from ._words import ReduceWord
+from .._arguments import to_count, to_list, to_word
+from .._joints import JointsRef
+from .._names import Bodies, Margin, Pairs
+from .._words import ReduceWord
+from .calls import CALLS
+from .certificate import Certificate
+from .check import Check
+from .future import Future
+from .path import PathCheck
+from .prepared import Prepared, check_arguments
+from .query import Run
+from .result import Result
 
 Fields = Union[str, Sequence[str], None]
 MotionReduceWord = Literal["none", "min", "any"]

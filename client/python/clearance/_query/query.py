@@ -7,12 +7,12 @@ from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import to_bool, to_floats, to_number_from_0, to_option
-from ._errors import QueryError, StaleQuery
-from ._joints import Joints, JointTable
-from ._names import NameTable, has_selectors
-from ._result import fields_mask
-from ._words import MARGIN_DTYPE
+from .._arguments import to_bool, to_floats, to_number_from_0, to_option
+from .._errors import QueryError, StaleQuery
+from .._joints import Joints, JointTable
+from .._names import NameTable, has_selectors
+from .._words import MARGIN_DTYPE
+from .result import fields_mask
 
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31

@@ -8,14 +8,14 @@ from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
-from ._arguments import to_floats
-from ._check import Check
-from ._limits import LimitViolation, beyond_limits
-from ._path import PathCheck
-from ._poses import as_pose7
-from ._query import Query, Run
-from ._result import Result
-from ._words import Field, Reduce, Status
+from .._arguments import to_floats
+from .._limits import LimitViolation, beyond_limits
+from .._poses import as_pose7
+from .._words import Field, Reduce, Status
+from .check import Check
+from .path import PathCheck
+from .query import Query, Run
+from .result import Result
 
 #: A query to answer: with its poses (K, M, 7) and positions (K, J), None for the kind that does not move.
 Request = tuple[Run, Optional[np.ndarray], Optional[np.ndarray]]

@@ -8,14 +8,14 @@ from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import did_you_mean, to_count
-from ._calls import CALLS, Call, Checks, Request, Steps
-from ._errors import QueryError, StaleQuery
-from ._future import Future, Task
-from ._names import NameTable
-from ._query import NO_ARGUMENTS, Query, Run, Source
-from ._result import Result
-from ._words import FIELD_MASKS, Reduce
+from .._arguments import did_you_mean, to_count
+from .._errors import QueryError, StaleQuery
+from .._names import NameTable
+from .._words import FIELD_MASKS, Reduce
+from .calls import CALLS, Call, Checks, Request, Steps
+from .future import Future, Task
+from .query import NO_ARGUMENTS, Query, Run, Source
+from .result import Result
 
 _WRONG_SCENE = 2
 _MOST_RENEWALS = 100  # of one run, while other threads change the scene

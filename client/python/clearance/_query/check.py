@@ -6,9 +6,9 @@ from typing import Optional
 
 import numpy as np
 
-from ._limits import Beyond, LimitViolation
-from ._result import Result
-from ._words import Status
+from .._limits import Beyond, LimitViolation
+from .._words import Status
+from .result import Result
 
 _BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
 

@@ -13,7 +13,7 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import (
+from .._arguments import (
     to_bool,
     to_cloud,
     to_floats,
@@ -26,12 +26,12 @@ from ._arguments import (
     to_uncertainties,
     to_word,
 )
-from ._errors import SceneError
-from ._names import BodyInfo, BodyRef, NameTable
-from ._poses import as_first_pose
-from ._scene_robots import RobotScene
-from ._scene_warnings import warn_of_files, warn_of_meshes, warn_of_robots
-from ._words import MESH_AS, NONE, MeshAsWord
+from .._errors import SceneError
+from .._names import BodyInfo, BodyRef, NameTable
+from .._poses import as_first_pose
+from .._words import MESH_AS, NONE, MeshAsWord
+from .robots import RobotScene
+from .warnings import warn_of_files, warn_of_meshes, warn_of_robots
 
 
 class Scene(RobotScene):
