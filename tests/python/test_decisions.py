@@ -44,7 +44,9 @@ def test_check_says_what_is_free_and_what_stands_in_the_way(front):
     check = front.check(PLACES, 0.06, bodies=["ball"])
     assert check.free.tolist() == [True, False, False] and check.status[1] == Status.OK
     assert check.pair[1].tolist() == [ball, wall] and 0.04 < check.result.lower[1] <= check.result.upper[1] <= 0.06
-    assert "1 of 3 free" in repr(check)
+    assert check.pair_names.tolist() == [[None, None], ["ball", "wall"], ["ball", "cup"]]
+    assert repr(check) == "<clearance.Check: 1 of 3 free; configuration 1: 'ball' hits 'wall'>"
+    assert repr(front.check(PLACES[:1], bodies=["ball"])) == "<clearance.Check: 1 of 1 free>"
     assert front.check().free.tolist() == [True]
 
 
@@ -72,6 +74,17 @@ def test_what_is_not_proved_is_not_free(front):
     check = front.check(places, bodies=["ball"])
     assert not check.free.any() and not check.hit.any()
     assert check.status.tolist() == [Status.UNCONVERGED, Status.BAD_POSE]
+    assert repr(check) == "<clearance.Check: 0 of 2 free; configuration 0: 'ball' and 'cup' not proved free>"
+
+
+def test_a_path_names_the_pair_that_stops_it(front):
+    free = front.check_path(np.array([[at(0)], [at(0.5)]], float), bodies=["ball"])
+    assert free.pair_names is None
+    stopped = front.check_path(PLACES, bodies=["ball"])
+    assert stopped.hit and stopped.pair_names == ("ball", "cup")
+    assert stopped.pair == tuple(map(front.body_id, stopped.pair_names)) and "pair_names=('ball', 'cup')" in repr(
+        stopped
+    )
 
 
 def test_bad_margins_are_refused_by_name(front):

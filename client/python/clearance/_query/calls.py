@@ -229,4 +229,4 @@ def _stopped(r: Result, row: int, first: int, violations: tuple[LimitViolation, 
     if math.isnan(time):
         time = float(r.first_contact[row, 0])
     a, b = r.pair[row].tolist()
-    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations)
+    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations, (r.names[a], r.names[b]))
