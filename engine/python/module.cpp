@@ -174,6 +174,16 @@ class PyEngine : public PyUpdates {
     return std::make_unique<PyDevicePlan>(engine, guard_, engine->plan_on_device(view));
   }
 
+  /// Throws QueryError for a query that is invalid with any inputs, by one configuration or motion.
+  void check(const Query& query) const {
+    QueryView view = view_of(query);
+    if (query.bodies || query.joints) view.configuration_count = query.max_evaluations ? 2 : 1;
+    const GilRelease release;
+    const std::shared_ptr<engine::Engine> engine = use();
+    check_query_ids(*engine, query.scene_revision, view);
+    engine->size(view);
+  }
+
   nb::object pairs(const Query& query) const {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
@@ -276,6 +286,7 @@ NB_MODULE(_engine, m) {
            nb::arg("positions").noconvert().none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
+      .def("check", &PyEngine::check, nb::arg("query"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("poses").none(),

@@ -145,6 +145,9 @@ class Engine(Front):
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         return self._worker.add(Future(self._worker, task, timeout_s, is_driven_by_caller=False))
 
+    def _check(self, run: Run, *no_input: None) -> None:
+        self._engine.check(run.raw)
+
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         return self._engine.start(run.raw, poses, positions)
 

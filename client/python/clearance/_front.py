@@ -75,6 +75,10 @@ class Front(Queries, Updates, SceneChanges):
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         raise NotImplementedError
 
+    def _check(self, run: Run, *no_input: None) -> None:
+        """Raises QueryError for a query that is wrong whatever its configurations are."""
+        raise NotImplementedError
+
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         """Starts a query, for the methods of _future.Runner."""
         raise NotImplementedError

@@ -96,6 +96,12 @@ class RemoteFront(Front):
         seconds = self._use().timeout_s if timeout_s is None else timeout_s
         return self._worker.add(Future(self._worker, task, seconds, is_driven_by_caller=True))
 
+    def _check(self, run: Run, *no_input: None) -> None:
+        for name, (*_, least, most, range_text) in self._module.OPTIONS.items():
+            value = getattr(run.raw, name)
+            if range_text and not least <= value <= most:
+                raise QueryError(ErrorCode.BAD_QUERY, f"query: {name} must be {range_text}, got {value}")
+
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         return self._guarded(self._use().submit, run.raw, poses, positions, run.copy)
 

@@ -255,12 +255,13 @@ class Queries:
                 ConnectionError. Default: True.
 
         Names become ids here, and the query keeps these: see Prepared. Raises as that method does, and TypeError for an
-        argument that it does not take.
+        argument that it does not take. Errors of the arguments alone are raised here; from a client, those that need
+        the daemon's scene or several arguments are raised by run().
         """
         to_word(call, CALLS, "call")
         everyday = _everyday(call)
         check_arguments(call, everyday, self._module, self._prepared_only, arguments)
-        return Prepared(self, call, {**everyday, **arguments})  # type: ignore[arg-type]
+        return Prepared(self, call, {**everyday, **arguments})._checked()  # type: ignore[arg-type]
 
     def submit(self, *arguments: Any, **named: Any) -> Future:
         """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel(), or await it.

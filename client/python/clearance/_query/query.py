@@ -106,6 +106,11 @@ class Query:
         return self.with_columns(moves, mask) if run is None else run
 
     def with_columns(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns, and keeps it for run()."""
+        run = self._runs[moves, mask] = self.made(moves, mask)
+        return run
+
+    def made(self, moves: bool, mask: int) -> Run:
         """Returns the query with these columns."""
         names = self.names
         bodies, joints = self.moved(moves)
@@ -124,8 +129,7 @@ class Query:
             raw.set_weights(self.weights)
         if moves and self.joints is not None:
             raw.set_limits(self.joints.lower, self.joints.upper)
-        run = self._runs[moves, mask] = Run(self, raw, mask, names, bodies, joints)
-        return run
+        return Run(self, raw, mask, names, bodies, joints)
 
     # ---- the scene changes ----------------------------------------------------------------------------------------
 
