@@ -1,4 +1,4 @@
-// The scene of a daemon in Python: what is in it, and requests that change it.
+// The scene of a daemon in Python: its bodies and joints, and requests that change them.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -76,7 +76,7 @@ class Front(Queries, Updates, SceneChanges):
         raise NotImplementedError
 
     def _check(self, run: Run, *no_input: None) -> None:
-        """Raises QueryError for a query that is wrong whatever its configurations are."""
+        """Raises QueryError for a query that is wrong with any configurations."""
         raise NotImplementedError
 
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:

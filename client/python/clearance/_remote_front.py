@@ -1,4 +1,4 @@
-"""What Front needs of a client: each request over its connection to the daemon."""
+"""The methods of Front that a client answers over its connection to the daemon."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .wire import ErrorCode
 
 
 class RemoteFront(Front):
-    """The methods of Front that a connection to a daemon answers."""
+    """A Front whose queries and updates are requests to a daemon."""
 
     _connection: Any  #: of the extension module; None once closed
     _url: str

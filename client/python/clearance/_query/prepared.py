@@ -53,7 +53,7 @@ class Prepared:
             self._call.current_limits = runner._beyond_now
 
     def _checked(self) -> Prepared:
-        """Raises QueryError for arguments that are wrong whatever the inputs are, and returns this."""
+        """Raises QueryError for arguments that are wrong with any inputs. Returns this query."""
         query = self._query
         moves = query.bodies is not None or query.joints is not None or self._call.inputs != Call.inputs
         run = query.made(moves, DEFAULT_FIELDS if query.mask is None else query.mask)
