@@ -1,4 +1,4 @@
-// The class _engine.Scene, wrapped by clearance/_scene.py.
+// The class _engine.Scene, wrapped by clearance/_scene/scene.py.
 #include "engine/python/scene_bindings.h"
 
 #include <nanobind/ndarray.h>

@@ -117,7 +117,7 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   change(box_frame("lid", 4));
   EXPECT_EQ(rejection(remove_frame("cup")),
             "remove_body: \"cup\" was loaded with the scene: only added bodies can be removed");
-  EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
+  EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene; did you mean \"cup\"?");
   EXPECT_EQ(rejection(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
   loop_->engine().attach(5, kNone);
   const Pose free = loop_->engine().body_state(5).X_wb;
@@ -139,13 +139,14 @@ TEST_F(Bodies, AReplacedOneKeepsItsPlace) {
   EXPECT_EQ(change(replacing("cup")).body, 1u);
   EXPECT_EQ(bodies()[1].source, "box");
   EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7);
-  EXPECT_EQ(rejection(replacing("cups")), "there is no body \"cups\"");
+  EXPECT_EQ(rejection(replacing("cups")), "there is no body \"cups\"; did you mean \"cup\"?");
   EXPECT_EQ(rejection(replacing("cup", std::as_bytes(std::span("x"))), ErrorCode::kBadFrame),
             "new body: replace (record 24) has 2 bytes, expected 0");
   change(box_frame("crate"));
   a_.rights = kMayQuery | kMayPose;
   EXPECT_EQ(rejection(replacing("cup"), ErrorCode::kForbidden),
             "replacing a body of the scene file needs the right \"admin\"");
+  EXPECT_EQ(rejection(replacing("crates")), "replace: \"crates\" is not in the scene; did you mean \"crate\"?");
   EXPECT_EQ(change(replacing("crate")).body, 4u);
   a_.rights = kAllRights;
   change(simple_frame(FrameType::kReload, 3));
@@ -439,8 +440,10 @@ TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
       EXPECT_TRUE(rejected([&] { client.submit(query).get(); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.pairs(query); })) << url << ", time " << i;
       EXPECT_TRUE(rejected([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
-          << url << ", time " << i;
+      EXPECT_TRUE(rejected([&] {
+        client.set_poses(std::array{std::pair{pair[1], elsewhere}});
+      })) << url
+          << ", time " << i;
     }
     EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
     EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";

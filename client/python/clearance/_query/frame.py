@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pandas
 
-from ._names import names_of
-from ._words import Field, Reduce, Status
+from .._names import names_of
+from .._words import Field, Reduce, Status
 
 #: Suffixes of the numbers of a row, by their count or the column's name; otherwise from 0 on.
 _SUFFIXES = {"bounds": ("lower", "upper"), "pieces": ("a", "b"), "first_contact": ("free_until", "hit"), 3: "xyz"}

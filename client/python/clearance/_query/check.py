@@ -6,9 +6,9 @@ from typing import Optional
 
 import numpy as np
 
-from ._limits import Beyond, LimitViolation
-from ._result import Result
-from ._words import Status
+from .._limits import Beyond, LimitViolation
+from .._words import Status
+from .result import Result
 
 _BEYOND, _OK = int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object
 
@@ -70,6 +70,11 @@ class Check:
         return self.result.pair
 
     @property
+    def pair_names(self) -> np.ndarray:
+        """(K, 2): the names of `pair`, an array of str, and None where there is no body."""
+        return self.result.pair_names
+
+    @property
     def hit(self) -> np.ndarray:
         """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
         return self.verdict == _OK
@@ -79,4 +84,8 @@ class Check:
         if self._beyond is not None:
             count = np.count_nonzero(self.beyond_limits)
             text += f", {count} beyond joint limits ({self._beyond.first()})"
+        if not self.free.all():
+            first = int(np.argmin(self.free))
+            a, b = map(repr, self.pair_names[first])
+            text += f"; configuration {first}: {f'{a} hits {b}' if self.hit[first] else f'{a} and {b} not proved free'}"
         return f"<clearance.Check: {text}>"

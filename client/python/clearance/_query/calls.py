@@ -8,14 +8,14 @@ from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
-from ._arguments import to_floats
-from ._check import Check
-from ._limits import LimitViolation, beyond_limits
-from ._path import PathCheck
-from ._poses import as_pose7
-from ._query import Query, Run
-from ._result import Result
-from ._words import Field, Reduce, Status
+from .._arguments import to_floats
+from .._limits import LimitViolation, beyond_limits
+from .._poses import as_pose7
+from .._words import Field, Reduce, Status
+from .check import Check
+from .path import PathCheck
+from .query import Query, Run
+from .result import Result
 
 #: A query to answer: with its poses (K, M, 7) and positions (K, J), None for the kind that does not move.
 Request = tuple[Run, Optional[np.ndarray], Optional[np.ndarray]]
@@ -229,4 +229,4 @@ def _stopped(r: Result, row: int, first: int, violations: tuple[LimitViolation, 
     if math.isnan(time):
         time = float(r.first_contact[row, 0])
     a, b = r.pair[row].tolist()
-    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations)
+    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations, (r.names[a], r.names[b]))

@@ -6,9 +6,9 @@ from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import did_you_mean
-from ._names import names_of
-from ._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
+from .._arguments import did_you_mean
+from .._names import names_of
+from .._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
 
@@ -161,7 +161,7 @@ class Result:
         Its columns are configuration, body_a and body_b, and those of the query; a column of several numbers a row
         becomes several, such as point_a_x. Requires pandas, which is imported by this call only.
         """
-        from ._frame import data_frame
+        from .frame import data_frame
 
         return data_frame(self)
 
