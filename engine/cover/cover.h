@@ -57,8 +57,8 @@ struct StandOut {
 };
 StandOut stand_out(const Cover& cover, int level);
 
-/// The cover of the union of convex parts in one frame, or nothing if a part is a half-space or has a surface, or there
-/// is none, or beyond 1e9 m. Deterministic: the same on every machine. Takes about a second on one core.
+/// The cover of the union of convex parts in one frame, or nothing if a part is a half-space, has a surface or is beyond
+/// 1e9 m, and for no or more than 300 parts. Deterministic: the same on every machine. Takes about a second on one core.
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts);
 
 }  // namespace clearance
