@@ -12,7 +12,6 @@
 #include <algorithm>
 #include <array>
 #include <functional>
-#include <span>
 #include <utility>
 
 #include "client/python/bindings/answer.h"
@@ -119,11 +118,6 @@ void bind_grown(nb::class_<engine::Scene>& scene, const char* function, Add add,
         return std::invoke(add, s, name, own..., o);
       },
       names...);
-}
-
-template <class Row, class Rows>
-std::span<const Row> rows_of(const Rows& rows) {
-  return {reinterpret_cast<const Row*>(rows.data()), rows.shape(0)};
 }
 
 // Binds the functions that add bodies.
