@@ -1,7 +1,6 @@
 // Requests of tests that add and remove bodies.
 #pragma once
 
-#include <cstring>
 #include <optional>
 #include <span>
 #include <string>
@@ -12,15 +11,6 @@
 
 namespace clearance {
 
-/// A frame with records by tag behind its payload.
-inline std::vector<std::byte> extended(std::vector<std::byte> frame, std::span<const std::byte> records) {
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  header = wire::with_records(header, records.size());
-  std::memcpy(frame.data(), &header, sizeof header);
-  frame.insert(frame.end(), records.begin(), records.end());
-  return frame;
-}
 inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t parent = kNone) {
   wire::NewBodyRecord record;
   wire::set_name(record.name, name);
