@@ -36,7 +36,7 @@ nb::tuple PyUpdates::set_joints(const BodiesArray& ids, const PositionRow& posit
 
 nb::tuple PyUpdates::set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
                                 std::int64_t stamp_ns, std::int64_t sequence, std::uint64_t revision) const {
-  const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
+  const std::span<const CloudPoint> points = rows_of<CloudPoint>(xyz);
   return update([&](engine::Engine& engine) {
     check_ids(engine, revision, {&body, 1});
     return engine.set_points(body, points, radius, stamp_ns, sequence);

@@ -34,6 +34,11 @@ void put_points(Body& body, const ConvexPartPtr& cloud) {
   body.is_grown = false;
 }
 
+// Makes the geometry of a primitive.
+auto primitive(const Primitive& shape, const char* source, const Scene::BodyOptions& options) {
+  return [=, radius = options.radius] { return geometry_of_primitive(shape, radius, source); };
+}
+
 }  // namespace
 
 Body Scene::body_from(const std::string& name, const BodyOptions& options) const {
@@ -155,31 +160,25 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
   const FpEnvironment environment;
   check_positive(name, "cylinder radius", radius);
   check_positive(name, "cylinder length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cylinder_of(radius, length), options.radius, "cylinder"); });
+  return add_geometry(name, options, primitive(cylinder_of(radius, length), "cylinder", options));
 }
 
 std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
   const FpEnvironment environment;
   check_positive(name, "cone radius", radius);
   check_positive(name, "cone length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cone_of(radius, length), options.radius, "cone"); });
+  return add_geometry(name, options, primitive(cone_of(radius, length), "cone", options));
 }
 
 std::uint32_t Scene::add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options) {
   const FpEnvironment environment;
   for (int k = 0; k < 3; ++k) check_positive(name, "ellipsoid half axis", radii[k]);
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kEllipsoid, radii}, options.radius, "ellipsoid");
-  });
+  return add_geometry(name, options, primitive({Primitive::Kind::kEllipsoid, radii}, "ellipsoid", options));
 }
 
 std::uint32_t Scene::add_half_space(const std::string& name, const BodyOptions& options) {
   const FpEnvironment environment;
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, options.radius, "half_space");
-  });
+  return add_geometry(name, options, primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, "half_space", options));
 }
 
 std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,
