@@ -27,9 +27,6 @@ constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBa
 /// Choices of balls for one share.
 constexpr int kRounds = 4;
 
-/// Covers of larger bodies are not made: squares of float32 would overflow.
-constexpr double kMaxReach = 1e9;
-
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};
 }
@@ -142,7 +139,7 @@ void append(Cover& cover, std::span<Node> nodes) {
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
-  if (!shape || !(shape->reach() <= kMaxReach)) return {};
+  if (!shape) return {};
   PortableRandom random(1);
   std::vector<Node> level;
   level.push_back(node_of(*shape, middle_of(shape->simplices()), shape->simplices()));

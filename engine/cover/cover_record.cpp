@@ -28,14 +28,12 @@ struct PacketRecord {
 };
 static_assert(sizeof(CoverHeader) == 16 + 20 + 20 && sizeof(PacketRecord) == 4 * (6 * BallPacket::kBalls + 1));
 
-std::array<float*, 5> columns_of(BallPacket& packet) {
-  return {packet.x, packet.y, packet.z, packet.outer, packet.inner};
-}
+constexpr std::array kColumns{&BallPacket::x, &BallPacket::y, &BallPacket::z, &BallPacket::outer, &BallPacket::inner};
 
-PacketRecord record_of(BallPacket packet) {
+PacketRecord record_of(const BallPacket& packet) {
   PacketRecord record{};
-  for (std::size_t c = 0; c < record.columns.size(); ++c)
-    std::copy_n(columns_of(packet)[c], BallPacket::kBalls, record.columns[c].begin());
+  for (std::size_t c = 0; c < kColumns.size(); ++c)
+    std::copy_n(packet.*kColumns[c], BallPacket::kBalls, record.columns[c].begin());
   std::copy_n(packet.children, BallPacket::kBalls, record.children.begin());
   record.count = packet.count;
   return record;
@@ -43,8 +41,8 @@ PacketRecord record_of(BallPacket packet) {
 
 BallPacket packet_of(const PacketRecord& record) {
   BallPacket packet{};
-  for (std::size_t c = 0; c < record.columns.size(); ++c)
-    std::copy(record.columns[c].begin(), record.columns[c].end(), columns_of(packet)[c]);
+  for (std::size_t c = 0; c < kColumns.size(); ++c)
+    std::copy(record.columns[c].begin(), record.columns[c].end(), packet.*kColumns[c]);
   std::copy(record.children.begin(), record.children.end(), packet.children);
   packet.count = record.count;
   return packet;

@@ -64,7 +64,7 @@ class Decider {
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr Bits kOpen = 1, kHit = 2;
   static constexpr int kMostPackets = 160;     // of one body against one obstacle
-  static constexpr int kMostPacketPairs = 64;  // of two moved bodies
+  static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit;
@@ -112,14 +112,22 @@ class Decider {
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
       const MovedPair& pair = v_.moved_pairs[item.at];
+      if (kMoves && is_decided_by_table(pair.table, pair.position)) return;
       return record(pair.position, item, moved_pair(pair, item.at));
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
     if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
+    if (kMoves && is_decided_by_table(v_.table[cell], v_.position[cell])) return;
     record(v_.position[cell], item,
            against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
   }
 
+  /// Of a span.
+  bool is_decided_by_table(std::uint32_t table, std::uint64_t position) {
+    const Verdict verdict = tables_.in_span(table, span_->positions, span_->reach);
+    if (verdict == Verdict::kHit) record(position, {}, kHit);
+    return verdict != Verdict::kUnresolved;
+  }
   Bits against_obstacle(std::uint32_t body, const Obstacle& obstacle, float grow, float shrink) {
     const DecidedBody& b = v_.bodies[body];
     if (b.root_packets == 0) return kOpen;
@@ -171,7 +179,7 @@ class Decider {
       if constexpr (kMoves) reach += placed_.root_way(pair.a) + placed_.root_way(pair.b);
       if (d > reach) continue;
       if (is_over()) return;
-      if (pair.position > hit_) continue;
+      if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) continue;
       const bool in = d < v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
       record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
     }

@@ -41,9 +41,8 @@ struct MovedPair {
 
 /// A pair of links of one robot with a joint table.
 struct TabledPair {
-  const TableCell* cells;  ///< of JointTable
-  TableColumn columns[2];  ///< likewise
-  std::uint32_t at[2];     ///< index of the column in a row of positions, or kNone: it stays at `fixed`
+  TableCells table;
+  std::uint32_t at[2];  ///< index of the column in a row of positions, or kNone: it stays at `fixed`
   double fixed[2];
   std::int32_t free_above, hit_below;  ///< the pair is beyond its margin if TableCell::low exceeds `free_above`, and
                                        ///< within its margin if `high` is less than `hit_below`
@@ -133,6 +132,8 @@ struct SpanBatch {
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order
   std::size_t capacity;
+  const double* positions = nullptr;  ///< of joints in the middle, for tables; null: they are not used
+  const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {
   Verdict verdict = Verdict::kUnresolved;

@@ -21,17 +21,13 @@ constexpr std::uint32_t kCellsShift[2] = {12, 16};  // cells of a table for one 
 constexpr std::uint32_t kLeastShift = 3;            // of each of two columns
 constexpr std::uint32_t kFiner = 2;                 // halvings of a cell in each column, where the links are close
 constexpr double kFar = JointTable::kUnit * TableCell::kNoHigh;  // greater distances are not distinguished
-constexpr double kDeep = 0.03;                      // nor deeper overlaps; metres
-constexpr double kPrecision = 8;                    // a distance to 1 / kPrecision suffices
-constexpr double kMostTurned = 64;                  // radians, of joints that turn without end
-constexpr std::size_t kMostEvaluated = 400'000;     // positions; the rest keeps the bounds of larger blocks
-constexpr std::size_t kBatch = 1024;                // positions of one evaluation
+constexpr double kDeep = 0.03;                                   // nor deeper overlaps; metres
+constexpr double kPrecision = 8;                                 // a distance to 1 / kPrecision suffices
+constexpr double kMostTurned = 64;                               // radians, of joints that turn without end
+constexpr std::size_t kMostEvaluated = 400'000;  // positions; the rest keeps the bounds of larger blocks
+constexpr std::size_t kBatch = 1024;             // positions of one evaluation
 constexpr double kTurn = 2 * std::numbers::pi;
-constexpr double kUp = 1 + 0x1p-40;
-
-bool slides(const KinematicStep& step) {
-  return step.kind == KinematicStep::Kind::kSliding;
-}
+constexpr double kAbove = 1 + 0x1p-40;
 
 // Whether positions of a column that differ by a turn place all links alike.
 bool repeats(const Kinematics& robot, std::uint32_t column) {
@@ -55,7 +51,7 @@ std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t c
   }
   const auto& steps = robot.kinematics.steps();
   const bool is_angle = std::none_of(steps.begin(), steps.end(), [&](const KinematicStep& step) {
-    return slides(step) && step.column == c;
+    return step.kind == KinematicStep::Kind::kSliding && step.column == c;
   });
   if (!is_limited && !is_angle) return {};
   column.least = is_limited ? limits.lower : -std::numbers::pi;
@@ -68,10 +64,12 @@ std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t c
 class JointTableMaker {
  public:
   explicit JointTableMaker(const TablePair& pair)
-      : pair_(pair), robot_(pair.robot->kinematics),
+      : pair_(pair),
+        robot_(pair.robot->kinematics),
         paths_(paths_between(robot_, pair.a.link, pair.a.ball, pair.b.link, pair.b.ball)) {
     table_.column_count = static_cast<std::uint32_t>(pair.columns.size());
-    for (std::size_t c = 0; c < pair.columns.size(); ++c) table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
+    for (std::size_t c = 0; c < pair.columns.size(); ++c)
+      table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
     take_error();
     take_cells();
   }
@@ -124,13 +122,15 @@ class JointTableMaker {
   void take_error();
   void take_cells();
   void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way);
-  std::uint32_t fine_shift(int c) const { return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0; }
+  std::uint32_t fine_shift(int c) const {
+    return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
+  }
   double fine_width(int c) const { return 1 / (table_.columns[c].cells_per_unit * (1 << kFiner)); }
   // Half of a block's width, enlarged by the rounding of cells and their positions.
   double half_of(int c, std::uint32_t shift) const {
     if (c >= static_cast<int>(table_.column_count)) return 0;
     const TableColumn& column = table_.columns[c];
-    return std::ldexp(fine_width(c), static_cast<int>(shift)) / 2 * kUp +
+    return std::ldexp(fine_width(c), static_cast<int>(shift)) / 2 * kAbove +
            0x1p-40 * (std::abs(column.least) + std::abs(column.most));
   }
   double way_of(const double (&half)[2]) const {
@@ -191,7 +191,7 @@ void JointTableMaker::take_error() {
   for (int k = 0; k < 4; ++k) {
     for (std::size_t c = 0; c < table_.column_count; ++c)
       corner[table_.columns[c].column] = k >> c & 1 ? table_.columns[c].most : table_.columns[c].least;
-    travel_ = std::max(travel_, robot_.travel(corner) * kUp);
+    travel_ = std::max(travel_, robot_.travel(corner) * kAbove);
   }
   error_ = robot_.error_between(pair_.a.link, pair_.a.extent, pair_.b.link, pair_.b.extent).at(travel_, 0);
 }
@@ -253,7 +253,8 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
   options.f32 = true;
   options.want_points = false;
   PartBatch(options).run(
-      tasks_, [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane.lower, lane.upper); },
+      tasks_,
+      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane.lower, lane.upper); },
       [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds.lower, answer.bounds.upper); });
   for (std::size_t k = 0; k < count; ++k)
     if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
@@ -277,7 +278,7 @@ std::vector<std::uint32_t> columns_between(const Kinematics& robot, std::uint32_
 std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& robot, const Body& a, const Body& b) {
   constexpr std::size_t kMostPartPairs = 256;
   const auto is_usable = [](const Body& body) {
-    return !body.parts.empty() && !has_surface(body) &&
+    return body.robot != kNone && !body.parts.empty() && !has_surface(body) &&
            std::none_of(body.parts.begin(), body.parts.end(), [](const auto& part) { return is_half_space(*part); });
   };
   if (!is_usable(a) || !is_usable(b) || a.parts.size() * b.parts.size() > kMostPartPairs ||

@@ -53,7 +53,8 @@ std::optional<JointTable> joint_table_of_record(const TablePair& pair, std::span
   JointTable table = empty_joint_table(pair);
   if (record.size() != table.cells.size() * sizeof(TableCell)) return {};
   std::memcpy(table.cells.data(), record.data(), record.size());
-  if (std::any_of(table.cells.begin(), table.cells.end(), [](TableCell cell) { return cell.low > cell.high; })) return {};
+  if (std::any_of(table.cells.begin(), table.cells.end(), [](TableCell cell) { return cell.low > cell.high; }))
+    return {};
   table.join_cells();
   return table;
 }

@@ -16,8 +16,8 @@ bool find_columns(const LinkMotion& motion, TabledPair& pair) {
   for (int c = 0; c < 2; ++c) {
     pair.at[c] = kNone;
     pair.fixed[c] = 0;
-    if (pair.columns[c].shift == 0) continue;  // the second column of a table for one joint
-    const std::uint32_t column = pair.columns[c].column;
+    if (pair.table.columns[c].shift == 0) continue;  // the second column of a table for one joint
+    const std::uint32_t column = pair.table.columns[c].column;
     const auto it = std::find_if(moving.begin(), moving.end(), [&](const auto& m) { return m.column == column; });
     if (it != moving.end())
       pair.at[c] = it->at;
@@ -53,14 +53,13 @@ void TablePlan::take(const engine::Scene& scene, const Plan& plan, const SlackBo
   const Body &a = scene.bodies()[bodies.a], &b = scene.bodies()[bodies.b];
   if (a.robot == kNone || a.robot != b.robot) return;
   const SceneRobot& robot = *scene.robots()[a.robot];
-  const auto motion = std::find_if(plan.motions.begin(), plan.motions.end(),
-                                   [&](const LinkMotion& m) { return &m.robot() == &robot; });
+  const auto motion =
+      std::find_if(plan.motions.begin(), plan.motions.end(), [&](const LinkMotion& m) { return &m.robot() == &robot; });
   if (motion == plan.motions.end()) return;
   std::shared_ptr<const JointTable> table = tables.find(robot, a, b);
   if (!table) return;
   TabledPair pair{};
-  pair.cells = table->cells.data();
-  for (int c = 0; c < 2; ++c) pair.columns[c] = table->columns[static_cast<std::size_t>(c)];
+  pair.table = table->view();
   if (!find_columns(*motion, pair)) return;
   const double margin = plan.margins.of(position);
   const Slack of_pair = slack.of(bodies);

@@ -44,7 +44,6 @@ CPP_ONLY = {
         "joints": "the shape of gradient_joints",
         "epoch": "of the client",
     },
-    "Check": {"upper": "in `result`"},
     "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
 }
 #: Names that only Python has, with the reason.
@@ -74,7 +73,8 @@ PYTHON_ONLY = {
         "compact": "a format",
         **dict.fromkeys(("names", "pair_names", "to_pandas"), "pandas"),
     },
-    "Check": {"result": "its columns are members"},
+    "Check": {"result": "its columns are members", "pair_names": "as of a Result"},
+    "PathCheck": {"pair_names": "as of a Result"},
     "Joints": {"lower": "in `limits`", "upper": "in `limits`"},
 }
 

@@ -1,30 +1,13 @@
 // Motions through the engine: proved bounds hold at each time, and reported contacts exist.
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/motion/motion_test.h"
 
 namespace clearance::test {
 namespace {
-
-engine::Engine engine_of(engine::Scene scene, int threads = 2) {
-  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads});
-}
-
-// A ball that flies past another at a known distance.
-struct Flight {
-  engine::Scene scene;
-  Motions motions;
-
-  Flight() {
-    scene.add_sphere("still", 0.1, {.is_static = true, .pose = Pose{}});
-    motions.bodies = {scene.add_sphere("ball", 0.05, {.pose = Pose{{3, 0, 0}}})};
-  }
-  void add(const Vec3d& from, const Vec3d& to) {
-    motions.poses.push_back(Pose{from});
-    motions.poses.push_back(Pose{to});
-  }
-};
 
 TEST(Motions, LeastDistanceOfABallThatFliesPast) {
   Flight flight;
@@ -72,40 +55,6 @@ TEST(Motions, LeastDistanceOfABallThatFliesPast) {
   EXPECT_GT(free, 100);
 }
 
-// A ball that hits another at a known time.
-TEST(Motions, FirstContactIsNarrowed) {
-  Flight flight;
-  Random random(7);
-  constexpr double kMargin = 0.02;
-  std::vector<double> exact;
-  while (exact.size() < 60) {
-    const Vec3d from{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-    const Vec3d to = Vec3d{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)} * 0.3;
-    const Vec3d d = to - from;
-    const double a = dot(d, d), b = dot(from, d), c = dot(from, from) - 0.17 * 0.17;
-    if (c < 0.01 || b * b - a * c < 1e-4) continue;
-    const double t = (-b - std::sqrt(b * b - a * c)) / a;
-    if (t < 0 || t > 1) continue;
-    flight.add(from, to);
-    exact.push_back(t);
-  }
-  const engine::Engine engine = engine_of(std::move(flight.scene));
-  for (const Reduce reduce : {Reduce::kAny, Reduce::kMin, Reduce::kNone}) {
-    QueryView query = flight.motions.view(reduce, 1000);
-    query.margin = kMargin;
-    const Answer answer = evaluate(engine, query);
-    for (std::size_t i = 0; i < exact.size(); ++i) {
-      const double from = answer.view.first_contact[2 * i], to = answer.view.first_contact[2 * i + 1];
-      EXPECT_LE(from, exact[i] + 1e-12);
-      EXPECT_GE(to, exact[i] - 1e-12);
-      EXPECT_LE(to - from, 2e-3);
-      if (reduce == Reduce::kAny) {
-        EXPECT_EQ(answer.view.time[i], to);
-      }
-    }
-  }
-}
-
 // Flights past a ball, with exact gaps that are positive and negative, small and large.
 std::vector<double> add_flights_by_gap(Flight& flight, std::size_t count) {
   Random random(11);
@@ -150,6 +99,40 @@ TEST(Motions, OutOfStepsIsNeverFree) {
   EXPECT_GT(free, 500);
   EXPECT_GT(hits, 500);
   EXPECT_GT(unconverged, 500);
+}
+
+TEST(Motions, VerdictIsTheStatusWithoutTheKindOfAHit) {
+  Flight flight;
+  const std::size_t count = add_flights_by_gap(flight, 60).size();
+  const std::uint32_t person = flight.scene.add_sphere("person", 0.3, {.pose = Pose{{0, 9, 0}}});
+  engine::Engine engine = engine_of(std::move(flight.scene));
+  std::array<int, 9> seen{};
+  const auto compare = [&](double margin, std::uint32_t steps) {
+    QueryView query = flight.motions.view(Reduce::kAny, steps);
+    query.margin = margin;
+    for (const std::uint32_t contact : {0u, kFieldFirstContact | 0u}) {  // has a search of its own
+      query.fields = kFieldStatus | contact;
+      const Answer known = evaluate(engine, query);
+      for (const std::uint32_t others : {0u, kFieldPair | kFieldTime}) {
+        query.fields = kFieldVerdict | others | contact;
+        const Answer answer = evaluate(engine, query);
+        ASSERT_EQ(answer.size.fields, query.fields) << "no other column is forced";
+        for (std::size_t i = 0; i < count; ++i) {
+          const auto status = static_cast<Status>(known.view.status[i]);
+          const bool is_hit = status <= Status::kContact;
+          ASSERT_EQ(static_cast<Status>(answer.view.verdict[i]), is_hit ? Status::kOk : status) << i;
+          ++seen[static_cast<std::size_t>(status)];
+        }
+      }
+    }
+  };
+  for (const double margin : {0.0, 1e-3})
+    for (const std::uint32_t steps : {1u, 256u}) compare(margin, steps);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
+  compare(0, 256);
+  for (const Status status :
+       {Status::kOk, Status::kContact, Status::kOverlap, Status::kBeyond, Status::kUnconverged, Status::kBadPose})
+    EXPECT_GT(seen[static_cast<std::size_t>(status)], 3) << static_cast<int>(status);
 }
 
 // A least distance below the tolerance is no contact if the same row proves the motion free.

@@ -223,7 +223,9 @@ TEST(JointTable, IsMadeForOneOrTwoJointsOnly) {
                         joint("j", "continuous", "a", "b", "0 0 0", "0 1 0") +
                         joint("k", "continuous", "b", "tip", "0 0 0", "1 0 0"))
                    .pair());
-  EXPECT_FALSE(TwoLinks(link("base", shapes(kPin)) + link("tip") + joint("j", "continuous", "base", "tip", "0 0 0", "1 0 0")).pair());
+  EXPECT_FALSE(
+      TwoLinks(link("base", shapes(kPin)) + link("tip") + joint("j", "continuous", "base", "tip", "0 0 0", "1 0 0"))
+          .pair());
 }
 
 TEST(JointTable, IsReadFromItsRecord) {

@@ -10,18 +10,18 @@ from typing import Any, Literal, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_count, to_list, to_word
-from ._calls import CALLS
-from ._certificate import Certificate
-from ._check import Check
-from ._future import Future
-from ._joints import JointsRef
-from ._names import Bodies, Margin, Pairs
-from ._path import PathCheck
-from ._prepared import Prepared, check_arguments
-from ._query import Run
-from ._result import Result
-from ._words import ReduceWord
+from .._arguments import to_count, to_list, to_word
+from .._joints import JointsRef
+from .._names import Bodies, Margin, Pairs
+from .._words import ReduceWord
+from .calls import CALLS
+from .certificate import Certificate
+from .check import Check
+from .future import Future
+from .path import PathCheck
+from .prepared import Prepared, check_arguments
+from .query import Run
+from .result import Result
 
 Fields = Union[str, Sequence[str], None]
 MotionReduceWord = Literal["none", "min", "any"]
@@ -109,8 +109,9 @@ class Queries:
             every body, where later entries win and other pairs have a margin of 0. Default: 0, which proves that
             nothing touches.
 
-        Returns .free (K,) bool and, for configurations that are not free, .pair (K, 2) and .status (K,). Unproved
+        Returns .free (K,) bool and, for configurations that are not free, .pair (K, 2) and .verdict (K,). Unproved
         configurations are not free: contact, an invalid pose, or a distance equal to the margin within the tolerance.
+        For distances of the pairs use distances(reduce="any", margin=...).
         Distances ignore joint limits: .ok (K,) bool is free and within limits, and .limit_violations lists the joints
         that are not, with their excess. Limits are those of the query's joints; without configurations, those of all
         joints at their current positions, which costs a client a request after each change of poses. Warns
@@ -255,12 +256,13 @@ class Queries:
                 ConnectionError. Default: True.
 
         Names become ids here, and the query keeps these: see Prepared. Raises as that method does, and TypeError for an
-        argument that it does not take.
+        argument that it does not take. Errors of the arguments alone are raised here; from a client, those that need
+        the daemon's scene or several arguments are raised by run().
         """
         to_word(call, CALLS, "call")
         everyday = _everyday(call)
         check_arguments(call, everyday, self._module, self._prepared_only, arguments)
-        return Prepared(self, call, {**everyday, **arguments})  # type: ignore[arg-type]
+        return Prepared(self, call, {**everyday, **arguments})._checked()  # type: ignore[arg-type]
 
     def submit(self, *arguments: Any, **named: Any) -> Future:
         """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel(), or await it.

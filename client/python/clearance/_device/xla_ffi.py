@@ -12,7 +12,7 @@ import weakref
 from ctypes import POINTER, c_char_p, c_int, c_int32, c_int64, c_size_t, c_uint32, c_void_p
 from typing import Any
 
-from ._device_plan import DevicePlan
+from .plan import DevicePlan
 
 TARGET = "clearance_plan"
 

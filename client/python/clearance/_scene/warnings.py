@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from ._errors import MeshWarning, PoseWarning, RobotWarning, warn
+from .._errors import MeshWarning, PoseWarning, RobotWarning, warn
 
 _NAMED_IN_WARNING = 5
 

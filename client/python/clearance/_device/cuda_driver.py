@@ -11,7 +11,7 @@ import threading
 from collections.abc import Iterator
 from typing import Any, Optional
 
-from ._errors import ConnectionError
+from .._errors import ConnectionError
 
 _LIBRARIES = ("libcuda.so.1", "libcuda.so")
 _LAZY_PEER_ACCESS = 1

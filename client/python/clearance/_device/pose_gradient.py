@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ._device_plan import DevicePlan
+from .plan import DevicePlan
 
 
 def pose_gradient(xp: Any, poses: Any, by_twist: Any) -> Any:

@@ -7,11 +7,11 @@ import threading
 from collections.abc import Mapping
 from typing import Any, Optional, TypeVar, Union
 
-from ._arguments import to_bool, to_items, to_number, to_path, to_text, to_uncertainty, to_word
-from ._names import BodyInfo, BodyRef
-from ._poses import as_first_pose
-from ._scene_warnings import warn_of_meshes, warn_of_robots
-from ._words import GEOMETRIES, MESH_AS, GeometryWord, MeshAsWord
+from .._arguments import to_bool, to_items, to_number, to_path, to_text, to_uncertainty, to_word
+from .._names import BodyInfo, BodyRef
+from .._poses import as_first_pose
+from .._words import GEOMETRIES, MESH_AS, GeometryWord, MeshAsWord
+from .warnings import warn_of_meshes, warn_of_robots
 
 _BY_LINK = "a dict of {'position': metres, 'angle': radians} by link"
 _SceneT = TypeVar("_SceneT", bound="RobotScene")

@@ -8,14 +8,14 @@ from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import did_you_mean, to_count
-from ._calls import CALLS, Call, Checks, Request, Steps
-from ._errors import QueryError, StaleQuery
-from ._future import Future, Task
-from ._names import NameTable
-from ._query import NO_ARGUMENTS, Query, Run, Source
-from ._result import Result
-from ._words import FIELD_MASKS, Reduce
+from .._arguments import did_you_mean, to_count
+from .._errors import QueryError, StaleQuery
+from .._names import NameTable
+from .._words import DEFAULT_FIELDS, FIELD_MASKS, Reduce
+from .calls import CALLS, Call, Checks, Request, Steps
+from .future import Future, Task
+from .query import NO_ARGUMENTS, Query, Run, Source
+from .result import Result
 
 _WRONG_SCENE = 2
 _MOST_RENEWALS = 100  # of one run, while other threads change the scene
@@ -27,6 +27,7 @@ class Runner(Source, Protocol):
     _names_cache: Optional[NameTable]
 
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any: ...
+    def _check(self, run: Run, *no_input: None) -> None: ...
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any: ...
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future: ...
     def _open_plan(self, configurations: int, run: Run, *no_input: None) -> Any: ...
@@ -50,6 +51,14 @@ class Prepared:
         self._in_steps = kind.steps is not Call.steps
         if isinstance(self._call, Checks):
             self._call.current_limits = runner._beyond_now
+
+    def _checked(self) -> Prepared:
+        """Raises QueryError for arguments that are wrong with any inputs. Returns this query."""
+        query = self._query
+        moves = query.bodies is not None or query.joints is not None or self._call.inputs != Call.inputs
+        run = query.made(moves, DEFAULT_FIELDS if query.mask is None else query.mask)
+        self._retried(self._runner._check, (run, None, None))
+        return self
 
     def __reduce__(self) -> Any:
         raise TypeError("a prepared query cannot be pickled or copied: send its arguments, and prepare it there")

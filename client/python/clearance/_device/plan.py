@@ -7,8 +7,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._arguments import did_you_mean
-from ._words import COLUMNS, Column
+from .._arguments import did_you_mean
+from .._words import COLUMNS, Column
 
 _DLPACK_CUDA, _DLPACK_KINDS = 2, {0: "i", 1: "u", 2: "f"}
 

@@ -7,12 +7,12 @@ from typing import Any, Optional, Protocol
 
 import numpy as np
 
-from ._arguments import to_bool, to_floats, to_number_from_0, to_option
-from ._errors import QueryError, StaleQuery
-from ._joints import Joints, JointTable
-from ._names import NameTable, has_selectors
-from ._result import fields_mask
-from ._words import MARGIN_DTYPE
+from .._arguments import to_bool, to_floats, to_number_from_0, to_option
+from .._errors import QueryError, StaleQuery
+from .._joints import Joints, JointTable
+from .._names import NameTable, has_selectors
+from .._words import MARGIN_DTYPE
+from .result import fields_mask
 
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
@@ -106,6 +106,11 @@ class Query:
         return self.with_columns(moves, mask) if run is None else run
 
     def with_columns(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns, and keeps it for run()."""
+        run = self._runs[moves, mask] = self.made(moves, mask)
+        return run
+
+    def made(self, moves: bool, mask: int) -> Run:
         """Returns the query with these columns."""
         names = self.names
         bodies, joints = self.moved(moves)
@@ -124,8 +129,7 @@ class Query:
             raw.set_weights(self.weights)
         if moves and self.joints is not None:
             raw.set_limits(self.joints.lower, self.joints.upper)
-        run = self._runs[moves, mask] = Run(self, raw, mask, names, bodies, joints)
-        return run
+        return Run(self, raw, mask, names, bodies, joints)
 
     # ---- the scene changes ----------------------------------------------------------------------------------------
 

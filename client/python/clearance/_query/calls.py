@@ -8,21 +8,22 @@ from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
-from ._arguments import to_floats
-from ._check import Check
-from ._limits import LimitViolation, beyond_limits
-from ._path import PathCheck
-from ._poses import as_pose7
-from ._query import Query, Run
-from ._result import Result
-from ._words import Field, Reduce, Status
+from .._arguments import to_floats
+from .._limits import LimitViolation, beyond_limits
+from .._poses import as_pose7
+from .._words import Field, Reduce, Status
+from .check import Check
+from .path import PathCheck
+from .query import Query, Run
+from .result import Result
 
 #: A query to answer: with its poses (K, M, 7) and positions (K, J), None for the kind that does not move.
 Request = tuple[Run, Optional[np.ndarray], Optional[np.ndarray]]
 Steps = Generator[Request, Any, Any]
 
 _FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # motions of a path in one query
-_ANY = int(Reduce.ANY)
+_ANY, _BEYOND = int(Reduce.ANY), int(Status.BEYOND)  # numpy compares an enum's member as an object
+_FREE = PathCheck(True, None, None, None, Status.BEYOND)
 _MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
 
 
@@ -69,7 +70,7 @@ class Distances(Call):
 
 
 class Checks(Distances):
-    fixed: ClassVar = {"reduce": "any", "fields": int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)}
+    fixed: ClassVar = {"reduce": "any", "fields": int(Field.VERDICT | Field.PAIR)}
 
     #: Violations of the scene's joints at the current poses.
     current_limits: Callable[[Result], Any]
@@ -116,24 +117,30 @@ class Paths(Call):
 
     def steps(self, path: Any = None) -> Steps:
         points = arrays_of(self.query, path, "path")
-        count = _count(*points)
+        count, positions = _count(*points), points[1]
         if count < 2:
             raise ValueError(f"path: expected two waypoints or more, got {count}")
-        joints, positions = self.query.joints, points[1]
-        beyond = None if joints is None or positions is None else beyond_limits(positions, joints, "path")
-        violations = () if beyond is None else beyond.first_of_each_joint()
+        violations: tuple[LimitViolation, ...] = ()
+        is_short = count - 1 <= _FIRST_MOTIONS
+        if positions is not None and not is_short:
+            violations = self._violations(positions)
         first, room = 0, _FIRST_MOTIONS
         while first < count - 1:
             last = min(first + room, count - 1)
-            poses, rows = (None if p is None else _interleave(p[first:last], p[first + 1 : last + 1]) for p in points)
+            poses, rows = (_ends(p, first, last) for p in points)
             run = self.query.run(True, last - first)
             answer = yield run, poses, rows
-            r = Result(answer, _ANY, run)
-            bad = np.flatnonzero(r.status != Status.BEYOND)
-            if len(bad):
-                return _stopped(r, int(bad[0]), first, violations)
+            if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
+                violations = self._violations(positions)
+            if not answer.all_beyond():
+                return _stopped(Result(answer, _ANY, run), first, violations)
             first, room = last, min(2 * room, _MOST_MOTIONS)
-        return PathCheck(True, None, None, None, Status.BEYOND, violations)
+        return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
+
+    def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
+        joints = self.query.joints
+        beyond = None if joints is None else beyond_limits(positions, joints, "path")
+        return () if beyond is None else beyond.first_of_each_joint()
 
 
 class Scales(Call):
@@ -224,9 +231,17 @@ def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optio
     return np.stack((start, end), axis=1).reshape(-1, *start.shape[1:])
 
 
-def _stopped(r: Result, row: int, first: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
+def _ends(waypoints: Optional[np.ndarray], first: int, last: int) -> Optional[np.ndarray]:
+    """Returns the ends of the motions from waypoint `first` to `last`, in turn: every waypoint twice, except those."""
+    if waypoints is None or len(waypoints) == 2:
+        return waypoints
+    return np.repeat(waypoints[first : last + 1], 2, axis=0)[1:-1]
+
+
+def _stopped(r: Result, first: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
+    row = int(np.argmax(r.status != _BEYOND))
     time = float(r.time[row])
     if math.isnan(time):
         time = float(r.first_contact[row, 0])
     a, b = r.pair[row].tolist()
-    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations)
+    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations, (r.names[a], r.names[b]))

@@ -11,8 +11,8 @@ import weakref
 from collections.abc import Generator
 from typing import Any, Optional, Protocol
 
-from ._arguments import to_number_from_0
-from ._errors import QueryError, TimeoutError
+from .._arguments import to_number_from_0
+from .._errors import QueryError, TimeoutError
 
 _WRONG_SCENE = 2
 _SLICE_S = 0.1  # of a caller in result()

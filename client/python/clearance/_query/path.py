@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Optional
 
-from ._limits import LimitViolation
-from ._words import Status
+from .._limits import LimitViolation
+from .._words import Status
 
 
 @dataclass(frozen=True)
@@ -20,6 +20,7 @@ class PathCheck:
     status: Status  #: BEYOND if free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Others: no proof
     #: First waypoint at which each joint is beyond its limits, in the order of joints. Independent of `free`.
     limit_violations: tuple[LimitViolation, ...] = ()
+    pair_names: Optional[tuple[str, str]] = None  #: names of `pair`
 
     @property
     def beyond_limits(self) -> bool:

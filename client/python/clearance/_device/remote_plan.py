@@ -8,8 +8,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._cuda_driver import Driver, driver_for
-from ._device_plan import DeviceArray, DevicePlan, DeviceRows, address_of_stream
+from .cuda_driver import Driver, driver_for
+from .plan import DeviceArray, DevicePlan, DeviceRows, address_of_stream
 
 _F64 = np.dtype("<f8")
 

@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ._arguments import to_path
+from .._arguments import to_path
 
 
 class Certificate:
