@@ -25,6 +25,10 @@ class CoverPlan {
   /// \param tables may be null
   static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
                                                const JointTableStore* tables = nullptr);
+  /// Increases whenever make() may return something else.
+  static std::uint64_t revision(const CoverStore& covers, const JointTableStore* tables) {
+    return covers.revision() + (tables ? tables->revision() : 0);
+  }
 
   const DecisionView& view() const { return view_; }
   /// A link that moves a body, or that it is fixed to.

@@ -42,17 +42,13 @@ class DecisionJob final : public ParallelJob {
 
   void rewind() override {
     next_ = evaluated_ = 0;
-    if (covers_revision_ != revision()) take_covers();
+    if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
   }
 
  private:
   void take_covers() {
-    covers_revision_ = revision();
+    covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
     covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
-  }
-  // Of covers and tables.
-  std::uint64_t revision() const {
-    return context_.covers->revision() + (context_.tables ? context_.tables->revision() : 0);
   }
 
   /// A worker's states.
