@@ -243,8 +243,9 @@ TEST(JointTable, IsReadFromItsRecord) {
   EXPECT_EQ(read->columns[0].cells_per_unit, table.columns[0].cells_per_unit);
   EXPECT_NE(joint_table_name(*links.pair()), joint_table_name(*longer.pair()));
   EXPECT_NE(joint_table_name(*links.pair()), joint_table_name(*turned.pair()));
-  std::swap(record[0], record[2]);
-  std::swap(record[1], record[3]);  // `low` and `high` of a cell
+  const std::size_t cell = 4 * 2048;  // where `low` and `high` differ
+  std::swap(record[cell], record[cell + 2]);
+  std::swap(record[cell + 1], record[cell + 3]);
   EXPECT_FALSE(joint_table_of_record(*links.pair(), record));
   record.pop_back();
   EXPECT_FALSE(joint_table_of_record(*links.pair(), record));
