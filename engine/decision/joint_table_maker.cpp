@@ -243,19 +243,14 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
         tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
                           static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
   bounds_.assign(count, {kInf, kInf});
-  const auto take = [&](const PartTask& task, double lower, double upper) {
+  const auto take = [&](const PartTask& task, const auto& of_parts) {
     Bounds& bounds = bounds_[task.id];
-    bounds = {std::min(bounds.lower, lower), std::min(bounds.upper, upper)};
+    bounds = {std::min(bounds.lower, of_parts.lower), std::min(bounds.upper, of_parts.upper)};
   };
-  NarrowOptions options;
-  options.limits.abs_tol = way / 16;
-  options.lanes = &lane_kernels()[0];
-  options.f32 = true;
-  options.want_points = false;
-  PartBatch(options).run(
-      tasks_,
-      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane.lower, lane.upper); },
-      [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds.lower, answer.bounds.upper); });
+  PartBatch batch({.limits = {.abs_tol = way / 16}, .lanes = &lane_kernels()[0], .f32 = true, .want_points = false});
+  batch.run(
+      tasks_, [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane); },
+      [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds); });
   for (std::size_t k = 0; k < count; ++k)
     if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
 }
@@ -284,11 +279,11 @@ std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& rob
   if (!is_usable(a) || !is_usable(b) || a.parts.size() * b.parts.size() > kMostPartPairs ||
       robot->kinematics.root_of(a.link) != robot->kinematics.root_of(b.link))
     return {};
-  TablePair pair{robot, TableLink::of(a), TableLink::of(b), columns_between(robot->kinematics, a.link, b.link)};
-  if (pair.columns.empty() || pair.columns.size() > 2) return {};
-  for (const std::uint32_t c : pair.columns)
+  std::vector<std::uint32_t> columns = columns_between(robot->kinematics, a.link, b.link);
+  if (columns.empty() || columns.size() > 2) return {};
+  for (const std::uint32_t c : columns)
     if (!table_column(*robot, c)) return {};
-  return pair;
+  return TablePair{robot, TableLink::of(a), TableLink::of(b), std::move(columns)};
 }
 
 JointTable empty_joint_table(const TablePair& pair) {

@@ -84,6 +84,15 @@ void JointTableStore::add(TablePair pair, const Body& a, const Body& b, std::vec
   tasks.push_back(entry.get());
 }
 
+namespace {
+
+struct RequestedPair {
+  TablePair pair;
+  const Body *a, *b;
+};
+
+}  // namespace
+
 void JointTableStore::request(const engine::Scene& scene) {
   const auto& ignored = scene.ignored();
   const std::lock_guard lock(mutex_);
@@ -91,16 +100,18 @@ void JointTableStore::request(const engine::Scene& scene) {
   for (const auto& robot : scene.robots()) {
     std::vector<std::uint32_t> links = robot->bodies;
     std::sort(links.begin(), links.end());
-    for (const std::size_t joints : {1, 2}) {
-      std::size_t count = 0;
-      for (std::size_t j = 0; j < links.size(); ++j)
-        for (std::size_t i = 0; i < j && tasks.size() < kMostTables; ++i) {
-          if (std::binary_search(ignored.begin(), ignored.end(), std::pair(links[i], links[j]))) continue;
-          const Body &a = scene.bodies()[links[i]], &b = scene.bodies()[links[j]];
-          if (auto pair = table_pair(robot, a, b); pair && pair->columns.size() == joints && count++ < kMostOfRobot)
-            add(std::move(*pair), a, b, tasks);
-        }
-    }
+    std::vector<RequestedPair> pairs;
+    for (std::size_t j = 0; j < links.size(); ++j)
+      for (std::size_t i = 0; i < j; ++i) {
+        if (std::binary_search(ignored.begin(), ignored.end(), std::pair(links[i], links[j]))) continue;
+        const Body &a = scene.bodies()[links[i]], &b = scene.bodies()[links[j]];
+        if (auto pair = table_pair(robot, a, b)) pairs.push_back({std::move(*pair), &a, &b});
+      }
+    std::stable_sort(pairs.begin(), pairs.end(), [](const RequestedPair& p, const RequestedPair& q) {
+      return p.pair.columns.size() < q.pair.columns.size();
+    });
+    pairs.resize(std::min(pairs.size(), kMostOfRobot));
+    for (RequestedPair& requested : pairs) add(std::move(requested.pair), *requested.a, *requested.b, tasks);
   }
   worker_.add(tasks);
 }

@@ -1,4 +1,4 @@
-// What joint tables know of a query.
+// The joint tables of a query.
 #pragma once
 
 #include <cstdint>

@@ -454,7 +454,12 @@ MUTANTS = [
             "high = @std::ceil(upper / JointTable::kUnit + kRounding)@",
             "std::floor(upper / JointTable::kUnit)",
         ),
-        ("table_union", "decision/joint_table_maker.cpp", "bounds = {@std::min(bounds.lower, lower)@", "lower"),
+        (
+            "table_union",
+            "decision/joint_table_maker.cpp",
+            "bounds = {@std::min(bounds.lower, of_parts.lower)@",
+            "of_parts.lower",
+        ),
         ("table_column", "decision/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
         ("table_levels", "decision/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),
