@@ -96,11 +96,30 @@ TEST_F(TableDecisions, StoreReadsTheCache) {
   EXPECT_EQ(joint_table_record(*table(scene, store)), *Cache::of_environment().read(joint_table_name(pair)));
 }
 
+// Covers and tables of arm_of_boxes(), made once.
+struct Stores {
+  CoverStore covers;
+  JointTableStore tables;
+
+  static Stores& made() {
+    static Stores stores;
+    return stores;
+  }
+
+ private:
+  Stores() {
+    const engine::Scene scene = arm_of_boxes();
+    for (const char* name : {"r/base", "r/mid", "r/tip"}) covers.request({scene.bodies()[scene.find_body(name)].parts});
+    tables.request(scene);
+    EXPECT_TRUE(covers.wait(kPatience) && tables.wait(kPatience));
+  }
+};
+
 // A query of random states, or motions between them, with its covers and tables.
 struct Decided {
   engine::Scene scene = arm_of_boxes();
-  CoverStore covers;
-  JointTableStore tables;
+  CoverStore& covers = Stores::made().covers;
+  JointTableStore& tables = Stores::made().tables;
   PoseStore poses{scene, std::chrono::seconds(60)};
   std::vector<std::uint32_t> joints;
   std::vector<double> positions;
@@ -109,9 +128,6 @@ struct Decided {
 
   /// \param names of the joints that move
   Decided(const std::vector<std::string>& names, std::uint32_t states, double margin) {
-    for (const char* name : {"r/base", "r/mid", "r/tip"}) covers.request({scene.bodies()[scene.find_body(name)].parts});
-    tables.request(scene);
-    EXPECT_TRUE(covers.wait(kPatience) && tables.wait(kPatience));
     Random random(3);
     for (const std::string& name : names) joints.push_back(scene.find_joint("r/" + name));
     for (std::size_t i = 0; i < states * joints.size(); ++i) positions.push_back(random.uniform(-3.1, 3.1));
