@@ -29,7 +29,7 @@ struct TableCell {
   static constexpr std::int16_t kNoLow = -32768, kNoHigh = 32767;
 };
 
-// Always inline: kernels of all instruction sets use what follows.
+// For functions below, which kernels of all instruction sets use.
 #define CLEARANCE_TABLE_INLINE __attribute__((always_inline)) inline
 
 /// Cells of a table as plain arrays (JointTable).

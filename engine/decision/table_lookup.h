@@ -12,7 +12,7 @@
 namespace clearance {
 namespace CLEARANCE_ISA {
 
-/// What the tables of a query prove in one state, or in a span of a motion.
+/// Decisions of a query's tables in one state, or in a span of a motion.
 class TableLookup {
  public:
   explicit TableLookup(const DecisionView& view) : v_(view) {

@@ -79,7 +79,7 @@ TEST_F(TableDecisions, StoreReadsTheCache) {
     ASSERT_TRUE(record);
     EXPECT_EQ(*record, joint_table_record(*table(scene, store)));
   }
-  // A record that is sound but not this table's tells whether it is read; one that is not is replaced.
+  // A sound record of another table shows that records are read. A damaged one is replaced.
   std::vector<std::byte> other(joint_table_record(empty_joint_table(pair)).size(), std::byte{0});
   Cache::of_environment().write(joint_table_name(pair), other);
   {

@@ -108,7 +108,7 @@ struct Wrong {
 double width_of(const TableColumn& column) {
   return 1 / column.cells_per_unit;
 }
-// A position in a random cell: anywhere, at a seam, or just beside one.
+// A position in a random cell: anywhere, at a seam, or very near one.
 double position_in(const TableColumn& column, test::RobotRandom& random) {
   if (column.shift == 0) return 0;
   const int cell = random.below(static_cast<int>(column.count()));
