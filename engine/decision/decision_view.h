@@ -43,7 +43,7 @@ struct MovedPair {
 struct DecisionView {
   const DecidedBody* bodies;
   std::uint32_t body_count, columns;
-  const float *root_x, *root_y, *root_z;         ///< (columns,) centres of the roots, in the bodies' frames
+  const float *root_x, *root_y, *root_z;             ///< (columns,) centres of the roots, in the bodies' frames
   const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
   const Obstacle* obstacles;
   std::uint32_t obstacle_count;
@@ -51,6 +51,8 @@ struct DecisionView {
   const float *grow, *shrink;            ///< (obstacles, columns)
   const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
   const MovedPair* moved_pairs;
+  const std::int32_t *moved_a, *moved_b;  ///< (moved_pairs,) and more, up to a multiple of 8: their bodies
+  const float* moved_reach;               ///< likewise: their roots' outer radii with grow
   std::uint32_t moved_pair_count;
 };
 inline constexpr std::uint32_t kMostDecidedBodies = 64;
@@ -74,8 +76,8 @@ struct Decision {
 
 /// Receives decisions and open pairs: arrays that the caller owns.
 struct DecisionRoom {
-  Decision* decisions;  ///< (states,)
-  std::uint64_t* open;  ///< positions
+  Decision* decisions;     ///< (states,)
+  std::uint64_t* open;     ///< positions
   std::uint32_t capacity;  ///< of `open`, at least the pairs of one state for each state
 };
 
