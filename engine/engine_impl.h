@@ -37,7 +37,7 @@ struct Engine::Impl {
   PoseStore poses;
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable JobCache job_cache{scene};  // after `trees`, to which its jobs return theirs
+  mutable JobCache job_cache{scene};   // after `trees`, to which its jobs return theirs
   std::shared_ptr<CoverStore> covers;  // null if off
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
