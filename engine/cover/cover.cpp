@@ -20,6 +20,13 @@ struct LevelRule {
   double edge_of_radius;  ///< the choice sees simplices whose edges are at most this share of the parent's radius
   std::size_t simplices;  ///< by which a share may exceed its parent's
   std::size_t candidates, samples;
+
+  LevelRule with(double effort) const {
+    const auto share = [&](std::size_t n) {
+      return std::max<std::size_t>(50, static_cast<std::size_t>(effort * static_cast<double>(n)));
+    };
+    return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
+  }
 };
 constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1200},
                                                             {BallPacket::kBalls, 0.3, 2000, 700, 600},
@@ -136,7 +143,8 @@ void append(Cover& cover, std::span<Node> nodes) {
 
 }  // namespace
 
-std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped) {
+std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped,
+                                double effort) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
   if (!shape) return {};
@@ -153,7 +161,7 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std:
     for (Node& parent : level) {
       if (stopped && *stopped) return {};
       if (k > 1 && width_of(parent.ball.outer, parent.ball.inner) <= narrow) continue;
-      std::vector<Node> children = children_of(*shape, parent, kRules[k - 1], random);
+      std::vector<Node> children = children_of(*shape, parent, kRules[k - 1].with(effort), random);
       if (k > 1) cover.packets[parent.packet].children[parent.lane] = static_cast<std::uint32_t>(cover.packets.size());
       append(cover, children);
       std::move(children.begin(), children.end(), std::back_inserter(next));
