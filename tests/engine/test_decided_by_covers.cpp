@@ -18,7 +18,7 @@ constexpr std::uint32_t kRows = kAllFields & ~kFieldGradient;
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
 engine::Scene crowded_scene() {
   engine::RobotOptions arm = at_home();
-  arm.link_padding = {{"link2", 0.01}};
+  arm.link_padding = {{"fore", 0.01}};
   engine::Scene scene = arm_scene(arm);
   scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.4}}});
   const auto still = [](Vec3d at, double angle) {
@@ -30,7 +30,7 @@ engine::Scene crowded_scene() {
   scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
-  scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/link4", .pose = Pose{{0, 0, 0.1}}});
+  scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   return scene;
 }
 
