@@ -91,6 +91,16 @@ bool may_have_cover(std::span<const ConvexPartPtr> parts) {
                       [](const ConvexPartPtr& part) { return part->surface || is_half_space(*part); });
 }
 
+bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b) {
+  const auto is_same_point = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  const auto is_same = [&](const ConvexPartPtr& p, const ConvexPartPtr& q) {
+    return p == q ||
+           (p->digest == q->digest && p->radius == q->radius && !p->surface && !q->surface && same_primitive(*p, *q) &&
+            std::equal(p->vertices.begin(), p->vertices.end(), q->vertices.begin(), q->vertices.end(), is_same_point));
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), is_same);
+}
+
 std::string cover_name(std::span<const ConvexPartPtr> parts) {
   CacheKey key("cover", kAlgorithmVersion);
   for (const ConvexPartPtr& part : parts) {

@@ -20,7 +20,6 @@
 #include "engine/base/digest.h"
 #include "engine/cache/cache.h"
 #include "engine/cover/cover_record.h"
-#include "engine/hull/primitive.h"
 
 namespace clearance {
 
@@ -35,13 +34,6 @@ std::uint64_t hash_of_body(std::span<const ConvexPartPtr> parts) {
   Digest digest;
   for (const ConvexPartPtr& part : parts) digest.add(part->digest);
   return digest.value();
-}
-
-bool is_same(const ConvexPartPtr& a, const ConvexPartPtr& b) {
-  const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  return a == b ||
-         (a->digest == b->digest && a->radius == b->radius && !a->surface && !b->surface && same_primitive(*a, *b) &&
-          std::equal(a->vertices.begin(), a->vertices.end(), b->vertices.begin(), b->vertices.end(), same));
 }
 
 /// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
@@ -134,8 +126,7 @@ CoverStore::State::~State() {
 const CoverStore::State::Entry* CoverStore::State::find(std::span<const ConvexPartPtr> parts,
                                                         std::uint64_t hash) const {
   const Entry* entry = buckets[hash % buckets.size()].load(std::memory_order_acquire);
-  while (entry && (entry->hash != hash ||
-                   !std::equal(parts.begin(), parts.end(), entry->parts.begin(), entry->parts.end(), is_same)))
+  while (entry && (entry->hash != hash || !same_parts(parts, entry->parts)))
     entry = entry->next;
   return entry;
 }

@@ -48,14 +48,16 @@ LinkBall ball_of_centres(const Cover& cover) {
 /// Collects the parts of a CoverPlan.
 class CoverPlanBuilder {
  public:
-  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store)
+  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables)
       : scene_(scene),
         plan_(plan),
         snapshot_(*plan.snapshot),
         store_(store),
         slack_(scene, plan),
         slot_(scene.bodies().size(), kNone),
-        obstacle_of_(scene.bodies().size(), kUnseen) {}
+        obstacle_of_(scene.bodies().size(), kUnseen) {
+    out_->tables_ = TablePlan(scene, plan, slack_, tables);
+  }
 
   std::unique_ptr<const CoverPlan> build() {
     if (!take_slides() || !take_bodies()) return nullptr;
@@ -265,7 +267,7 @@ void CoverPlanBuilder::take_moved(std::uint64_t position, std::uint32_t a, std::
   const double margin = plan_.margins.of(position), sizes = double{cover(a)->root.outer} + cover(b)->root.outer;
   const double error = errors_[a] + errors_[b] + 8 * kUnit * (sizes + margin + 2 * reach_);
   out_->moved_pairs_.push_back({a, b, position, up((margin + slack.inner + error) * (1 + 0x1p-40)),
-                                down(margin - (slack.outer + error) * (1 + 0x1p-40))});
+                                down(margin - (slack.outer + error) * (1 + 0x1p-40)), out_->tables_.at(position)});
 }
 
 // Columns of the kernel.
@@ -291,6 +293,8 @@ void CoverPlanBuilder::finish() {
   }
   for (auto* radii : {&out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_}) radii->assign(cells, -kNever);
   out.position_.assign(cells, 0);
+  out.table_of_cell_.assign(cells, kNoTable);
+  for (const std::uint64_t position : out.unknown_) out.tables_.disable(position);
   for (const ObstaclePair& p : obstacle_pairs_) {
     const CoverBall& root = cover(p.body)->root;
     const std::size_t at = p.obstacle * columns + p.body;
@@ -303,6 +307,7 @@ void CoverPlanBuilder::finish() {
     out.root_outer_[at] = up(root.outer + grow);
     out.root_inner_[at] = down(root.inner + shrink);
     out.position_[at] = p.position;
+    out.table_of_cell_[at] = out.tables_.at(p.position);
   }
   out.view_ = {out.bodies_.data(),
                static_cast<std::uint32_t>(out.bodies_.size()),
@@ -323,12 +328,15 @@ void CoverPlanBuilder::finish() {
                out.moved_a_.data(),
                out.moved_b_.data(),
                out.moved_reach_.data(),
-               static_cast<std::uint32_t>(out.moved_pairs_.size())};
+               static_cast<std::uint32_t>(out.moved_pairs_.size()),
+               out.table_of_cell_.data(),
+               out.tables_.pairs().data(),
+               static_cast<std::uint32_t>(out.tables_.pairs().size())};
 }
 
-std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan,
-                                                 const CoverStore& covers) {
-  return CoverPlanBuilder(scene, plan, covers).build();
+std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
+                                                 const JointTableStore* tables) {
+  return CoverPlanBuilder(scene, plan, covers, tables).build();
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {

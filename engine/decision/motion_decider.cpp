@@ -35,6 +35,7 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   twists_.resize(columns);
   origins_.resize(columns);
   bodies_.resize(columns);
+  reach_.resize(plan.joints.size());
   link_twists_.resize(links_of_span_);
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -70,6 +71,7 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
   int decided = 0;
   for (; !spans_.empty(); half *= 0.5) {
+    for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
     next_.clear();
     next_items_.clear();
     for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
@@ -121,7 +123,7 @@ SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half)
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size()});
+                           open_.data(), open_.size(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.

@@ -47,9 +47,9 @@ class MotionDecider {
   std::vector<std::vector<double>> along_, change_;  // by robot and column
   double total_ = 0;                                 // sum of the changes
   std::vector<SpanRates::Rates> rates_;              // by body
-  std::vector<double> rows_;
-  std::vector<Pose> poses_, links_;       // (spans, Plan::bodies); (spans, links) of each robot in turn
-  std::vector<std::size_t> links_begin_;  // by robot: in links_, per span
+  std::vector<double> rows_, reach_;                 // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<Pose> poses_, links_;                  // (spans, Plan::bodies); (spans, links) of each robot in turn
+  std::vector<std::size_t> links_begin_;             // by robot: in links_, per span
   std::size_t links_of_span_ = 0;
   std::vector<std::uint8_t> facts_;
   LinkMotion::LinkScratch scratch_;

@@ -474,6 +474,31 @@ MUTANTS = [
         ),
         ("mesh_held", "cuda/mesh/mesh_search.cuh", "!winding.is_sure || @winding.number == 0@", "winding.number <= 0"),
     ),
+    # Joint tables.
+    *mutants_of(
+        "tables",
+        (
+            "table_way",
+            "decision/joint_table_maker.cpp",
+            "std::min(least, @path.way(change, travel_)@)",
+            "0.5 * path.way(change, travel_)",
+        ),
+        (
+            "table_low",
+            "decision/joint_table_maker.cpp",
+            "low = @std::floor(lower / JointTable::kUnit - kRounding)@",
+            "std::ceil(lower / JointTable::kUnit)",
+        ),
+        (
+            "table_high",
+            "decision/joint_table_maker.cpp",
+            "high = @std::ceil(upper / JointTable::kUnit + kRounding)@",
+            "std::floor(upper / JointTable::kUnit)",
+        ),
+        ("table_union", "decision/joint_table_maker.cpp", "bounds = {@std::min(bounds.lower, lower)@", "lower"),
+        ("table_column", "decision/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
+        ("table_levels", "decision/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
+    ),
     # Kernels that evaluate motions.
     *mutants_of(
         "motion_kernels",
