@@ -28,11 +28,11 @@ struct LevelRule {
     return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
   }
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1200},
-                                                            {BallPacket::kBalls, 0.3, 2000, 700, 600},
-                                                            {BallPacket::kBalls, 0.3, 1000, 280, 250}}};
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1000},
+                                                            {BallPacket::kBalls, 0.3, 2000, 700, 400},
+                                                            {BallPacket::kBalls, 0.3, 1000, 200, 150}}};
 /// Choices of balls for one share.
-constexpr int kRounds = 4;
+constexpr int kRounds = 8;
 
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};
