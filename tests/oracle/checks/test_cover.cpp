@@ -46,11 +46,13 @@ exact::SolidPtr moved(const exact::SolidPtr& solid, const Vec3d& by) {
   return exact::solid(std::move(vertices), solid->radius);
 }
 
-/// Points on a sphere: more than a cover keeps of a part.
-exact::SolidPtr egg(Random& random, int count) {
+/// An ellipsoid of many vertices among so many points that its cover sees only a few of them.
+Body egg(Random& random) {
   std::vector<Vec3d> vertices;
-  for (int i = 0; i < count; ++i) vertices.push_back(random.direction());
-  return exact::solid(exact::scaled(vertices, {0.3, 0.2, 0.5}));
+  for (int i = 0; i < 1000; ++i) vertices.push_back(random.direction());
+  Body body{"egg", {exact::solid(exact::scaled(vertices, {0.3, 0.2, 0.5}))}};
+  body.solids.resize(50, exact::solid({{0.01, 0, 0}}));
+  return body;
 }
 
 std::vector<Body> bodies() {
@@ -70,7 +72,7 @@ std::vector<Body> bodies() {
                         {"capsule", {exact::solid({{0, 0, -0.4}, {0, 0, 0.4}}, 0.1)}},
                         {"rounded hull", {exact::solid(exact::ordinary(random), 0.05)}},
                         {"rounded flat", {exact::solid(exact::flat(random)->vertices, 0.05)}},
-                        {"egg", {egg(random, 1000)}},
+                        egg(random),
                         several.scaled("tiny", {1e-6, 1e-6, 1e-6}),
                         several.scaled("mirrored, huge", {-1e4, 1e4, 1e4})};
   const engine::Scene cell = engine::Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/cell/robot.yaml");
