@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "engine/base/fp_environment.h"
 #include "engine/cover/choose_balls.h"
@@ -154,7 +155,7 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, double eff
   cover.root = level[0].ball;
   cover.reach = std::max(shape->reach(), norm(centre_of(cover.root)) * kCoverUp);
   // Narrower than roundings of float32: such balls are not divided.
-  const double narrow = 0x1p-20 * shape->reach();
+  const double narrow = std::max(0x1p-20 * shape->reach(), double{std::numeric_limits<float>::min()});
   for (int k = 1; k < Cover::kLevels; ++k) {
     std::vector<Node> next;
     for (Node& parent : level) {
