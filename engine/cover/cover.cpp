@@ -29,7 +29,7 @@ struct LevelRule {
     return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
   }
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1000},
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.11, 6000, 1500, 1000},
                                                             {BallPacket::kBalls, 0.3, 2000, 700, 400},
                                                             {BallPacket::kBalls, 0.3, 1000, 200, 150}}};
 /// Choices of balls for one share.
