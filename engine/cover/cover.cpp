@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "engine/base/fp_environment.h"
 #include "engine/cover/choose_balls.h"
@@ -28,11 +29,11 @@ struct LevelRule {
     return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
   }
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1200},
-                                                            {BallPacket::kBalls, 0.3, 2000, 700, 600},
-                                                            {BallPacket::kBalls, 0.3, 1000, 280, 250}}};
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.11, 6000, 1500, 1000},
+                                                            {BallPacket::kBalls, 0.3, 2000, 700, 400},
+                                                            {BallPacket::kBalls, 0.3, 1000, 200, 150}}};
 /// Choices of balls for one share.
-constexpr int kRounds = 4;
+constexpr int kRounds = 8;
 
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};
@@ -155,7 +156,7 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std:
   cover.root = level[0].ball;
   cover.reach = std::max(shape->reach(), norm(centre_of(cover.root)) * kCoverUp);
   // Narrower than roundings of float32: such balls are not divided.
-  const double narrow = 0x1p-20 * shape->reach();
+  const double narrow = std::max(0x1p-20 * shape->reach(), double{std::numeric_limits<float>::min()});
   for (int k = 1; k < Cover::kLevels; ++k) {
     std::vector<Node> next;
     for (Node& parent : level) {

@@ -46,11 +46,13 @@ exact::SolidPtr moved(const exact::SolidPtr& solid, const Vec3d& by) {
   return exact::solid(std::move(vertices), solid->radius);
 }
 
-/// Points on a sphere: more than a cover keeps of a part.
-exact::SolidPtr egg(Random& random, int count) {
+/// An ellipsoid of many vertices among so many points that its cover sees only a few of them.
+Body egg(Random& random) {
   std::vector<Vec3d> vertices;
-  for (int i = 0; i < count; ++i) vertices.push_back(random.direction());
-  return exact::solid(exact::scaled(vertices, {0.3, 0.2, 0.5}));
+  for (int i = 0; i < 1000; ++i) vertices.push_back(random.direction());
+  Body body{"egg", {exact::solid(exact::scaled(vertices, {0.3, 0.2, 0.5}))}};
+  body.solids.resize(50, exact::solid({{0.01, 0, 0}}));
+  return body;
 }
 
 std::vector<Body> bodies() {
@@ -70,7 +72,7 @@ std::vector<Body> bodies() {
                         {"capsule", {exact::solid({{0, 0, -0.4}, {0, 0, 0.4}}, 0.1)}},
                         {"rounded hull", {exact::solid(exact::ordinary(random), 0.05)}},
                         {"rounded flat", {exact::solid(exact::flat(random)->vertices, 0.05)}},
-                        {"egg", {egg(random, 1000)}},
+                        egg(random),
                         several.scaled("tiny", {1e-6, 1e-6, 1e-6}),
                         several.scaled("mirrored, huge", {-1e4, 1e4, 1e4})};
   const engine::Scene cell = engine::Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/cell/robot.yaml");
@@ -184,21 +186,16 @@ TEST(Cover, InnerRadiiHold) {
   EXPECT_GT(beside, 100);
 }
 
-/// Whether a point is in a round core, decided exactly, and points of its surface.
-struct RoundCore {
-  Primitive core;
-
-  Vec3q surface_point(Random& random) const {
-    const Vec3q n = unit(random);
-    const Vec3q size = rational(core.size);
-    if (core.kind == Primitive::Kind::kEllipsoid) return {n.x * size.x, n.y * size.y, n.z * size.z};
-    const mpq_class t(random.integer(-40, 40), 10), z = size.z * mpq_class(random.integer(-8, 8), 8);
-    mpq_class across = size.x;
-    if (core.kind == Primitive::Kind::kCone) across *= (size.z - z) / (2 * size.z);
-    if (random.chance(0.3)) return {across * mpq_class(random.integer(0, 4), 4), 0, -size.z};  // of the disc
-    return {across * (1 - t * t) / (1 + t * t), across * 2 * t / (1 + t * t), z};
-  }
-};
+/// A point of the surface of a round core, exactly.
+Vec3q surface_point(const Primitive& core, Random& random) {
+  const Vec3q n = unit(random), size = rational(core.size);
+  if (core.kind == Primitive::Kind::kEllipsoid) return {n.x * size.x, n.y * size.y, n.z * size.z};
+  const mpq_class t(random.integer(-40, 40), 10), z = size.z * mpq_class(random.integer(-8, 8), 8);
+  mpq_class across = size.x;
+  if (core.kind == Primitive::Kind::kCone) across *= (size.z - z) / (2 * size.z);
+  if (random.chance(0.3)) return {across * mpq_class(random.integer(0, 4), 4), 0, -size.z};  // of the disc
+  return {across * (1 - t * t) / (1 + t * t), across * 2 * t / (1 + t * t), z};
+}
 
 TEST(Cover, RoundCoresAreHeldAndHold) {
   using Kind = Primitive::Kind;
@@ -214,7 +211,7 @@ TEST(Cover, RoundCoresAreHeldAndHold) {
     const Cover cover = *make_cover(std::span(&part, 1), nullptr, kEffort);
     const std::vector<CoverBall> balls = all_balls(cover);
     for (int i = 0; i < 150; ++i) {
-      const Vec3q p = RoundCore{core}.surface_point(random);
+      const Vec3q p = surface_point(core, random);
       ASSERT_TRUE(has_path(cover, p + times(unit(random), mpq_class(radius))));
       ASSERT_TRUE(has_path(cover, times(p, mpq_class(random.integer(0, 9), 10))));
       for (const CoverBall& ball : balls) {
@@ -288,6 +285,11 @@ TEST(Cover, SomeBodiesHaveNone) {
   const std::vector<Vec3d> far{{2e9, 0, 0}}, origin{{0, 0, 0}};
   const ConvexPartPtr beyond = make_hull_part(far, {}, 0), point = make_hull_part(origin, {}, 0);
   EXPECT_FALSE(make_cover(std::span(&beyond, 1)));
+  engine::Scene scene;
+  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const std::vector<Triangle> triangle{{0, 1, 2}};
+  scene.add_mesh("surface", corners, triangle, MeshAs::kSurface, {});
+  EXPECT_FALSE(make_cover(scene.bodies()[0].parts));
   EXPECT_TRUE(make_cover(std::vector<ConvexPartPtr>(300, point)));
   EXPECT_FALSE(make_cover(std::vector<ConvexPartPtr>(301, point)));
 }
