@@ -38,7 +38,7 @@ struct Engine::Impl {
   PoseStore poses;
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable JobCache job_cache{scene};  // after `trees`, to which its jobs return theirs
+  mutable JobCache job_cache{scene};        // after `trees`, to which its jobs return theirs
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
   pid_t process = getpid();
@@ -59,8 +59,7 @@ struct Engine::Impl {
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
     return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions,
-            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get(),
-            tables.get()};
+            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get(),     tables.get()};
   }
 
   // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,

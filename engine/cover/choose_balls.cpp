@@ -23,7 +23,7 @@ std::vector<ChosenBall> BallChooser::choose() {
   if (is_first) chosen_ = {single_best()};
   most_held_.assign(candidates_.count(), static_cast<std::int32_t>(candidates_.samples()));
   float low = least_need(), high = owners(chosen_).greatest;
-  for (int step = is_first ? 7 : 4; step > 0 && low < high; --step) {
+  for (int step = is_first ? 6 : 3; step > 0 && low < high; --step) {
     const float middle = 0.5f * (low + high);
     (cover_greedily(middle) ? high : low) = middle;
   }

@@ -229,7 +229,7 @@ double CoverShape::Part::inside(const Vec3d& c) const {
 double CoverShape::inside(const Vec3d& c) const {
   double most = -std::numeric_limits<double>::infinity();
   for (const Part& part : parts_) most = std::max(most, part.inside(c));
-  return most;
+  return most - 0x1p-50 * std::abs(most);  // the rounding of sums with the radius
 }
 
 }  // namespace clearance

@@ -25,7 +25,7 @@ namespace clearance {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using std::chrono::steady_clock;
 
 /// Time without new covers after the thread has started, so that short programs and first answers are not disturbed.
 constexpr std::chrono::milliseconds kGrace{100};
@@ -89,7 +89,7 @@ struct CoverStore::State {
   std::thread thread;
   bool is_running = false;
   std::atomic<bool> is_stopping{false};
-  Clock::time_point begin;
+  steady_clock::time_point begin;
 };
 
 CoverStore::State::Stores& CoverStore::State::stores() {
@@ -148,7 +148,7 @@ void CoverStore::State::add(Parts parts) {
 void CoverStore::State::start() {
   if (is_running || is_stopping || pending.empty()) return;
   if (thread.joinable()) thread.join();
-  begin = Clock::now();
+  begin = steady_clock::now();
   try {
     thread = std::thread([this] { work(); });
     is_running = true;
@@ -183,7 +183,7 @@ CoverStore::State::Entry* CoverStore::State::next(int most_makers) const {
 void CoverStore::State::make(Entry& entry, std::unique_lock<std::mutex>& lock, bool in_background) {
   ++entry.makers;
   lock.unlock();
-  const Clock::time_point before = Clock::now();
+  const steady_clock::time_point before = steady_clock::now();
   std::optional<TimedCover> made;
   try {
     const std::string name = cover_name(entry.parts);
@@ -198,7 +198,7 @@ void CoverStore::State::make(Entry& entry, std::unique_lock<std::mutex>& lock, b
   }
   lock.lock();
   --entry.makers;
-  if (!entry.is_done && (made || !is_stopping)) finish(entry, std::move(made), Clock::now() - before);
+  if (!entry.is_done && (made || !is_stopping)) finish(entry, std::move(made), steady_clock::now() - before);
 }
 
 void CoverStore::State::finish(Entry& entry, std::optional<TimedCover> made, std::chrono::nanoseconds took) {
@@ -236,11 +236,11 @@ void CoverStore::request(std::vector<Parts> bodies) {
 }
 
 bool CoverStore::wait(std::chrono::nanoseconds timeout) {
-  const Clock::time_point begin = Clock::now();
-  const Clock::time_point until =
-      timeout < Clock::time_point::max() - begin ? begin + timeout : Clock::time_point::max();
+  const steady_clock::time_point begin = steady_clock::now();
+  const steady_clock::time_point until =
+      timeout < steady_clock::time_point::max() - begin ? begin + timeout : steady_clock::time_point::max();
   std::unique_lock lock(state_->mutex);
-  while (!state_->pending.empty() && Clock::now() < until) {
+  while (!state_->pending.empty() && steady_clock::now() < until) {
     if (State::Entry* entry = state_->next(1))
       state_->make(*entry, lock, false);
     else

@@ -49,9 +49,10 @@ HullPlanes::HullPlanes(const Fan& fan) : centre_(fan.points.back()) {
   for (const auto& face : fan.parts) {
     const Vec3d &a = fan.points[face[0]], &b = fan.points[face[1]], &c = fan.points[face[2]];
     Vec3d n = cross(b - a, c - a);
-    n = n * ((1 - 0x1p-48) / norm(n));  // shorter than 1; not a number for a face without area
+    const double size = norm(n);
+    n = n * ((1 - 0x1p-48) / size);  // shorter than 1
     const double low = std::min({dot(n, a), dot(n, b), dot(n, c)}) - kCoverRounding * (norm(a) + norm(b) + norm(c));
-    if (!(dot(n, centre_) + kCoverRounding * norm(centre_) < low)) {
+    if (!(size > kCoverTiny && dot(n, centre_) + kCoverRounding * norm(centre_) < low)) {
       *this = {};
       return;
     }

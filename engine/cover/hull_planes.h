@@ -14,7 +14,7 @@ namespace clearance {
 inline constexpr double kCoverUp = 1 + 0x1p-48;
 /// More than every rounding of a sum of three products, relative to the sum of their magnitudes.
 inline constexpr double kCoverRounding = 0x1p-49;
-/// Exceeds what the underflow of squares takes from a length, in metres.
+/// Exceeds the error of a length by underflow of its squares, in metres.
 inline constexpr double kCoverTiny = 1e-150;
 
 /// Points x with normal . x <= height for all planes are in the hull; |normal| <= 1.

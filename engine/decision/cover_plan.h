@@ -57,6 +57,8 @@ class CoverPlan {
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;
   std::vector<MovedPair> moved_pairs_;
+  std::vector<std::int32_t> moved_a_, moved_b_;
+  std::vector<float> moved_reach_;
   std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
   std::vector<float> root_outer_, root_inner_, grow_, shrink_;
   std::vector<std::uint64_t> position_, unknown_;

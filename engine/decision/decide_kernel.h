@@ -63,7 +63,7 @@ class Decider {
  private:
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr Bits kOpen = 1, kHit = 2;
-  static constexpr int kMostPackets = 160;     // of one body against one obstacle
+  static constexpr int kMostPackets = 160;                   // of one body against one obstacle
   static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
@@ -97,12 +97,16 @@ class Decider {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
         const std::size_t at = std::size_t{o} * v_.columns + begin;
-        PointGaps gaps;
-        placed_.root_gaps(v_.obstacles[o], begin, gaps);
-        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
-          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
         Eight bound = Eight::load(v_.root_outer + at);
         if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+        const Obstacle& obstacle = v_.obstacles[o];
+        if (obstacle.kind == Obstacle::Kind::kPlanes &&
+            placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
+          continue;
+        PointGaps gaps;
+        placed_.root_gaps(obstacle, begin, gaps);
+        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
+          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
         for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
           if (is_over()) return;
           decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
@@ -171,18 +175,23 @@ class Decider {
   }
 
   void decide_moved_pairs() {
-    for (std::uint32_t k = 0; k < v_.moved_pair_count; ++k) {
-      const MovedPair& pair = v_.moved_pairs[k];
-      if (tables_.is_free(pair.table)) continue;
-      const float d = placed_.distance_of_roots(pair.a, pair.b);
-      float reach = v_.moved_root_outer[pair.a] + v_.moved_root_outer[pair.b] + pair.grow;
-      if constexpr (kMoves) reach += placed_.root_way(pair.a) + placed_.root_way(pair.b);
-      if (d > reach) continue;
-      if (is_over()) return;
-      if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) continue;
-      const bool in = d < v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
-      record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
+    for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
+      const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
+      Eight bound = Eight::load(v_.moved_reach + begin);
+      if constexpr (kMoves) bound = bound + placed_.ways_of_roots(a, b);
+      for (Bits open = ~greater(placed_.distances_of_roots(a, b), bound) & 0xff; open; open &= open - 1) {
+        const std::uint32_t k = begin + static_cast<std::uint32_t>(lowest(open));
+        if (is_over()) return;
+        if (k < v_.moved_pair_count && !tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
+      }
     }
+  }
+  void decide_moved_pair(std::uint32_t k) {
+    const MovedPair& pair = v_.moved_pairs[k];
+    if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) return;
+    const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
+    const bool in = placed_.distance_of_roots(pair.a, pair.b) < inner;
+    record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
   }
 
   Bits moved_pair(const MovedPair& pair, std::uint32_t index) {
@@ -273,10 +282,9 @@ inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
     Decision& decision = room.decisions[k];
     decision = {};
     if (batch.usable[k])
-      decision =
-          decider.decide(batch.poses + k * batch.stride,
-                         batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
-                         room.open + used, room.capacity - used);
+      decision = decider.decide(batch.poses + k * batch.stride,
+                                batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
+                                room.open + used, room.capacity - used);
     decision.open_begin = used;
     decision.open_end += used;
     used = decision.open_end;

@@ -57,7 +57,7 @@ inline constexpr std::uint8_t kNoTable = 255;
 struct DecisionView {
   const DecidedBody* bodies;
   std::uint32_t body_count, columns;
-  const float *root_x, *root_y, *root_z;         ///< (columns,) centres of the roots, in the bodies' frames
+  const float *root_x, *root_y, *root_z;             ///< (columns,) centres of the roots, in the bodies' frames
   const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
   const Obstacle* obstacles;
   std::uint32_t obstacle_count;
@@ -65,6 +65,8 @@ struct DecisionView {
   const float *grow, *shrink;            ///< (obstacles, columns)
   const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
   const MovedPair* moved_pairs;
+  const std::int32_t *moved_a, *moved_b;  ///< (moved_pairs,) and more, up to a multiple of 8: their bodies
+  const float* moved_reach;               ///< likewise: their roots' outer radii with grow
   std::uint32_t moved_pair_count;
   const std::uint8_t* table;  ///< (obstacles, columns) index in `tabled`, or kNoTable
   const TabledPair* tabled;
@@ -77,8 +79,8 @@ struct DecisionBatch {
   const DecisionView* view;
   const Pose* poses;  ///< (states, stride)
   std::size_t stride, states;
-  const std::uint8_t* usable;  ///< (states,) 0: unresolved without a look; its open pairs are not listed
-  bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
+  const std::uint8_t* usable;         ///< (states,) 0: unresolved without a look; its open pairs are not listed
+  bool any_hit;                       ///< one pair within its margin suffices; otherwise the first one is requested
   const double* positions = nullptr;  ///< (states, position_stride) of joints, for tables; null: they are not used
   std::size_t position_stride = 0;
 };
@@ -93,8 +95,8 @@ struct Decision {
 
 /// Receives decisions and open pairs: arrays that the caller owns.
 struct DecisionRoom {
-  Decision* decisions;  ///< (states,)
-  std::uint64_t* open;  ///< positions
+  Decision* decisions;     ///< (states,)
+  std::uint64_t* open;     ///< positions
   std::uint32_t capacity;  ///< of `open`, at least the pairs of one state for each state
 };
 

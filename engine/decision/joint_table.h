@@ -71,7 +71,8 @@ CLEARANCE_TABLE_INLINE TableCell TableCells::over(const double* low, const doubl
   std::uint32_t first[2], last[2], level = 0;
   for (int c = 0; c < 2; ++c) {
     const TableColumn& column = columns[c];
-    if (!(low[c] <= high[c]) || !cell_of(column, low[c], first[c]) || !cell_of(column, high[c], last[c])) return kNoBounds;
+    if (!(low[c] <= high[c]) || !cell_of(column, low[c], first[c]) || !cell_of(column, high[c], last[c]))
+      return kNoBounds;
     const std::uint32_t count = std::uint32_t{1} << column.shift;
     if (column.turns_per_cell > 0) {
       if ((high[c] - low[c]) * column.cells_per_unit + 2 >= static_cast<double>(count))

@@ -84,7 +84,8 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
         if (decision.verdict == Verdict::kFree) continue;
         if (decision.open == 0 || half <= kLeastSpan || ++decided > kMostSpans) return Verdict::kUnresolved;
         const std::size_t begin = next_items_.size();
-        next_items_.insert(next_items_.end(), open_.begin(), open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
+        next_items_.insert(next_items_.end(), open_.begin(),
+                           open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
         for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
       }
     }
@@ -139,7 +140,8 @@ void MotionDecider::take_twists(std::size_t k, double half) {
     if (body.carrier != kNone) {  // fixed to its carrier
       const Pose& X = poses_[k * plan_.bodies.size() + view.bodies[body.carrier].pose];
       const Vec3d offset = turned_by(X, body.constant.translation);
-      twists_[b] = {twists_[body.carrier].turn, twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
+      twists_[b] = {twists_[body.carrier].turn,
+                    twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
       origins_[b] = origins_[body.carrier] + offset;
     } else if (body.pose != kNone) {
       const CoverPlan::LinkOf& of = covers_.link_of(b);

@@ -111,10 +111,10 @@ class MotionJob final : public ParallelJob {
 
   MotionBounds bounds_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
-  std::vector<MotionBlock> blocks_;           // one per worker
+  std::vector<MotionBlock> blocks_;  // one per worker
   std::unique_ptr<const CoverPlan> covers_;
-  std::vector<MotionDecider> deciders_;            // one per worker; none without covers
-  std::vector<std::vector<std::uint64_t>> left_;   // motions that they leave open; one per worker
+  std::vector<MotionDecider> deciders_;           // one per worker; none without covers
+  std::vector<std::vector<std::uint64_t>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;

@@ -135,6 +135,47 @@ MUTANTS = [
         ),
         ("dropped", "reduce/reduction_rows.cpp", "@i < none@; ++i", "i + 1 < none"),
     ),
+    # Covers: trees of balls with two radii.
+    *mutants_of(
+        "covers",
+        ("cover_outer", "cover/cover.cpp", "node.ball.outer = up(@outer * kCoverUp@)", "outer * kCoverUp - 5e-4"),
+        (
+            "cover_inner",
+            "cover/cover.cpp",
+            "node.ball.inner = down(@shape.inside(centre)@)",
+            "shape.inside(centre) + 5e-4",
+        ),
+        ("cover_rounding", "cover/cover.cpp", "return @rounded < value@ ?", "false"),
+        (
+            "cover_packets",
+            "cover/cover.cpp",
+            "children[parent.lane] = static_cast<std::uint32_t>(@cover.packets.size()@)",
+            "cover.packets.size() - 1",
+        ),
+        (
+            "cover_share",
+            "cover/cover_simplices.cpp",
+            "i < @pieces.size()@; ++i) { result.shares",
+            "pieces.size() / 16 * 15",
+        ),
+        ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
+        ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
+        ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
+        ("cover_planes", "cover/hull_planes.cpp", "i < @height_.size()@; ++i) depth", "height_.size() - 1"),
+        (
+            "cover_cylinder",
+            "cover/cover_shape.cpp",
+            "std::min(size.x - across, @size.z - std::abs(c.z)@)",
+            "size.x - across",
+        ),
+        ("cover_cone", "cover/cover_shape.cpp", "std::min(side, @size.z + c.z@)", "side"),
+        (
+            "cover_ellipsoid",
+            "cover/cover_shape.cpp",
+            "* @std::min({size.x, size.y, size.z})@",
+            "std::max({size.x, size.y, size.z})",
+        ),
+    ),
     # Meshes and point clouds: the search through elements, and containment.
     *mutants_of(
         "surfaces",
