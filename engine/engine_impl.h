@@ -11,7 +11,7 @@
 #include <utility>
 
 #include "engine/cover/cover_store.h"
-#include "engine/decision/joint_table_store.h"
+#include "engine/joint_table/joint_table_store.h"
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"

@@ -7,7 +7,7 @@
 
 #include "engine/cover/cover.h"
 #include "engine/cover/obstacle.h"
-#include "engine/decision/joint_table.h"
+#include "engine/joint_table/joint_table.h"
 #include "engine/pose/pose.h"
 #include "wire/types.h"
 

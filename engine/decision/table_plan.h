@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "engine/decision/decision_view.h"
-#include "engine/decision/joint_table_store.h"
 #include "engine/decision/slack_bounds.h"
+#include "engine/joint_table/joint_table_store.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/plan.h"
 

@@ -21,7 +21,7 @@ class DeviceBackend;  // engine/device/device_job.h
 
 class CoverStore;  // engine/cover/cover_store.h
 class JobCache;
-class JointTableStore;  // engine/decision/joint_table_store.h
+class JointTableStore;  // engine/joint_table/joint_table_store.h
 
 /// Resources of the engine that a job uses.
 struct JobContext {

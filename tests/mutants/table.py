@@ -479,30 +479,30 @@ MUTANTS = [
         "tables",
         (
             "table_way",
-            "decision/joint_table_maker.cpp",
+            "joint_table/joint_table_maker.cpp",
             "std::min(least, @path.way(change, travel_)@)",
             "0.5 * path.way(change, travel_)",
         ),
         (
             "table_low",
-            "decision/joint_table_maker.cpp",
+            "joint_table/joint_table_maker.cpp",
             "low = @std::floor(lower / JointTable::kUnit - kRounding)@",
             "std::ceil(lower / JointTable::kUnit)",
         ),
         (
             "table_high",
-            "decision/joint_table_maker.cpp",
+            "joint_table/joint_table_maker.cpp",
             "high = @std::ceil(upper / JointTable::kUnit + kRounding)@",
             "std::floor(upper / JointTable::kUnit)",
         ),
         (
             "table_union",
-            "decision/joint_table_maker.cpp",
+            "joint_table/joint_table_maker.cpp",
             "bounds = {@std::min(bounds.lower, of_parts.lower)@",
             "of_parts.lower",
         ),
-        ("table_column", "decision/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
-        ("table_levels", "decision/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
+        ("table_column", "joint_table/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
+        ("table_levels", "joint_table/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),
     # Kernels that evaluate motions.
     *mutants_of(

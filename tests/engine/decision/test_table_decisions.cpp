@@ -4,7 +4,7 @@
 #include <cstdlib>
 
 #include "engine/decision/cover_plan.h"
-#include "engine/decision/joint_table_record.h"
+#include "engine/joint_table/joint_table_record.h"
 #include "engine/decision/motion_decider.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/engine_test_util.h"

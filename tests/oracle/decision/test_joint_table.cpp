@@ -8,8 +8,8 @@
 #include <string>
 #include <vector>
 
-#include "engine/decision/joint_table_maker.h"
-#include "engine/decision/joint_table_record.h"
+#include "engine/joint_table/joint_table_maker.h"
+#include "engine/joint_table/joint_table_record.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/oracle/exact/exact_distance.h"

@@ -1,4 +1,4 @@
-#include "engine/decision/joint_table_record.h"
+#include "engine/joint_table/joint_table_record.h"
 
 #include <algorithm>
 #include <cstring>

@@ -1,4 +1,4 @@
-#include "engine/decision/joint_table.h"
+#include "engine/joint_table/joint_table.h"
 
 #include <algorithm>
 

@@ -7,8 +7,8 @@
 #include <optional>
 #include <vector>
 
-#include "engine/decision/joint_table.h"
 #include "engine/hull/convex_part.h"
+#include "engine/joint_table/joint_table.h"
 #include "engine/robot/motion_path.h"
 #include "engine/scene/scene.h"
 

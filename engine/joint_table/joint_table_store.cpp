@@ -1,11 +1,11 @@
-#include "engine/decision/joint_table_store.h"
+#include "engine/joint_table/joint_table_store.h"
 
 #include <algorithm>
 #include <utility>
 
 #include "engine/base/digest.h"
 #include "engine/cover/cover_record.h"
-#include "engine/decision/joint_table_record.h"
+#include "engine/joint_table/joint_table_record.h"
 
 namespace clearance {
 

@@ -7,7 +7,7 @@
 #include <string>
 #include <vector>
 
-#include "engine/decision/joint_table_maker.h"
+#include "engine/joint_table/joint_table_maker.h"
 
 namespace clearance {
 

@@ -1,4 +1,4 @@
-#include "engine/decision/joint_table_maker.h"
+#include "engine/joint_table/joint_table_maker.h"
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "engine/decision/background_worker.h"
+#include "engine/joint_table/background_worker.h"
 
 #include <pthread.h>
 #include <signal.h>

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "engine/cache/cache.h"
-#include "engine/decision/background_worker.h"
-#include "engine/decision/joint_table_maker.h"
+#include "engine/joint_table/background_worker.h"
+#include "engine/joint_table/joint_table_maker.h"
 
 namespace clearance {
 
