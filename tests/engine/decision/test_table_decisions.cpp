@@ -188,7 +188,7 @@ TEST_F(TableDecisions, TablesDecideStatesThatBallsLeaveOpen) {
           }
         }
       EXPECT_LT(open_with, open_without) << names.size() << " " << margin;
-      EXPECT_GT(open_without, 20);
+      EXPECT_GT(open_without, 10);
     }
 }
 
