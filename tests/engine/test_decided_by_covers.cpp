@@ -31,45 +31,53 @@ engine::Scene crowded_scene() {
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
+  for (const char* link : {"wrist", "palm", "flange", "left_finger", "right_finger"})
+    scene.ignore("held", std::string("arm/") + link);
   return scene;
 }
 
-struct Case {
-  engine::Scene scene = crowded_scene();
-  engine::Engine without{engine::Scene(scene), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff}};
-  engine::Engine with{engine::Scene(scene), {.backend = "cpu", .threads = 2}};
-  std::vector<std::uint32_t> joints = joints_of(scene, "arm");
+/// Engines with and without covers, made once.
+class DecidedByCovers : public testing::Test {
+ protected:
+  static void SetUpTestSuite() {
+    ::setenv("CLEARANCE_CACHE", "off", 1);
+    with_ = new engine::Engine(crowded_scene(), {.backend = "cpu", .threads = 2});
+    without_ = new engine::Engine(crowded_scene(), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff});
+    ASSERT_TRUE(with_->wait_covers(kPatience));
+  }
+  static void TearDownTestSuite() {
+    delete with_;
+    delete without_;
+  }
+
+  static inline engine::Engine *with_ = nullptr, *without_ = nullptr;
+};
+
+/// States of the arm, anywhere within its limits.
+struct States {
+  std::vector<std::uint32_t> joints;
   std::vector<double> positions;
-  std::vector<MarginEntry> margins;
   QueryView query;
 
-  explicit Case(int states) {
+  States(const engine::Scene& scene, int count) : joints(joints_of(scene, "arm")) {
     Random random(5);
-    for (int i = 0; i < states; ++i)
-      for (const std::uint32_t j : joints) {
-        const SceneJoint& joint = scene.joints()[j];
-        positions.push_back(random.uniform(std::max(joint.lower, -3.0), std::min(joint.upper, 3.0)));
-      }
+    for (int i = 0; i < count; ++i)
+      for (const std::uint32_t j : joints)
+        positions.push_back(random.uniform(scene.joints()[j].lower, scene.joints()[j].upper));
     query.joints = joints;
     query.positions = positions;
-    query.configuration_count = static_cast<std::uint32_t>(states);
+    query.configuration_count = static_cast<std::uint32_t>(count);
     query.reduce = Reduce::kAny;
     query.fields = kRows;
   }
 };
 
-class DecidedByCovers : public testing::Test {
- protected:
-  void SetUp() override { ::setenv("CLEARANCE_CACHE", "off", 1); }
-};
-
 TEST_F(DecidedByCovers, RowsHaveTheBitsThatTheyHaveWithout) {
-  Case c(600);
-  ASSERT_TRUE(c.with.wait_covers(kPatience));
+  States c(with_->scene(), 600);
   std::uint64_t free = 0, hit = 0;
   for (const double margin : {0.0, 0.02}) {
     c.query.margin = margin;
-    const Answer without = evaluate(c.without, c.query), with = evaluate(c.with, c.query);
+    const Answer without = evaluate(*without_, c.query), with = evaluate(*with_, c.query);
     const auto counts = expect_same_rows(without, 0, with, 600);
     free += counts[static_cast<std::size_t>(Status::kBeyond)];
     hit += counts[0] + counts[1] + counts[2];
@@ -80,12 +88,11 @@ TEST_F(DecidedByCovers, RowsHaveTheBitsThatTheyHaveWithout) {
 }
 
 TEST_F(DecidedByCovers, VerdictsAndPairsAreThoseOfTheRows) {
-  Case c(600);
-  ASSERT_TRUE(c.with.wait_covers(kPatience));
+  States c(with_->scene(), 600);
   c.query.fields = kFieldVerdict | kFieldPair;
-  const Answer rows = evaluate(c.without, c.query), pairs = evaluate(c.with, c.query);
+  const Answer rows = evaluate(*without_, c.query), pairs = evaluate(*with_, c.query);
   c.query.fields = kFieldVerdict;
-  const Answer bare = evaluate(c.with, c.query);
+  const Answer bare = evaluate(*with_, c.query);
   int hits = 0;
   for (int k = 0; k < 600; ++k) {
     EXPECT_EQ(rows.view.verdict[k], pairs.view.verdict[k]) << k;
@@ -100,8 +107,7 @@ TEST_F(DecidedByCovers, VerdictsAndPairsAreThoseOfTheRows) {
 }
 
 TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
-  Case c(600);
-  ASSERT_TRUE(c.with.wait_covers(kPatience));
+  States c(with_->scene(), 600);
   const std::size_t joints = c.joints.size();
   for (std::size_t k = 1; k < 600; k += 2)  // 0.3 of the way to the next state
     for (std::size_t j = 0; j < joints; ++j) {
@@ -113,7 +119,7 @@ TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
   c.query.max_evaluations = 256;
   for (const double margin : {0.0, 0.02}) {
     c.query.margin = margin;
-    const Answer without = evaluate(c.without, c.query), with = evaluate(c.with, c.query);
+    const Answer without = evaluate(*without_, c.query), with = evaluate(*with_, c.query);
     int free = 0, hit = 0;
     for (int k = 0; k < 300; ++k) {
       EXPECT_EQ(without.view.verdict[k], with.view.verdict[k]) << k << ", margin " << margin;
@@ -127,9 +133,8 @@ TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
 }
 
 TEST_F(DecidedByCovers, EveryKernelGivesTheSameDecisions) {
-  Case c(300);
-  ASSERT_TRUE(c.with.wait_covers(kPatience));
-  const engine::Engine& engine = c.with;
+  States c(with_->scene(), 300);
+  const engine::Engine& engine = *with_;
   const PoseStore store(engine.scene(), std::chrono::seconds(1));
   Plan plan = make_plan(c.query, engine.scene(), store.snapshot(), 1u << 20, true);
   plan.uncertainties = uncertainties_of(engine.scene(), *plan.snapshot, 0);
@@ -162,13 +167,14 @@ TEST_F(DecidedByCovers, EveryKernelGivesTheSameDecisions) {
 }
 
 TEST_F(DecidedByCovers, BodiesWithoutAPoseAreReportedAsWithout) {
-  Case c(50);
-  engine::Engine::Options options{.backend = "cpu", .threads = 1};
+  States c(with_->scene(), 50);
+  engine::Engine::Options options{.backend = "cpu", .threads = 1, .cover_store = with_->cover_store()};
   engine::Scene scene = crowded_scene();
   scene.add_box("lost", {0.1, 0.1, 0.1}, {.requires_pose = true});
   const engine::Engine with(engine::Scene(scene), options);
   ASSERT_TRUE(with.wait_covers(kPatience));
   options.covers = engine::Covers::kOff;
+  options.cover_store = nullptr;
   const engine::Engine without(engine::Scene(scene), options);
   const auto counts = expect_same_rows(evaluate(without, c.query), 0, evaluate(with, c.query), 50);
   EXPECT_GT(counts[static_cast<std::size_t>(Status::kNoPose)], 0u);
