@@ -4,8 +4,8 @@
 #include <cstdlib>
 
 #include "engine/decision/cover_plan.h"
-#include "engine/joint_table/joint_table_record.h"
 #include "engine/decision/motion_decider.h"
+#include "engine/joint_table/joint_table_record.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/temporary_folder.h"
@@ -158,6 +158,7 @@ struct Decided {
 
 TEST_F(TableDecisions, TablesDecideStatesThatBallsLeaveOpen) {
   constexpr std::uint32_t kStates = 2000;
+  std::size_t all_open[2] = {0, 0};  // without and with tables
   for (const std::vector<std::string>& names :
        {std::vector<std::string>{"first", "j", "k"}, {"j", "k"}, {"k", "first"}})
     for (const double margin : {0.0, 0.01}) {
@@ -187,9 +188,13 @@ TEST_F(TableDecisions, TablesDecideStatesThatBallsLeaveOpen) {
             }
           }
         }
-      EXPECT_LT(open_with, open_without) << names.size() << " " << margin;
-      EXPECT_GT(open_without, 10);
+      EXPECT_LE(open_with, open_without) << names.size() << " " << margin;
+      all_open[0] += open_without;
+      all_open[1] += open_with;
     }
+  EXPECT_GT(all_open[0], 100);
+  EXPECT_LT(5 * all_open[1], 4 * all_open[0]);
+  std::printf("%zu states left open without tables, %zu with them\n", all_open[0], all_open[1]);
 }
 
 TEST_F(TableDecisions, TablesDecideMotionsThatBallsLeaveOpen) {
