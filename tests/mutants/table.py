@@ -76,14 +76,14 @@ MUTANTS = [
         (
             "slack_side",
             "selection/body_poses.cpp",
-            "return @placement.slack(pair.a) + placement.slack(pair.b)@",
-            "placement.slack(pair.a)",
+            "return @(a.slack + chain_a) + (b.slack + chain_b)@",
+            "a.slack + chain_a",
         ),
         (
             "slack_swapped",
             "selection/body_poses.cpp",
-            "return @placement.slack(pair.a) + placement.slack(pair.b)@",
-            "[](const Slack& s) { return Slack{s.outer, s.inner}; }(placement.slack(pair.a) + placement.slack(pair.b))",
+            "return @(a.slack + chain_a) + (b.slack + chain_b)@",
+            "[](const Slack& s) { return Slack{s.outer, s.inner}; }((a.slack + chain_a) + (b.slack + chain_b))",
         ),
         (
             "slack_tolerance",
