@@ -10,11 +10,12 @@ namespace clearance {
 namespace {
 
 Vec3d point_in(const CoverSimplex& s, PortableRandom& random) {
-  double weight[4], sum = 0;
-  for (double& w : weight) sum += w = -std::log(1 - random.uniform());
-  Vec3d p{0, 0, 0};
-  for (int k = 0; k < 4; ++k) p += s.corner[k] * (weight[k] / sum);
-  return p;
+  // Sorted, three random numbers divide [0, 1] into four weights of a uniform distribution.
+  double at[3];
+  for (double& a : at) a = random.uniform();
+  std::sort(at, at + 3);
+  return s.corner[0] * at[0] + s.corner[1] * (at[1] - at[0]) + s.corner[2] * (at[2] - at[1]) +
+         s.corner[3] * (1 - at[2]);
 }
 
 Vec3d rounded(const Vec3d& p) {
@@ -44,11 +45,15 @@ std::vector<Vec3d> sample(const CoverShape& shape, std::span<const CoverSimplex>
       samples.push_back({p, std::abs(shape.inside(p)) + random.uniform(0, 0.35 * choice.edge)});
   }
   if (samples.empty()) samples.push_back({simplices[0].corner[0], 0});
+  std::stable_sort(samples.begin(), samples.end(), [](const Sample& a, const Sample& b) { return a.rank < b.rank; });
   const std::size_t kept = std::min(choice.samples, samples.size());
-  std::nth_element(samples.begin(), samples.begin() + static_cast<std::ptrdiff_t>(kept) - 1, samples.end(),
-                   [](const Sample& a, const Sample& b) { return a.rank < b.rank; });
   std::vector<Vec3d> points;
-  for (std::size_t i = 0; i < kept; ++i) points.push_back(samples[i].point);
+  for (std::size_t i = 0; i < kept; ++i) {
+    // One in eight from the rest, the interior.
+    const std::size_t at =
+        i % 8 == 7 ? i + static_cast<std::size_t>(random.uniform() * static_cast<double>(samples.size() - i)) : i;
+    points.push_back(samples[at].point);
+  }
   return points;
 }
 

@@ -29,7 +29,7 @@ struct BallPacket {
 
   alignas(32) float x[kBalls], y[kBalls], z[kBalls];
   float outer[kBalls], inner[kBalls];
-  std::uint32_t children[kBalls];  ///< packet of the children, which are at most kBalls; kNone on the last level
+  std::uint32_t children[kBalls];  ///< packet of the children, which are at most kBalls; kNone without
   std::uint32_t count;             ///< balls in use, the first ones
 };
 
@@ -39,7 +39,7 @@ struct Cover {
   static constexpr int kLevels = 4;  ///< the root is level 0
 
   CoverBall root;
-  /// Level by level. The first `level_begin[2]` packets are the children of the root.
+  /// Level by level. The first `level_begin[2]` packets, at least one, are the children of the root.
   std::vector<BallPacket> packets;
   std::array<std::uint32_t, kLevels + 1> level_begin{};  ///< packets of level k >= 1: level_begin[k] to [k + 1]
   double reach = 0;  ///< bound on the distance of the body's points and of all centres from its origin, metres
@@ -58,7 +58,7 @@ struct StandOut {
 StandOut stand_out(const Cover& cover, int level);
 
 /// The cover of the union of convex parts in one frame, or nothing if a part is a half-space or has a surface, or there
-/// is none. Deterministic: the same on every machine. Takes about a second on one core.
+/// is none, or beyond 1e9 m. Deterministic: the same on every machine. Takes about a second on one core.
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts);
 
 }  // namespace clearance

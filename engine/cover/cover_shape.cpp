@@ -15,7 +15,7 @@ namespace {
 
 // More than every rounding of a sum of three products, relative to the sum of their magnitudes.
 constexpr double kRounding = 0x1p-49;
-constexpr double kUp = 1 + 0x1p-48, kDown = 1 - 0x1p-48;
+constexpr double kUp = kCoverUp, kDown = 1 - 0x1p-48;
 
 /// Vertices of a polytope around a round core.
 std::vector<Vec3d> polytope_around(const Primitive& core) {
@@ -44,7 +44,7 @@ std::vector<Vec3d> polytope_around(const Primitive& core) {
 }
 
 double length(const Vec3d& v) {
-  return norm(v) * kUp + std::numeric_limits<double>::min();
+  return norm(v) * kUp + kCoverTiny;
 }
 
 /// Upper bound on the distance of `c` from a point of the segment, the nearest one as computed.
@@ -60,7 +60,8 @@ double to_segment(const std::array<Vec3d, 2>& ends, const Vec3d& c) {
 /// Radius of a ball about `c` in a round core, or a value not above 0.
 double in_core(const Primitive& core, const Vec3d& c) {
   const Vec3d& size = core.size;
-  const double rounding = 8 * kRounding * (norm(size) + norm(c)), across = std::hypot(c.x, c.y);
+  const double rounding = 8 * kRounding * (norm(size) + norm(c)) + kCoverTiny,
+               across = std::sqrt(c.x * c.x + c.y * c.y) * kUp;
   switch (core.kind) {
     case Primitive::Kind::kHalfSpace:
       break;
@@ -68,7 +69,7 @@ double in_core(const Primitive& core, const Vec3d& c) {
       return std::min(size.x - across, size.z - std::abs(c.z)) - rounding;
     case Primitive::Kind::kCone: {
       // The side's outward normal is (2 half, radius) in the plane of the axis, scaled to length 1.
-      const double slant = std::hypot(2 * size.z, size.x);
+      const double slant = std::sqrt(4 * size.z * size.z + size.x * size.x);
       const double side = ((size.z - c.z) * size.x - across * 2 * size.z) / slant;
       return std::min(side, size.z + c.z) - rounding;
     }
@@ -84,7 +85,8 @@ double in_core(const Primitive& core, const Vec3d& c) {
 
 std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   const FpEnvironment environment;
-  if (parts.empty() || std::any_of(parts.begin(), parts.end(), [](const auto& part) { return is_half_space(*part); }))
+  if (parts.empty() ||
+      std::any_of(parts.begin(), parts.end(), [](const auto& part) { return is_half_space(*part) || part->surface; }))
     return {};
   CoverShape shape;
   for (const ConvexPartPtr& part : parts) shape.add(*part);
@@ -164,7 +166,7 @@ double CoverShape::Part::inside(const Vec3d& c) const {
   if (!height.empty() && depth > 0) return depth * kDown + radius;
   double nearest = std::numeric_limits<double>::infinity();
   for (const Vec3d& v : vertices) nearest = std::min(nearest, squared_norm(c - v));
-  return radius - std::sqrt(nearest) * kUp - std::numeric_limits<double>::min();
+  return radius - std::sqrt(nearest) * kUp - kCoverTiny;
 }
 
 double CoverShape::inside(const Vec3d& c) const {

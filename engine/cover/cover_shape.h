@@ -14,6 +14,11 @@ namespace clearance {
 
 struct Fan;  // engine/decomposition/fan.h
 
+/// Factor that exceeds the rounding of a length and of a few operations on it.
+inline constexpr double kCoverUp = 1 + 0x1p-48;
+/// Exceeds what the underflow of squares takes from a length, in metres.
+inline constexpr double kCoverTiny = 1e-150;
+
 /// The hull of four points, repeated for a triangle, a segment or a point.
 struct CoverSimplex {
   std::array<Vec3d, 4> corner;
@@ -23,7 +28,7 @@ struct CoverSimplex {
 /// Metres, in the body's frame. All functions are valid for every input; rounding is charged.
 class CoverShape {
  public:
-  /// Returns nothing if a part is a half-space, and without parts.
+  /// Returns nothing if a part is a half-space or has a surface, and without parts.
   static std::optional<CoverShape> of(std::span<const ConvexPartPtr> parts);
 
   /// Simplices that cover the body, interior included, each with its growth.
