@@ -1,80 +1,15 @@
 #include "tests/oracle/states/robot_scene.h"
 
-#include <cmath>
-#include <cstdio>
 #include <filesystem>
-#include <numbers>
 
 #include "engine/geometry/make_geometry.h"
-#include "engine/hull/shapes.h"
+#include "tests/oracle/states/arm.h"
 #include "tests/temporary_folder.h"
 
 namespace clearance::exact {
 namespace {
 
 using Options = engine::Scene::BodyOptions;
-
-PartBounds hull_bounds(std::vector<Vec3d> vertices, double radius = 0) {
-  return {vertices, vertices, radius, 0};
-}
-
-PartBounds box_bounds(const Vec3d& size) {
-  return hull_bounds(make_box(size).vertices);
-}
-
-PartBounds capsule_bounds(double radius, double length) {
-  return hull_bounds({{0, 0, -length / 2}, {0, 0, length / 2}}, radius);
-}
-
-/// Prisms around and in a cylinder, each with a margin for its rounding.
-PartBounds cylinder_bounds(double radius, double length) {
-  PartBounds bounds;
-  for (int k = 0; k < kCylinderSides; ++k) {
-    const double angle = 2 * std::numbers::pi * k / kCylinderSides;
-    for (const double end : {-0.5, 0.5}) {
-      const double in = radius * (1 - 1e-14), out = in / std::cos(std::numbers::pi / kCylinderSides) * (1 + 1e-13);
-      bounds.outer.push_back({out * std::cos(angle), out * std::sin(angle), end * length});
-      bounds.inner.push_back({in * std::cos(angle), in * std::sin(angle), end * length});
-    }
-  }
-  return bounds;
-}
-
-PartBounds moved(PartBounds bounds, const Vec3d& by) {
-  for (auto* vertices : {&bounds.outer, &bounds.inner})
-    for (Vec3d& v : *vertices) v += by;
-  return bounds;
-}
-
-double reach(const PartBounds& bounds) {
-  double most = 0;
-  for (const Vec3d& v : bounds.outer) most = std::max(most, norm(v) + bounds.radius);
-  return most;
-}
-
-/// Bounds of a part with padding and an uncertain pose.
-PartBounds grown(PartBounds bounds, double padding, const Uncertainty& uncertainty) {
-  bounds.radius += padding;
-  bounds.turn = uncertainty.angle * reach(bounds);
-  bounds.radius += uncertainty.position;
-  return bounds;
-}
-
-/// A multiple of 2^-10 m, so that sums are exact.
-double short_length(Random& random, double low, double high) {
-  return std::round(random.uniform(low, high) * 1024) / 1024;
-}
-
-std::vector<Vec3d> random_points(Random& random, int count, const Vec3d& half) {
-  std::vector<Vec3d> points;
-  for (int i = 0; i < count; ++i) {
-    const Vec3d d = random.direction();
-    points.push_back({short_length(random, d.x * half.x, d.x * half.x),
-                      short_length(random, d.y * half.y, d.y * half.y),
-                      short_length(random, d.z * half.z, d.z * half.z)});
-  }
-  return points;
-}
 
 /// Adds bodies, and keeps what the oracle knows of each.
 class SceneMaker {
@@ -179,102 +114,17 @@ void finish(RobotScene& made, Random& random) {
   made.exact_parts.resize(made.scene.bodies().size());
 }
 
-// ---- the arm ---------------------------------------------------------------------------------------------------------
-
-std::string text_of(const Vec3d& v) {
-  char text[100];
-  std::snprintf(text, sizeof text, "%.17g %.17g %.17g", v.x, v.y, v.z);
-  return text;
-}
-
-struct LinkPart {
-  std::string geometry;
-  PartBounds bounds;
-  Vec3d at;
-};
-
-class Arm {
- public:
-  explicit Arm(Random& random) : random_(random) {}
-
-  /// Adds a link, and the joint that moves it unless it is the first.
-  void link(const std::vector<LinkPart>& parts, std::size_t parent = 0, const std::string& joint = {}) {
-    const std::string number = std::to_string(links_.size());
-    text_ += "<link name='l" + number + "'>";
-    std::vector<PartBounds> bounds;
-    for (const LinkPart& part : parts) {
-      text_ +=
-          "<collision><origin xyz='" + text_of(part.at) + "'/><geometry>" + part.geometry + "</geometry></collision>";
-      bounds.push_back(moved(part.bounds, part.at));
-    }
-    text_ += "</link>";
-    if (!joint.empty())
-      text_ += "<joint name='j" + number + "' " + joint + "<parent link='l" + std::to_string(parent) +
-               "'/><child link='l" + number + "'/></joint>";
-    links_.push_back(std::move(bounds));
-  }
-  std::string turning(const Vec3d& at, const Vec3d& axis) {
-    const Vec3d rpy{random_.uniform(-0.5, 0.5), random_.uniform(-0.5, 0.5), random_.uniform(-0.5, 0.5)};
-    return "type='revolute'><origin xyz='" + text_of(at) + "' rpy='" + text_of(rpy) + "'/><axis xyz='" + text_of(axis) +
-           "'/><limit lower='-2.5' upper='2.5'/>";
-  }
-  std::string text() const { return "<robot name='arm'>" + text_ + "</robot>"; }
-  const std::vector<std::vector<PartBounds>>& links() const { return links_; }
-
- private:
-  Random& random_;
-  std::string text_;
-  std::vector<std::vector<PartBounds>> links_;
-};
-
-LinkPart box_part(const Vec3d& size, const Vec3d& at) {
-  return {"<box size='" + text_of(size) + "'/>", box_bounds(size), at};
-}
-
-LinkPart capsule_part(double radius, double length, const Vec3d& at) {
-  return {"<capsule radius='" + std::to_string(radius) + "' length='" + std::to_string(length) + "'/>",
-          capsule_bounds(radius, length), at};
-}
-
-std::string as_obj(const std::vector<Vec3d>& points) {
-  std::string text;
-  for (const Vec3d& v : points) text += "v " + text_of(v) + "\n";
-  for (std::size_t i = 3; i <= points.size(); ++i)
-    text += "f " + std::to_string(i - 2) + " " + std::to_string(i - 1) + " " + std::to_string(i) + "\n";
-  return text;
-}
-
-Arm make_arm(Random& random, const std::vector<Vec3d>& points) {
-  const LinkPart mesh{"<mesh filename='hull.obj'/>", hull_bounds(points), {0, 0, 0.125}};
-  Arm arm(random);
-  arm.link({box_part({0.25, 0.25, 0.125}, {0, 0, -0.0625})});
-  arm.link({{"<cylinder radius='0.0625' length='0.25'/>", cylinder_bounds(0.0625, 0.25), {0, 0, 0.1875}}}, 0,
-           arm.turning({0, 0, 0.03125}, {0, 0, 1}));
-  arm.link({box_part({0.0625, 0.09375, 0.3125}, {0, 0, 0.21875}), capsule_part(0.03125, 0.125, {0.0625, 0, 0.25})}, 1,
-           arm.turning({0, 0, 0.375}, {0, 1, 0}));
-  arm.link({mesh}, 2, arm.turning({0, 0, 0.4375}, {0, 1, 0.25}));
-  arm.link({capsule_part(0.0390625, 0.125, {0, 0, 0.125})}, 3,
-           "type='prismatic'><origin xyz='0 0 0.25'/><axis xyz='0 0 1'/><limit lower='0' upper='0.25'/>");
-  arm.link({mesh}, 4, arm.turning({0, 0, 0.25}, {1, 0, 0}));
-  arm.link({{"<sphere radius='0.0625'/>", hull_bounds({{0, 0, 0}}, 0.0625), {0, 0.03125, 0.0625}}}, 5,
-           arm.turning({0, 0, 0.3125}, {0, 1, 0}));
-  arm.link({mesh}, 2,
-           arm.turning({0, 0.125, 0.375}, {1, 0, 0}) + "<mimic joint='j1' multiplier='-0.5' offset='0.25'/>");
-  return arm;
-}
-
 }  // namespace
 
 RobotScene made_robot(std::uint64_t seed) {
   Random random(seed);
-  const std::vector<Vec3d> points = random_points(random, 20, {0.0625, 0.046875, 0.109375});
-  const Arm arm = make_arm(random, points);
+  const Arm arm = make_arm(random);
   const TemporaryFolder folder;
-  folder.write("hull.obj", as_obj(points));
+  folder.write("hull.obj", arm.obj);
 
   RobotScene made{.name = "made_" + std::to_string(seed)};
   engine::RobotOptions options;
-  options.urdf = folder.write("arm.urdf", arm.text());
+  options.urdf = folder.write("arm.urdf", arm.urdf);
   options.base = random.rotation({0.1, -0.2, 0.3});
   options.home.emplace();
   options.is_static = true;
@@ -285,9 +135,9 @@ RobotScene made_robot(std::uint64_t seed) {
   options.link_uncertainty = uncertainty;
   made.scene.add_robot("r", options);
   SceneMaker maker(made);
-  for (std::size_t l = 0; l < arm.links().size(); ++l) {
+  for (std::size_t l = 0; l < arm.links.size(); ++l) {
     const std::string name = "l" + std::to_string(l);
-    std::vector<PartBounds> parts = arm.links()[l];
+    std::vector<PartBounds> parts = arm.links[l];
     for (PartBounds& part : parts)
       part = grown(part, padding.contains(name) ? padding.at(name) : 0,
                    uncertainty.contains(name) ? uncertainty.at(name) : Uncertainty{});

@@ -6,18 +6,9 @@
 #include <vector>
 
 #include "engine/scene/scene.h"
-#include "tests/oracle/cases/cases.h"
+#include "tests/oracle/states/part_bounds.h"
 
 namespace clearance::exact {
-
-/// Hulls that bound a convex part from outside and from inside, both grown by the radius: with a curved part or an
-/// uncertain turn, they differ. The radius includes padding and the uncertainty of position. Metres, in the body's
-/// frame.
-struct PartBounds {
-  std::vector<Vec3d> outer, inner;
-  double radius = 0;
-  double turn = 0;  ///< growth of `outer` alone
-};
 
 /// A robot, and movable bodies that a round of states places, or parks far away.
 struct RobotScene {
