@@ -102,6 +102,9 @@ Engine::Engine(Scene scene, const Options& options) {
     impl_->device = std::make_unique<cuda::DeviceBackend>(impl_->scene, device);
     if (both && impl_->device->usable()) impl_->router = std::make_unique<cuda::Router>(impl_->options.threads);
   }
+  if (options.covers == Covers::kOff) return;
+  impl_->covers = options.cover_store ? options.cover_store : std::make_shared<CoverStore>();
+  impl_->request_covers();
 }
 
 Engine::~Engine() = default;

@@ -19,10 +19,19 @@
 #include "engine/selection/query.h"
 
 namespace clearance {
+class CoverStore;  // engine/cover/cover_store.h
 class DevicePlan;  // engine/device/query/device_plan.h
 }
 
 namespace clearance::engine {
+
+/// When covers are made (engine/cover/cover.h), which speed up decisions and change no answer.
+enum class Covers : std::uint8_t {
+  kBackground,  ///< on a thread of lowest priority, after the engine is ready
+  kOff,
+};
+/// The value of this name, "background" or "off". Throws std::invalid_argument.
+Covers covers_named(std::string_view name);
 
 /// Thread-safe. Poses may be set while jobs run, and each job uses one snapshot.
 class Engine {
@@ -49,6 +58,9 @@ class Engine {
     /// Whether instruction sets and devices that fail the self-test (engine/narrow/self_test.h) are rejected. Tests of
     /// wrong builds turn it off.
     bool self_test = true;
+    Covers covers = Covers::kBackground;
+    /// The store of another engine, cover_store(), to which this engine adds its covers; by default a new one.
+    std::shared_ptr<CoverStore> cover_store = {};
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a repeated device.
@@ -160,6 +172,12 @@ class Engine {
   std::string certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows = {}) const;
   /// Makes a certificate in slices. The engine and the data of `query` must outlive it.
   CertificateRun begin_certificate(const QueryView& query, CertificateRows rows) const;
+
+  /// Waits until all covers are made, and returns whether they are. The calling thread makes covers, too, so it may take
+  /// about a second longer than the timeout. With Covers::kOff, there is nothing to wait for.
+  bool wait_covers(std::chrono::nanoseconds timeout) const;
+  /// The covers, for an engine of a changed scene; null with Covers::kOff.
+  const std::shared_ptr<CoverStore>& cover_store() const;
 
   /// Upper bound on the cost of a query (SceneCost::of()).
   QueryCost cost(const QueryView& query) const;

@@ -10,6 +10,7 @@
 #include <string>
 #include <utility>
 
+#include "engine/cover/cover_store.h"
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"
@@ -37,6 +38,7 @@ struct Engine::Impl {
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   mutable JobCache job_cache{scene};  // after `trees`, to which its jobs return theirs
+  std::shared_ptr<CoverStore> covers;  // null if off
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
@@ -55,7 +57,7 @@ struct Engine::Impl {
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
     return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions,
-            &trees, near_by,         device.get(), &job_cache, &teams};
+            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get()};
   }
 
   // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
@@ -63,6 +65,9 @@ struct Engine::Impl {
   bool may_cache_job_of(const QueryView& query) const {
     return (!device || (router && query.reduce == Reduce::kAny)) && job_cache.keeps(query);
   }
+
+  // Requests covers of the bodies that may move.
+  void request_covers() const;
 
   // Backend of a query.
   struct Route {

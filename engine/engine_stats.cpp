@@ -32,6 +32,13 @@ void append_ages(Counters& counters, const PoseSnapshot& snapshot) {
                         static_cast<std::uint64_t>(std::max<std::int64_t>(now - oldest, 0)));
 }
 
+void append_covers(Counters& counters, const CoverStore::Progress& progress) {
+  counters.emplace_back("engine.covers", progress.made);
+  counters.emplace_back("engine.covers_pending", progress.pending);
+  counters.emplace_back("engine.covers_impossible", progress.impossible);
+  counters.emplace_back("engine.cover_bytes", progress.bytes);
+}
+
 }  // namespace
 
 Counters Engine::stats() const {
@@ -66,6 +73,7 @@ Counters Engine::stats() const {
                     {"engine.stamps_out_of_range", impl_->poses.stamps_out_of_range()},
                     {"engine.stamps_late", impl_->poses.stamps_late()}};
   append_ages(counters, *snapshot);
+  if (impl_->covers) append_covers(counters, impl_->covers->progress());
   if (impl_->device) impl_->device->append(counters);
   if (impl_->router) impl_->router->append(counters);
   return counters;

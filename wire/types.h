@@ -59,7 +59,7 @@ enum Field : std::uint32_t {
   kFieldNormal = 1u << 7,           ///< 3 float64, unit, world frame, from a towards b
   kFieldPieces = 1u << 8,           ///< 2 uint32, index of the nearest convex part within each body
   kFieldGradient = 1u << 9,         ///< 2 x 6 float64, of a and b: by a turn about its origin, a shift; world axes
-  kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always present in reductions
+  kFieldPair = 1u << 10,            ///< 2 uint32, body ids (a, b); always present in reductions without kFieldVerdict
   kFieldConfiguration = 1u << 11,   ///< uint32; always present with Reduce::kWithin
   kFieldPoints32 = 1u << 12,        ///< 2 x 3 float32, metres: points of a and b from their body's origin; world axes
   kFieldGradientJoints = 1u << 13,  ///< J float64: by the position of each of the query's joints, in their order
@@ -71,8 +71,9 @@ enum Field : std::uint32_t {
   kFieldBounds = 1u << 18,          ///< 2 float32, metres: lower and upper, rounded outward
   kFieldFreeScale = 1u << 19,  ///< float64, kAny with weights: every pair is proved to stay beyond its margin while
                                ///< no joint moves by more than this times its weight; 0 if not proved even now
+  kFieldVerdict = 1u << 20,    ///< uint8, kAny only: kFieldStatus, but kOk for any pair proved within its margin
 };
-inline constexpr int kFieldCount = 20;
+inline constexpr int kFieldCount = 21;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
 /// Columns of motions only.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
@@ -80,8 +81,8 @@ inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
 /// Bytes of one row of each column, by bit position of its Field; for kFieldGradientJoints, bytes of one joint.
-inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8,  1, 2, 24, 24, 24, 8, 96,
-                                                           8, 4, 24, 8, 8, 8,  16, 4,  8, 8};
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8,  8, 1, 2, 24, 24, 24, 8, 96, 8,
+                                                           4, 24, 8, 8, 8, 16, 4,  8,  8, 1};
 /// Bytes of one row of a column.
 /// \param joints number of the query's joints
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {

@@ -117,7 +117,7 @@ void append(Cover& cover, std::span<Node> nodes) {
 
 }  // namespace
 
-std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts) {
+std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
   if (!shape || !(shape->reach() <= kMaxReach)) return {};
@@ -132,6 +132,7 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts) {
   for (int k = 1; k < Cover::kLevels; ++k) {
     std::vector<Node> next;
     for (Node& parent : level) {
+      if (stopped && *stopped) return {};
       if (k > 1 && width_of(parent.ball.outer, parent.ball.inner) <= narrow) continue;
       std::vector<Node> children = children_of(*shape, parent, kRules[k - 1], random);
       if (k > 1) cover.packets[parent.packet].children[parent.lane] = static_cast<std::uint32_t>(cover.packets.size());

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <array>
+#include <atomic>
 #include <cstdint>
 #include <limits>
 #include <optional>
@@ -59,6 +60,7 @@ StandOut stand_out(const Cover& cover, int level);
 
 /// The cover of the union of convex parts in one frame, or nothing if a part is a half-space or has a surface, or there
 /// is none, or beyond 1e9 m. Deterministic: the same on every machine. Takes about a second on one core.
-std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts);
+/// \param stopped makes it end early, without a cover, once it is true; may be null
+std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped = nullptr);
 
 }  // namespace clearance

@@ -12,7 +12,7 @@
 namespace clearance {
 
 /// Bounds on the distances of eight points from an obstacle, in metres. `low` is at most the distance plus
-/// Obstacle::error. `high` is at least the distance less that error; if it is negative, a ball of radius
+/// Obstacle::error. `high` is at least the distance less that error; if high + error is negative, a ball of radius
 /// -(high + error) about the point lies in the obstacle.
 struct PointGaps {
   alignas(32) float low[8], high[8];
@@ -22,27 +22,51 @@ struct PointGaps {
 struct Obstacle {
   enum class Kind : std::uint8_t {
     kSegment,    ///< of a sphere or capsule: from -half[2] to half[2] along z
-    kBox,        ///< half[0], half[1], half[2]
+    kBox,        ///< half[0], half[1], half[2]; of a rectangle one is 0, of a segment along an axis two
     kCylinder,   ///< along z: radius half[0], half length half[2]
-    kPlanes,     ///< a hull by its planes
+    kPlanes,     ///< a hull, cone or ellipsoid, between two polytopes
     kHalfSpace,  ///< z <= 0
   };
   Kind kind = Kind::kSegment;
-  bool is_aligned = false;           ///< the axes are those of the common frame: `axes` is the identity
-  std::array<float, 9> axes{};       ///< rows: a point c of the common frame is axes (c - at) in the obstacle's axes
+  bool is_aligned = false;      ///< the axes are those of the common frame: `axes` is the identity
+  std::array<float, 9> axes{};  ///< rows: a point c of the common frame is axes (c - at) in the obstacle's axes
   std::array<float, 3> at{}, half{};
-  float radius = 0;                  ///< by which the core is grown, metres
-  float error = 0;                   ///< metres; of PointGaps, for points up to the given reach from the frame's origin
-  // kPlanes: n . c <= height holds for the points of the core, in the common frame.
-  std::vector<float> normal_x, normal_y, normal_z, height;
-  bool planes_are_all = false;       ///< a point that satisfies all of them is in the core
-  std::array<float, 3> inner_centre{};
-  float inner_radius = 0;            ///< a ball that the core holds
+  float radius = 0;  ///< by which the core is grown, metres
+  float error = 0;   ///< metres; of PointGaps, for points up to the given reach from the frame's origin
+  /// kPlanes, in the common frame: n . c <= outer for all points c of the core. A point with n . c <= inner for all n,
+  /// as computed in float32, is in the core. |n| <= 1.
+  std::vector<float> normal_x, normal_y, normal_z, outer, inner;
+  /// kPlanes: n . at <= inner - inner_radius, or 0 if no point satisfies all. Then `at` is a point of the core.
+  float inner_radius = 0;
 };
 
-/// The obstacle for a part, or nothing for a part with a surface, a cone or an ellipsoid.
-/// \param rotation, translation of the part's frame in the common frame; accurate to a few roundings of float64
+/// What an obstacle takes from its part: the same for all poses, float64, in the part's frame. Planes take up to some
+/// milliseconds.
+struct ObstacleShape {
+  struct Plane {
+    Vec3d normal;         ///< not longer than 1
+    double outer, inner;  ///< heights of Obstacle, relative to the centre
+  };
+  Obstacle::Kind kind = Obstacle::Kind::kSegment;
+  Mat3d axes = Mat3d::identity();  ///< rows: the axes of the obstacle
+  Vec3d centre{0, 0, 0}, half{0, 0, 0};
+  double radius = 0;
+  double reach = 0, spread = 0;  ///< bounds on the distance of the core's points from the origin and from the centre
+  std::vector<Plane> planes;
+};
+
+/// The shape of a part, or nothing for a part with a surface and for one that reaches farther than 1e6 m.
+std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part);
+
+/// The obstacle for a shape, or nothing if a number is not finite, `reach` is above 1e4 m or the obstacle is farther
+/// away than 1e6 m.
+/// \param rotation of the part's frame in the common frame, within 2^-47 of a rotation (Frobenius norm)
+/// \param translation likewise, within 2^-47 of its length; a greater error must be added to Obstacle::error
 /// \param reach bound on the distance from the common frame's origin of the points for which gaps are computed, metres
+std::optional<Obstacle> make_obstacle(const ObstacleShape& shape, const Mat3d& rotation, const Vec3d& translation,
+                                      double reach);
+
+/// The same for a part.
 std::optional<Obstacle> make_obstacle(const ConvexPart& part, const Mat3d& rotation, const Vec3d& translation,
                                       double reach);
 

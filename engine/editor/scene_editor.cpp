@@ -58,7 +58,9 @@ SceneEditor::Change SceneEditor::change(const Edit& edit) {
   std::shared_ptr<engine::Engine> next;
   try {
     edit.apply(*now, parts);
-    next = std::make_shared<engine::Engine>(parts.whole(), options_);
+    engine::Engine::Options options = options_;
+    options.cover_store = now->cover_store();
+    next = std::make_shared<engine::Engine>(parts.whole(), options);
   } catch (const engine::SceneError& error) {
     throw engine::QueryError(QueryErrorCode::kBadQuery, error.what());
   }

@@ -10,7 +10,7 @@ bool needs_boxes(const QueryView& query) {
 
 EvaluateOptions evaluate_options(const JobContext& context, const QueryView& query, const JointGradient* gradient) {
   constexpr std::uint32_t kIntervalFields =
-      kDefaultFields | kFieldBounds | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower;
+      kDefaultFields | kFieldBounds | kFieldFlags | kFieldPair | kFieldConfiguration | kFieldPairLower | kFieldVerdict;
   EvaluateOptions options;
   options.limits.max_distance = query.max_distance;
   options.limits.abs_tol = query.abs_tol;

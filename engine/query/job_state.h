@@ -19,6 +19,7 @@ namespace cuda {
 class DeviceBackend;  // engine/device/device_job.h
 }  // namespace cuda
 
+class CoverStore;  // engine/cover/cover_store.h
 class JobCache;
 
 /// Resources of the engine that a job uses.
@@ -35,6 +36,7 @@ struct JobContext {
   cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone
   JobCache* job_cache = nullptr;                ///< keeps jobs that may be reused
   std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
+  const CoverStore* covers = nullptr;           ///< null if the engine has none
 };
 
 struct Job::State {
@@ -58,6 +60,9 @@ struct Job::State {
 /// Makes a job that runs on the CPU.
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
 std::unique_ptr<Job::State> make_dense_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
+/// Whether covers may decide states of a plan.
+bool covers_may_decide(const JobContext& context, const Plan& plan);
+std::unique_ptr<Job::State> make_decision_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 std::unique_ptr<Job::State> make_reduced_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
 }  // namespace clearance

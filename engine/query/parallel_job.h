@@ -47,12 +47,13 @@ class ParallelJob : public Job::State {
   std::span<const Aabb> boxes() const { return boxes_; }  ///< of all bodies in the snapshot, or empty
   int workers() const { return runner_.workers(); }
 
+  WorkerPoses& worker_poses(int worker) { return worker_poses_[static_cast<std::size_t>(worker)]; }
   const BodyPoses& placement(int worker, std::uint64_t configuration) {
     return placements(worker, configuration, 1)[0];
   }
   /// The worker's body poses in configurations [first, first + count).
   std::span<const BodyPoses> placements(int worker, std::uint64_t first, std::uint64_t count) {
-    return worker_poses_[static_cast<std::size_t>(worker)].at(first, count);
+    return worker_poses(worker).at(first, count);
   }
 
   /// Writes the answer of a pair in one configuration into row `index`.

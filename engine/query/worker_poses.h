@@ -18,6 +18,22 @@ class WorkerPoses {
   WorkerPoses(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes)
       : scene_(scene), plan_(plan), boxes_(boxes), given_(plan) {}
 
+  /// Poses as given, or as joints determine them, of configurations [first, first + count), valid until the next call.
+  ConfigurationPoses::PoseBlock given(std::uint64_t first, std::uint64_t count) { return given_.at(first, count); }
+
+  /// Poses in some configurations, valid until the next call.
+  std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations) {
+    while (placed_.size() < configurations.size()) placed_.emplace_back(scene_, plan_, boxes_);
+    rotations_.resize(plan_.bodies.size());
+    for (std::size_t i = 0; i < configurations.size(); ++i) {
+      if (placed_[i].is_at(configurations[i])) continue;
+      const ConfigurationPoses::PoseBlock given = given_.at(configurations[i], 1);
+      rotations_of(given.poses, rotations_);
+      placed_[i].configure(configurations[i], given, rotations_);
+    }
+    return {placed_.data(), configurations.size()};
+  }
+
   /// Poses in configurations [first, first + count), valid until the next call.
   std::span<const BodyPoses> at(std::uint64_t first, std::uint64_t count) {
     assert(count > 0 && first + count <= plan_.size.configurations);

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cassert>
+#include <numeric>
 
 namespace clearance {
 
@@ -38,9 +39,17 @@ ConfigurationBlock::ConfigurationBlock(const engine::Scene& scene, const Plan& p
 }
 
 void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::uint64_t first) {
+  std::vector<std::uint64_t> configurations(placed.size());
+  std::iota(configurations.begin(), configurations.end(), first);
+  begin(placed, configurations, {});
+}
+
+void ConfigurationBlock::begin(std::span<const BodyPoses> placed, std::span<const std::uint64_t> configurations,
+                               std::span<const std::span<const std::uint64_t>> open) {
   assert(!placed.empty() && placed.size() <= reductions_.size());
   placed_ = placed;
-  first_ = first;
+  configurations_.assign(configurations.begin(), configurations.end());
+  open_.assign(open.begin(), open.end());
   gaps_ = {};
   is_evaluating_ = false;
   for (std::size_t i = 0; i < placed.size(); ++i) reductions_[i].begin();
@@ -63,7 +72,7 @@ bool ConfigurationBlock::advance(WorkMeter& meter) {
 
 // Collects the next pairs of all configurations in to_evaluate_. Returns false if there are none.
 bool ConfigurationBlock::collect_pairs(WorkMeter& meter) {
-  if (compares_boxes_ && gaps_.empty()) {
+  if (compares_boxes_ && gaps_.empty() && open_.empty()) {
     gaps_ = cull_.gaps(plan_.pairs.slice(0, plan_.pairs.size(), pairs_), placed_);
     meter.count(gaps_.size() / kBoxesPerUnit);
   }
@@ -82,7 +91,9 @@ bool ConfigurationBlock::collect_pairs(std::size_t i, WorkMeter& meter) {
   if (r.stage() == Reduction::kSeeds || r.stage() == Reduction::kCandidates)
     return r.collect_pairs(placed_[i], to_evaluate_);
   const std::uint64_t pairs = plan_.pairs.size();
-  if (compares_boxes_)
+  if (!open_.empty())
+    r.scan(open_[i], placed_[i]);
+  else if (compares_boxes_)
     r.scan(gaps_.subspan(i * pairs, pairs), placed_[i]);
   else
     for (std::uint64_t unit = 0; unit < r.units(); ++unit) r.run(unit, 0, placed_[i], meter);
@@ -101,7 +112,7 @@ std::uint64_t ConfigurationBlock::end(std::span<std::vector<Row>> rows) {
   assert(rows.size() == placed_.size());
   std::uint64_t evaluated = 0;
   for (std::size_t i = 0; i < placed_.size(); ++i) {
-    rows[i] = reductions_[i].rows(static_cast<std::uint32_t>(first_ + i), placed_[i]);
+    rows[i] = reductions_[i].rows(static_cast<std::uint32_t>(configurations_[i]), placed_[i]);
     evaluated += reductions_[i].evaluated();
   }
   placed_ = {};

@@ -27,6 +27,10 @@ class ConfigurationBlock {
   bool has_begun() const { return !placed_.empty(); }
   /// \param placed configurations [first, first + placed.size()) of the plan; must stay valid until end()
   void begin(std::span<const BodyPoses> placed, std::uint64_t first);
+  /// The same for some configurations, each with the pairs that are left to evaluate (Reduction::scan()).
+  /// \param open its spans must stay valid until end()
+  void begin(std::span<const BodyPoses> placed, std::span<const std::uint64_t> configurations,
+             std::span<const std::span<const std::uint64_t>> open);
   /// Continues until the slice is over. Returns true once all are reduced.
   bool advance(WorkMeter& meter);
   /// Returns the number of evaluated pairs, and moves out the rows of each configuration.
@@ -43,7 +47,8 @@ class ConfigurationBlock {
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;
   std::span<const BodyPoses> placed_;
-  std::uint64_t first_ = 0;
+  std::vector<std::uint64_t> configurations_;           // of placed_
+  std::vector<std::span<const std::uint64_t>> open_;    // likewise, or empty for all pairs
   std::span<const double> gaps_;  // (configurations, pairs)
   std::vector<BodyPair> pairs_;
   bool is_evaluating_ = false;

@@ -51,10 +51,13 @@ class Reduction {
   /// Ends the stage after all its units.
   void end_stage();
 
-  /// These three replace run() for one worker whose gaps and answers are computed elsewhere, with those of other
+  /// These replace run() for one worker whose gaps and answers are computed elsewhere, with those of other
   /// configurations (configuration_block.h). Runs a scan.
   /// \param gaps of all pairs' boxes, in order
   void scan(std::span<const double> gaps, const BodyPoses& placement);
+  /// Scans some pairs alone: of Reduce::kAny, all that are not proved to be beyond their margins.
+  /// \param positions ascending
+  void scan(std::span<const std::uint64_t> positions, const BodyPoses& placement);
   /// Appends the seeds or candidates to evaluate next; take() receives their answers in that order. Returns false if
   /// none are left.
   bool collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate);

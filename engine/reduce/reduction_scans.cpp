@@ -43,6 +43,14 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
   for (std::size_t i = 0; i < count; ++i) offer(w.near[i], plan_.pairs.at(w.near[i]), gaps[w.near[i]], w, placement);
 }
 
+void Reduction::scan(std::span<const std::uint64_t> positions, const BodyPoses& placement) {
+  assert(any() && stage_ == kScan);
+  for (const std::uint64_t p : positions) {
+    const BodyPair pair = plan_.pairs.at(p);
+    offer(p, pair, box_gap(scene_, placement, pair), workers_[0], placement);
+  }
+}
+
 void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap,
                       WorkerState& worker, const BodyPoses& placement) const {
   if (stage_ == kSeedScan) {

@@ -38,14 +38,16 @@ double joints_between(const PoseUncertainty& a, const PoseUncertainty& b) {
   return robot ? robot->between(a.link.link, b.link.link, std::max(a.link.travel, b.link.travel)) : kInf;
 }
 
+Slack pair_slack(const PoseUncertainty& a, const PoseUncertainty& b, const Slack& chain_a, const Slack& chain_b) {
+  if (const double joints = joints_between(a, b); joints < kInf)
+    return slack_between_links(a.relative + chain_a, b.relative + chain_b, joints);
+  return (a.slack + chain_a) + (b.slack + chain_b);
+}
+
 Slack pair_slack(const BodyPoses& placement, BodyPair pair) {
-  if (placement.has_uncertainties()) {
-    const PoseUncertainty &a = placement.uncertainty(pair.a), &b = placement.uncertainty(pair.b);
-    if (const double joints = joints_between(a, b); joints < kInf)
-      return slack_between_links(a.relative + placement.chain_slack(pair.a), b.relative + placement.chain_slack(pair.b),
-                                 joints);
-  }
-  return placement.slack(pair.a) + placement.slack(pair.b);
+  const Slack chain_a = placement.chain_slack(pair.a), chain_b = placement.chain_slack(pair.b);
+  if (!placement.has_uncertainties()) return chain_a + chain_b;
+  return pair_slack(placement.uncertainty(pair.a), placement.uncertainty(pair.b), chain_a, chain_b);
 }
 
 std::uint64_t BodyPoses::most(const engine::Scene& scene, const Plan& plan) {

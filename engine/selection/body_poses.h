@@ -88,5 +88,8 @@ double joints_between(const PoseUncertainty& a, const PoseUncertainty& b);
 /// Slack of a pair. Accounts for uncertainty that its bodies share: links of one robot stand on one base, and share the
 /// errors of the joints that carry both.
 Slack pair_slack(const BodyPoses& placement, BodyPair pair);
+/// \param chain_a, chain_b BodyPoses::chain_slack(), zero in a configuration
+Slack pair_slack(const PoseUncertainty& a, const PoseUncertainty& b, const Slack& chain_a = {},
+                 const Slack& chain_b = {});
 
 }  // namespace clearance

@@ -74,14 +74,20 @@ CLEARANCE_HD inline void write_gradient(double* g, const PairAnswer& a) {
   }
 }
 
+// Of a row of Reduce::kAny. Whether a pair that is proved within its margin overlaps makes no difference.
+CLEARANCE_HD inline Status verdict_of(Status status) {
+  return status == Status::kOverlap || status == Status::kContact ? Status::kOk : status;
+}
+
 }  // namespace detail
 
-/// Writes one row of the columns of kDefaultFields and kFieldBounds that exist.
+/// Writes one row of the columns of kDefaultFields, kFieldBounds and kFieldVerdict that exist.
 CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t index, const PairAnswer& a) {
   if (reply.distance) reply.distance[index] = a.distance;
   if (reply.lower) reply.lower[index] = a.lower;
   if (reply.upper) reply.upper[index] = a.upper;
   if (reply.status) reply.status[index] = static_cast<std::uint8_t>(a.status);
+  if (reply.verdict) reply.verdict[index] = static_cast<std::uint8_t>(detail::verdict_of(a.status));
   if (!reply.bounds) return;
   const detail::OuterBounds bounds(a);
   reply.bounds[2 * index] = bounds.lower;

@@ -43,6 +43,10 @@ void check_free_scale(const QueryView& q) {
   if (q.fields & ~(kFieldFreeScale | kFieldPair)) reject("fields: free_scale can be combined only with pair");
 }
 
+void check_verdict(const QueryView& q) {
+  if ((q.fields & kFieldVerdict) && q.reduce != Reduce::kAny) reject("fields: verdict needs reduce any");
+}
+
 void check_numbers(const QueryView& q) {
   if (!(q.max_distance >= 0)) reject("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
   if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
@@ -66,6 +70,7 @@ void check_numbers(const QueryView& q) {
     reject("fields: gradient_joints is for a query with joints");
   check_motions(q);
   check_free_scale(q);
+  check_verdict(q);
 }
 
 // A depth is the length of a shift that separates bodies, and points have no inside.
@@ -83,7 +88,7 @@ void reject_depths_of_clouds(const PairList& pairs, const engine::Scene& scene) 
 
 std::uint32_t written_fields(const QueryView& q) {
   std::uint32_t fields = q.fields;
-  if (q.reduce != Reduce::kNone) fields |= kFieldPair;
+  if (q.reduce != Reduce::kNone && !(fields & kFieldVerdict)) fields |= kFieldPair;
   if (q.reduce == Reduce::kWithin) fields |= kFieldConfiguration;
   return fields;
 }

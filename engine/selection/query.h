@@ -94,6 +94,7 @@ struct ReplyView {
   std::uint32_t* steps = nullptr;          ///< (rows,)
   float* bounds = nullptr;                 ///< (rows, 2)
   double* free_scale = nullptr;            ///< (rows,)
+  std::uint8_t* verdict = nullptr;         ///< (rows,)
   std::uint32_t joints = 0;                ///< J, the entries per row of gradient_joints
 };
 
@@ -123,6 +124,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.steps..., 1);
   f(view.bounds..., 2);
   f(view.free_scale..., 1);
+  f(view.verdict..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each on a 64-byte boundary: the layout of a

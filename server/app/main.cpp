@@ -209,7 +209,7 @@ int serve(DaemonOptions options) {
   const Access access = or_fail<std::invalid_argument>(kExitCommandLine, "", [&] {
     return or_fail<std::runtime_error>(kExitEndpoint, "--keys: ", [&] { return access_of(options); });
   });
-  const engine::Engine::Options engine_options = engine_options_of(options);
+  engine::Engine::Options engine_options = engine_options_of(options);
   check_backend(engine_options);
   engine::Scene scene = or_fail<engine::SceneError>(kExitScene, "", [&] { return load_scene(options); });
   const LcmPoses lcm_poses =
@@ -221,6 +221,7 @@ int serve(DaemonOptions options) {
   Loop::Options loop_options = loop_options_of(options, access);
   loop_options.on_tick = [&supervisor] { supervisor.alive(); };
   Loop loop(engine, loop_options);
+  engine_options.cover_store = engine->cover_store();
   const auto build = [engine_options](engine::Scene scene_to_serve) {
     return std::make_unique<engine::Engine>(std::move(scene_to_serve), engine_options);
   };

@@ -1,0 +1,49 @@
+// What covers know of a query: its moved bodies with covers, the obstacles around them, and radii of its pairs.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "engine/cover/cover_store.h"
+#include "engine/decision/decision_view.h"
+#include "engine/scene/scene.h"
+#include "engine/selection/plan.h"
+
+namespace clearance {
+
+/// Constants for decisions about the states of one plan, as long as its snapshot and its pairs are the same. All
+/// lengths are relative to the frame that carries the first robot moved, so that they are short. Immutable.
+class CoverPlan {
+ public:
+  /// Whether covers may decide states of a plan: those of joints alone, without many pairs.
+  static bool may_decide(const Plan& plan);
+  /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
+  static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers);
+
+  const DecisionView& view() const { return view_; }
+  /// Positions of pairs, ascending, that covers do not know: they are open in every state.
+  std::span<const std::uint64_t> unknown() const { return unknown_; }
+  /// Whether the bounds hold for a row of the plan's positions. Joints that slide have limits.
+  bool holds_for(std::span<const double> positions) const;
+
+ private:
+  friend class CoverPlanBuilder;
+
+  struct SlideLimit {
+    std::uint32_t at;  // in a row of positions
+    double most;       // metres
+  };
+  std::vector<SlideLimit> slides_;
+  std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
+  std::vector<DecidedBody> bodies_;
+  std::vector<Obstacle> obstacles_;
+  std::vector<MovedPair> moved_pairs_;
+  std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
+  std::vector<float> root_outer_, root_inner_, grow_, shrink_;
+  std::vector<std::uint64_t> position_, unknown_;
+  DecisionView view_{};
+};
+
+}  // namespace clearance

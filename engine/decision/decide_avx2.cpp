@@ -1,0 +1,14 @@
+#define CLEARANCE_ISA decide_avx2
+#include "engine/decision/decide_kernel.h"
+
+namespace clearance {
+
+void run_decide_avx2(const DecisionBatch& batch, const DecisionRoom& room) {
+  decide_avx2::decide(batch, room);
+}
+
+SpanDecision run_decide_span_avx2(const SpanBatch& batch) {
+  return decide_avx2::decide_span(batch);
+}
+
+}  // namespace clearance

@@ -1,0 +1,14 @@
+#define CLEARANCE_ISA decide_avx512
+#include "engine/decision/decide_kernel.h"
+
+namespace clearance {
+
+void run_decide_avx512(const DecisionBatch& batch, const DecisionRoom& room) {
+  decide_avx512::decide(batch, room);
+}
+
+SpanDecision run_decide_span_avx512(const SpanBatch& batch) {
+  return decide_avx512::decide_span(batch);
+}
+
+}  // namespace clearance

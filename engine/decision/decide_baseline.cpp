@@ -1,0 +1,14 @@
+#define CLEARANCE_ISA decide_baseline
+#include "engine/decision/decide_kernel.h"
+
+namespace clearance {
+
+void run_decide_baseline(const DecisionBatch& batch, const DecisionRoom& room) {
+  decide_baseline::decide(batch, room);
+}
+
+SpanDecision run_decide_span_baseline(const SpanBatch& batch) {
+  return decide_baseline::decide_span(batch);
+}
+
+}  // namespace clearance

@@ -1,0 +1,276 @@
+// Decisions about states and spans of motions by covers, compiled once for each instruction set (decide_avx512.cpp and
+// similar).
+//
+// Lanes are balls of one body against one obstacle or ball, so that one state costs as much as its share of many. All
+// versions do the same operations on each ball, and give the same results (docs/bounds_covers.md, "Decisions").
+#pragma once
+
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/cover/point_gaps.h"
+#include "engine/decision/placed_balls.h"
+
+namespace clearance {
+namespace CLEARANCE_ISA {
+
+/// Decides states, or spans of motions if `kMoves`, one after another.
+template <bool kMoves>
+class Decider {
+ public:
+  explicit Decider(const DecisionView& view) : v_(view), placed_(view) {}
+
+  /// \param open receives at most `capacity` positions
+  /// \param any_hit DecisionBatch::any_hit
+  Decision decide(const Pose* poses, bool any_hit, std::uint64_t* open, std::uint32_t capacity) {
+    Decision result;
+    if (!placed_.place(poses)) return result;
+    begin(any_hit, capacity);
+    open_ = open;
+    decide_obstacles();
+    if (!is_over()) decide_moved_pairs();
+    if (overflow_) return result;
+    result.is_listed = true;
+    result.hit = hit_;
+    result.open_end = keep_before_hit();
+    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    return result;
+  }
+
+  SpanDecision decide_span(const SpanBatch& batch) {
+    SpanDecision result;
+    if (!placed_.place(batch.poses)) return result;
+    begin(true, static_cast<std::uint32_t>(batch.capacity));
+    span_ = &batch;
+    placed_.take_spans(batch.bodies);
+    if (batch.items) {
+      for (std::size_t i = 0; i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
+    } else {
+      decide_obstacles();
+      if (!is_over()) decide_moved_pairs();
+    }
+    if (overflow_) return result;
+    result.open = count_;
+    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    return result;
+  }
+
+ private:
+  static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
+  static constexpr Bits kOpen = 1, kHit = 2;
+  static constexpr int kMostPackets = 160;     // of one body against one obstacle
+  static constexpr int kMostPacketPairs = 64;  // of two moved bodies
+
+  void begin(bool any_hit, std::uint32_t capacity) {
+    any_hit_ = any_hit;
+    capacity_ = capacity;
+    hit_ = kNoHit;
+    count_ = 0;
+    overflow_ = false;
+  }
+  bool is_over() const { return overflow_ || (any_hit_ && hit_ != kNoHit); }
+
+  /// Records what was found about a pair.
+  void record(std::uint64_t position, SpanItem item, Bits result) {
+    if (result & kHit) hit_ = position < hit_ ? position : hit_;
+    if (result != kOpen) return;
+    if (count_ == capacity_)
+      overflow_ = true;
+    else if constexpr (kMoves)
+      span_->open[count_++] = item;
+    else
+      open_[count_++] = position;
+  }
+  std::uint32_t keep_before_hit() {
+    std::uint32_t kept = 0;
+    for (std::uint32_t i = 0; i < count_; ++i)
+      if (open_[i] < hit_) open_[kept++] = open_[i];
+    return kept;
+  }
+
+  void decide_obstacles() {
+    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
+        const std::size_t at = std::size_t{o} * v_.columns + begin;
+        PointGaps gaps;
+        alignas(32) float bound[kBalls];
+        placed_.root_gaps(v_.obstacles[o], begin, gaps);
+        for (Bits in = greater(v_.root_inner + at, gaps.high); in; in &= in - 1)
+          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
+        for (int i = 0; i < kBalls; ++i) bound[i] = v_.root_outer[at + static_cast<std::size_t>(i)];
+        if constexpr (kMoves) placed_.add_root_ways(begin, bound);
+        for (Bits open = ~greater(gaps.low, bound) & 0xff; open; open &= open - 1) {
+          if (is_over()) return;
+          decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
+        }
+      }
+  }
+  void decide_item(SpanItem item) {
+    if (item.obstacle == kNone) {
+      const MovedPair& pair = v_.moved_pairs[item.at];
+      return record(pair.position, item, moved_pair(pair, item.at));
+    }
+    const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
+    if (v_.position[cell] > hit_) return;
+    record(v_.position[cell], item,
+           against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
+  }
+
+  Bits against_obstacle(std::uint32_t body, const Obstacle& obstacle, float grow, float shrink) {
+    const DecidedBody& b = v_.bodies[body];
+    if (b.root_packets == 0) return kOpen;
+    const Centres* c = placed_.children_of_root<kMoves>(body);
+    packets_left_ = kMostPackets;
+    Bits result = 0;
+    for (std::uint32_t p = 0; p < b.root_packets; ++p) {
+      result |= packet_against_obstacle(body, b.packets[p], c[p], obstacle, grow, shrink);
+      if (result & kHit) return kHit;
+    }
+    return result;
+  }
+  Bits packet_against_obstacle(std::uint32_t body, const BallPacket& packet, const Centres& c, const Obstacle& obstacle,
+                               float grow, float shrink) {
+    PointGaps gaps;
+    alignas(32) float bound[kBalls];
+    point_gaps(obstacle, c.x, c.y, c.z, gaps);
+    sum(packet.inner, shrink, bound);
+    if (greater(bound, gaps.high) & first(packet.count)) return kHit;
+    sum(packet.outer, grow, bound);
+    if constexpr (kMoves) add(c.way, bound);
+    Bits result = 0;
+    for (Bits open = ~greater(gaps.low, bound) & first(packet.count); open; open &= open - 1) {
+      const int i = lowest(open);
+      const std::uint32_t child = packet.children[i];
+      if (child == kNone || (kMoves && is_finer_useless(packet, c, i)) || --packets_left_ < 0) {
+        result |= kOpen;
+        continue;
+      }
+      const BallPacket& next = v_.bodies[body].packets[child];
+      Centres below;
+      placed_.template centres<kMoves>(next, body, below);
+      result |= packet_against_obstacle(body, next, below, obstacle, grow, shrink);
+      if (result & kHit) return kHit;
+    }
+    return result;
+  }
+  /// Whether a ball's movement exceeds its stand-out by far, so that a shorter span helps more than smaller balls.
+  static bool is_finer_useless(const BallPacket& packet, const Centres& c, int i) {
+    const float inner = packet.inner[i] > 0 ? packet.inner[i] : 0;
+    return c.way[i] > 2 * (packet.outer[i] - inner);
+  }
+
+  void decide_moved_pairs() {
+    for (std::uint32_t k = 0; k < v_.moved_pair_count; ++k) {
+      const MovedPair& pair = v_.moved_pairs[k];
+      const float d = placed_.distance_of_roots(pair.a, pair.b);
+      float reach = v_.moved_root_outer[pair.a] + v_.moved_root_outer[pair.b] + pair.grow;
+      if constexpr (kMoves) reach += placed_.root_way(pair.a) + placed_.root_way(pair.b);
+      if (d > reach) continue;
+      if (is_over()) return;
+      if (pair.position > hit_) continue;
+      const bool in = d < v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
+      record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
+    }
+  }
+
+  Bits moved_pair(const MovedPair& pair, std::uint32_t index) {
+    const DecidedBody &a = v_.bodies[pair.a], &b = v_.bodies[pair.b];
+    if (a.root_packets == 0 || b.root_packets == 0) return kOpen;
+    if constexpr (kMoves) pair_span_ = span_->pair(span_->context, index);
+    const float way = kMoves ? pair_span_.way : 0;
+    const Centres *ca = placed_.children_of_root<kMoves>(pair.a), *cb = placed_.children_of_root<kMoves>(pair.b);
+    Bits near_a[2] = {0, 0}, near_b[2] = {0, 0}, any_a = 0, any_b = 0;
+    for (std::uint32_t p = 0; p < a.root_packets; ++p)
+      any_a |= near_a[p] = placed_.near_root(a.packets[p], ca[p], pair.b, pair.grow + way);
+    for (std::uint32_t p = 0; p < b.root_packets && any_a; ++p)
+      any_b |= near_b[p] = placed_.near_root(b.packets[p], cb[p], pair.a, pair.grow + way);
+    if (!any_b) return 0;
+    packets_left_ = kMostPacketPairs;
+    Bits result = 0;
+    for (std::uint32_t p = 0; p < a.root_packets; ++p)
+      for (std::uint32_t q = 0; q < b.root_packets; ++q) {
+        if (!near_a[p] || !near_b[q]) continue;
+        result |= packets(pair, a.packets[p], ca[p], near_a[p], b.packets[q], cb[q], near_b[q]);
+        if (result & kHit) return kHit;
+      }
+    return result;
+  }
+
+  /// Balls of two bodies against each other, those of the masks alone.
+  Bits packets(const MovedPair& pair, const BallPacket& p, const Centres& cp, Bits of_p, const BallPacket& q,
+               const Centres& cq, Bits of_q) {
+    alignas(32) float way_p[kBalls], way_q[kBalls];
+    if constexpr (kMoves) {
+      placed_.movement(cp, pair.a, pair_span_.a, way_p);
+      placed_.movement(cq, pair.b, pair_span_.b, way_q);
+    }
+    Bits result = 0;
+    for (; of_p; of_p &= of_p - 1) {
+      const int i = lowest(of_p);
+      alignas(32) float d[kBalls], bound[kBalls];
+      distances(cq, cp.x[i], cp.y[i], cp.z[i], d);
+      sum(q.inner, p.inner[i] + pair.shrink, bound);
+      if (greater(bound, d) & first(q.count)) return kHit;
+      sum(q.outer, p.outer[i] + pair.grow, bound);
+      if constexpr (kMoves) add_lesser(way_q, way_p[i] + pair_span_.bend, pair_span_.way, bound);
+      const Bits open = ~greater(d, bound) & of_q;
+      if (open) result |= children(pair, p, i, q, open);
+      if (result & kHit) return kHit;
+    }
+    return result;
+  }
+  /// The children of a ball of p against those of some balls of q.
+  Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open) {
+    if (p.children[i] == kNone) return kOpen;
+    if (kMoves && pair_span_.way > 4 * (p.outer[i] - (p.inner[i] > 0 ? p.inner[i] : 0))) return kOpen;
+    const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
+    Centres c_p, c_q;
+    placed_.template centres<false>(below_p, pair.a, c_p);
+    Bits result = 0;
+    for (; open; open &= open - 1) {
+      const std::uint32_t child = q.children[lowest(open)];
+      if (child == kNone || --packets_left_ < 0) {
+        result |= kOpen;
+        continue;
+      }
+      const BallPacket& below_q = v_.bodies[pair.b].packets[child];
+      placed_.template centres<false>(below_q, pair.b, c_q);
+      result |= packets(pair, below_p, c_p, first(below_p.count), below_q, c_q, first(below_q.count));
+      if (result & kHit) return kHit;
+    }
+    return result;
+  }
+
+  const DecisionView& v_;
+  PlacedBalls placed_;
+  const SpanBatch* span_ = nullptr;
+  SpanPair pair_span_{};
+  bool any_hit_ = true, overflow_ = false;
+  std::uint64_t hit_ = kNoHit;
+  std::uint64_t* open_ = nullptr;
+  std::uint32_t capacity_ = 0, count_ = 0;
+  int packets_left_ = 0;
+};
+
+inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
+  Decider<false> decider(*batch.view);
+  std::uint32_t used = 0;
+  for (std::size_t k = 0; k < batch.states; ++k) {
+    Decision& decision = room.decisions[k];
+    decision = {};
+    if (batch.usable[k])
+      decision =
+          decider.decide(batch.poses + k * batch.stride, batch.any_hit, room.open + used, room.capacity - used);
+    decision.open_begin = used;
+    decision.open_end += used;
+    used = decision.open_end;
+  }
+}
+
+inline SpanDecision decide_span(const SpanBatch& batch) {
+  return Decider<true>(*batch.view).decide_span(batch);
+}
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance

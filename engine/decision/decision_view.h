@@ -1,0 +1,131 @@
+// What the kernel of decisions about states reads and writes, as plain arrays.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+#include "engine/cover/cover.h"
+#include "engine/cover/obstacle.h"
+#include "engine/pose/pose.h"
+#include "wire/types.h"
+
+namespace clearance {
+
+/// What covers prove of a pair or of a state.
+enum class Verdict : std::uint8_t {
+  kFree,        ///< every pair is beyond its margin
+  kHit,         ///< a pair is within its margin
+  kUnresolved,  ///< neither: see the open pairs
+};
+
+/// A moved body. Bodies without a cover only carry others.
+struct DecidedBody {
+  const BallPacket* packets;   ///< of the cover; null without one
+  std::uint32_t root_packets;  ///< number of packets of the root's children, 0 to 2
+  std::uint32_t pose;          ///< index of its pose in a configuration, or kNone: it stays at `constant`
+  std::uint32_t carrier;       ///< index of the body that it follows, which comes before it, or kNone
+  bool is_direct;              ///< no carrier, and `constant` is the identity
+  Pose constant;               ///< with a pose: of the frame that the pose refers to, before it; otherwise its own
+  double farthest;             ///< metres: the bounds hold up to this distance of its origin
+};
+
+/// Two moved bodies with covers.
+struct MovedPair {
+  std::uint32_t a, b;
+  std::uint64_t position;  ///< in the plan
+  float grow, shrink;      ///< as in DecisionView
+};
+
+/// Constants of a query. Bodies are in columns of a multiple of 8; `grow` and `shrink`, by (obstacle, body), are added
+/// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
+/// ball of a complete cut, and within its margin if a gap is below inner + shrink for one ball.
+struct DecisionView {
+  const DecidedBody* bodies;
+  std::uint32_t body_count, columns;
+  const float *root_x, *root_y, *root_z;         ///< (columns,) centres of the roots, in the bodies' frames
+  const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
+  const Obstacle* obstacles;
+  std::uint32_t obstacle_count;
+  const float *root_outer, *root_inner;  ///< (obstacles, columns) with grow and shrink
+  const float *grow, *shrink;            ///< (obstacles, columns)
+  const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
+  const MovedPair* moved_pairs;
+  std::uint32_t moved_pair_count;
+};
+inline constexpr std::uint32_t kMostDecidedBodies = 64;
+
+/// States to decide.
+struct DecisionBatch {
+  const DecisionView* view;
+  const Pose* poses;  ///< (states, stride)
+  std::size_t stride, states;
+  const std::uint8_t* usable;  ///< (states,) 0: unresolved without a look; its open pairs are not listed
+  bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
+};
+
+/// Result of one state. The open pairs are those before the first hit, ascending but with repeats.
+struct Decision {
+  Verdict verdict = Verdict::kUnresolved;
+  bool is_listed = false;  ///< whether the open pairs are listed; if not, every pair is open
+  std::uint64_t hit = 0;   ///< position of the first pair found within its margin, if kHit
+  std::uint32_t open_begin = 0, open_end = 0;
+};
+
+/// Receives decisions and open pairs: arrays that the caller owns.
+struct DecisionRoom {
+  Decision* decisions;  ///< (states,)
+  std::uint64_t* open;  ///< positions
+  std::uint32_t capacity;  ///< of `open`, at least the pairs of one state for each state
+};
+
+/// Velocity of a body in the middle of a span of time, multiplied by half its length: metres until its ends. In the
+/// axes of the common frame.
+struct SpanTwist {
+  float turn[3], shift[3];  ///< radians; of the body's origin
+};
+/// Movement of a body within half a span: a point r from its origin moves at most the lesser of `way` and
+/// |shift + turn x r| + bend. Metres.
+struct SpanBody {
+  SpanTwist twist;
+  float way, bend;
+};
+/// The same for two moved bodies, relative to a reference body: they come nearer by at most the lesser of `way` and the
+/// sum for both twists.
+struct SpanPair {
+  SpanTwist a, b;
+  float way, bend;
+};
+/// An obstacle and a body, or, if `obstacle` is kNone, an index of DecisionView::moved_pairs.
+struct SpanItem {
+  std::uint32_t obstacle, at;
+};
+
+/// A span of a motion to decide: whether all its pairs are beyond their margins throughout, or one is within its margin
+/// in the middle.
+struct SpanBatch {
+  const DecisionView* view;
+  const Pose* poses;       ///< in the middle
+  const SpanBody* bodies;  ///< (columns,)
+  SpanPair (*pair)(const void* context, std::uint32_t moved_pair);
+  const void* context;
+  const SpanItem* items;  ///< those to decide; null for all pairs
+  std::size_t count;
+  SpanItem* open;  ///< receives the items left open, in order
+  std::size_t capacity;
+};
+struct SpanDecision {
+  Verdict verdict = Verdict::kUnresolved;
+  std::size_t open = 0;  ///< number of items left open; 0 if the span could not be decided at all
+};
+
+/// One version of the kernel; all give the same results.
+struct DecisionKernel {
+  const char* name;  ///< "avx512", "avx2", "baseline"
+  void (*run)(const DecisionBatch&, const DecisionRoom&);
+  SpanDecision (*run_span)(const SpanBatch&);
+};
+/// The versions that this machine can run, the fastest first.
+std::span<const DecisionKernel> decision_kernels();
+
+}  // namespace clearance
