@@ -110,6 +110,7 @@ void finish(RobotScene& made, Random& random) {
     if (b.robot != kNone && !b.parts.empty() && made.scene.robots()[b.robot]->kinematics.step_of(b.link))
       made.links.push_back(body);
   }
+  made.robot = made.scene;
   add_obstacles(made, random);
   made.exact_parts.resize(made.scene.bodies().size());
 }

@@ -13,7 +13,7 @@ namespace clearance::exact {
 /// A robot, and movable bodies that a round of states places, or parks far away.
 struct RobotScene {
   std::string name;
-  engine::Scene scene = {};
+  engine::Scene scene = {}, robot = {};                   ///< with the obstacles, and without them
   std::vector<std::uint32_t> obstacles = {};              ///< ids of the movable ones
   std::vector<std::uint32_t> links = {};                  ///< ids of links with a shape that joints move
   std::vector<std::vector<PartBounds>> exact_parts = {};  ///< by body; empty for bodies that the oracle cannot solve

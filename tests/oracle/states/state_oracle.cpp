@@ -13,10 +13,9 @@ namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr int kFreeStates = 64;
-constexpr std::uint32_t kFields = kFieldStatus | kFieldPair;
 
 bool is_hit(Status s) {
-  return s <= Status::kContact;
+  return s == Status::kOk;
 }
 bool is_free(Status s) {
   return s == Status::kBeyond;
@@ -29,7 +28,7 @@ QueryView query_of(std::span<const std::uint32_t> joints, std::span<const double
   query.configuration_count = static_cast<std::uint32_t>(positions.size() / joints.size());
   query.reduce = Reduce::kAny;
   query.margin = margin;
-  query.fields = kFields;
+  query.fields = kFieldVerdict | kFieldPair;
   return query;
 }
 
@@ -47,16 +46,17 @@ void StateTally::add(const StateTally& o) {
 }
 
 std::string StateTally::text() const {
-  char text[300];
+  char text[400];
   std::snprintf(
       text, sizeof text,
       "%lld states (%lld free, %lld hit): %lld wrong, %lld fewer, %lld more, %lld other pairs, %lld other bits; "
-      "%lld of %lld contradict the oracle; within 1 mm %lld free, %lld hit; %lld with an obstacle inside",
+      "%lld of %lld contradict the oracle; within 1 mm %lld free, %lld hit; %lld with an obstacle inside; exact pairs "
+      "%lld -> %lld",
       static_cast<long long>(states), static_cast<long long>(free), static_cast<long long>(hit),
       static_cast<long long>(wrong), static_cast<long long>(fewer), static_cast<long long>(more),
       static_cast<long long>(other_pairs), static_cast<long long>(other_bits), static_cast<long long>(untrue),
       static_cast<long long>(exact), static_cast<long long>(close_free), static_cast<long long>(close_hit),
-      static_cast<long long>(inside));
+      static_cast<long long>(inside), static_cast<long long>(pairs), static_cast<long long>(open));
   return text;
 }
 
@@ -71,8 +71,10 @@ struct StateOracle::Round {
 
 StateOracle::StateOracle(RobotScene made)
     : made_(std::move(made)),
-      without_(engine::Scene(made_.scene), {.threads = 1}),
-      with_(engine::Scene(made_.scene), {.threads = 1}) {
+      robot_(engine::Scene(made_.robot), {.threads = 1}),
+      without_(engine::Scene(made_.scene), {.threads = 1, .covers = engine::Covers::kOff}),
+      with_(engine::Scene(made_.scene), {.threads = 1, .cover_store = robot_.cover_store()}) {
+  if (!robot_.wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
   for (std::uint32_t j = 0; j < made_.scene.joints().size(); ++j) joints_.push_back(j);
   park();
   Random random(1);
@@ -80,7 +82,7 @@ StateOracle::StateOracle(RobotScene made)
     for (int tries = 0; tries < 20'000 && free_[m].size() < kFreeStates; ++tries) {
       const std::vector<double> q = uniform_state(random);
       const test::Answer answer = test::evaluate(without_, query_of(joints_, q, kStateMargins[m]));
-      if (is_free(static_cast<Status>(answer.view.status[0]))) free_[m].push_back(q);
+      if (is_free(static_cast<Status>(answer.view.verdict[0]))) free_[m].push_back(q);
     }
 }
 
@@ -194,11 +196,14 @@ void StateOracle::compare(const Round& round, Random& random, StateTally& tally)
     query.margin = 0;
     query.margins = entries;
   }
-  const test::Answer expected = test::evaluate(without_, query), found = test::evaluate(with_, query);
+  const test::Answer expected = test::evaluate(without_, query);
+  const bool names_pair = random.chance(0.5);
+  if (!names_pair) query.fields = kFieldVerdict;
+  const test::Answer found = test::evaluate(with_, query);
   tally.pairs += static_cast<std::int64_t>(expected.info.pairs_evaluated);
   tally.open += static_cast<std::int64_t>(found.info.pairs_evaluated);
   for (std::size_t k = 0; k < query.configuration_count; ++k) {
-    const auto e = static_cast<Status>(expected.view.status[k]), f = static_cast<Status>(found.view.status[k]);
+    const auto e = static_cast<Status>(expected.view.verdict[k]), f = static_cast<Status>(found.view.verdict[k]);
     const bool decided_e = is_free(e) || is_hit(e), decided_f = is_free(f) || is_hit(f);
     ++tally.states;
     tally.free += is_free(f);
@@ -206,8 +211,8 @@ void StateOracle::compare(const Round& round, Random& random, StateTally& tally)
     tally.wrong += (is_free(e) && is_hit(f)) || (is_hit(e) && is_free(f));
     tally.fewer += decided_e && !decided_f;
     tally.more += !decided_e && decided_f;
-    tally.other_pairs +=
-        (is_hit(e) && is_hit(f) && expected.view.pair[k] != found.view.pair[k]) || (!decided_e && !decided_f && e != f);
+    tally.other_pairs += (names_pair && is_hit(e) && is_hit(f) && expected.view.pair[k] != found.view.pair[k]) ||
+                         (!decided_e && !decided_f && e != f);
     const bool is_close = round.margin == 0 && std::abs(round.gap) < 1e-3;
     tally.close_free += is_close && is_free(f);
     tally.close_hit += is_close && is_hit(f);
@@ -215,7 +220,7 @@ void StateOracle::compare(const Round& round, Random& random, StateTally& tally)
   }
   const auto chosen = static_cast<std::size_t>(random.integer(0, static_cast<int>(query.configuration_count) - 1));
   if (entries.empty() && !round.is_attached && made_.has_oracle())
-    solve(query, chosen, static_cast<Status>(found.view.status[chosen]), found.view.pair[chosen], round.margin, tally);
+    solve(query, chosen, static_cast<Status>(found.view.verdict[chosen]), tally);
   if (random.chance(0.0625)) compare_bits(query, tally);
 }
 
@@ -236,24 +241,19 @@ void StateOracle::compare_bits(const QueryView& batch, StateTally& tally) {
   }
 }
 
-// Compares a decision with the oracle.
-void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdict, BodyPair pair, double margin,
-                        StateTally& tally) {
+// Compares a decision with the oracle. A hit is untrue if all pairs are farther than the margin.
+void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdict, StateTally& tally) {
   if (!is_free(verdict) && !is_hit(verdict)) return;
   const std::size_t width = joints_.size();
   const std::vector<PlacedBody> bodies = placed_bodies(made_, with_, batch.positions.subspan(state * width, width));
-  if (is_hit(verdict)) {
-    if (bodies[pair.a].parts.empty() || bodies[pair.b].parts.empty()) return;
-    ++tally.exact;
-    tally.untrue += is_farther(bodies[pair.a], bodies[pair.b], margin);
-    return;
-  }
+  const auto contradicts = [&](BodyPair p) {
+    return is_free(verdict) ? is_nearer(bodies[p.a], bodies[p.b], batch.margin)
+                            : !is_farther(bodies[p.a], bodies[p.b], batch.margin);
+  };
+  const std::vector<BodyPair> pairs = with_.pairs(for_pairs(batch));
+  const bool any = std::any_of(pairs.begin(), pairs.end(), contradicts);
   ++tally.exact;
-  for (const BodyPair p : with_.pairs(for_pairs(batch)))
-    if (is_nearer(bodies[p.a], bodies[p.b], margin)) {
-      ++tally.untrue;
-      return;
-    }
+  tally.untrue += is_free(verdict) ? any : !any;
 }
 
 StateTable compare_states(StateOracle& oracle, std::int64_t states, std::uint64_t seed) {

@@ -26,7 +26,7 @@ struct StateTally {
   std::int64_t states = 0, free = 0, hit = 0;  ///< with covers
   std::int64_t wrong = 0;                      ///< free with covers and hit without, or the reverse
   std::int64_t fewer = 0, more = 0;            ///< decided without covers only, or with covers only
-  std::int64_t other_pairs = 0;                ///< hits that name another pair, and other statuses of undecided states
+  std::int64_t other_pairs = 0;                ///< hits that name another pair, and undecided states of another verdict
   std::int64_t other_bits = 0;                 ///< states whose columns differ if bounds are requested, too
   std::int64_t exact = 0, untrue = 0;          ///< decisions compared with the oracle, and those that contradict it
   std::int64_t close_free = 0, close_hit = 0;  ///< states with an obstacle within 1 mm of touching a margin of 0
@@ -61,10 +61,10 @@ class StateOracle {
   void attach_last(const Round& round, Random& random);
   void compare(const Round& round, Random& random, StateTally& tally);
   void compare_bits(const QueryView& query, StateTally& tally);
-  void solve(const QueryView& query, std::size_t state, Status verdict, BodyPair pair, double margin,
-             StateTally& tally);
+  void solve(const QueryView& query, std::size_t state, Status verdict, StateTally& tally);
 
   RobotScene made_;
+  engine::Engine robot_;  // the robot alone: its covers are complete, those of obstacles arrive later
   engine::Engine without_, with_;
   std::vector<std::uint32_t> joints_;
   std::array<std::vector<std::vector<double>>, kStateMargins.size()>

@@ -28,6 +28,7 @@ TEST(States, CoversDecideAsTheExactEngine) {
   EXPECT_GT(all.close_hit, 200);
   EXPECT_GT(all.inside, 500);
   EXPECT_GT(all.exact, 300);
+  EXPECT_LT(all.open, all.pairs / 3) << "covers decide little";
 }
 
 // The test above would find an engine that is wrong by half a millimetre.
