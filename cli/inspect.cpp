@@ -16,7 +16,7 @@ struct InspectCommand {
   std::string scene;
   Output output = Output::kTable;
   InspectOptions options;
-  bool no_times = false, allow_outside = false;
+  bool no_times = false, no_covers = false, allow_outside = false;
 };
 
 Table bodies_of(const engine::Scene& scene, const SceneReport& report, Output output) {
@@ -88,6 +88,21 @@ Table choices_of(const engine::Scene& scene, const SceneReport& report) {
   return table;
 }
 
+Table covers_of(const engine::Scene& scene, const SceneReport& report, bool with_times) {
+  std::vector<std::string> columns{"body", "balls", "KiB", "build_s"};
+  for (int level = 0; level < Cover::kLevels; ++level)
+    for (const char* what : {"mean_m", "greatest_m"})
+      columns.push_back(what + std::string("_") + std::to_string(level));
+  Table table(columns);
+  for (const CoverReport& c : report.covers) {
+    std::vector<Cell> row{scene.bodies()[c.body].name, c.balls, Cell(static_cast<double>(c.bytes) / 1024, 3),
+                          with_times ? Cell(c.seconds, 2) : Cell()};
+    for (const StandOut& level : c.levels) row.insert(row.end(), {Cell(level.mean, 2), Cell(level.greatest, 2)});
+    table.add(std::move(row));
+  }
+  return table;
+}
+
 // Error terms of a body; empty if its bounds are those of its convex parts.
 void print_uncertainty(const Body& body) {
   if (!has_uncertainty(body) && body.padding == 0) return;
@@ -105,7 +120,7 @@ void print_uncertainty(const Body& body) {
   std::printf("the bounds include all of this\n");
 }
 
-void print_report(const engine::Scene& scene, const SceneReport& report) {
+void print_report(const InspectCommand& o, const engine::Scene& scene, const SceneReport& report) {
   bodies_of(scene, report, Output::kTable).print(std::cout, Output::kTable);
   std::cout << "\n";
   for (std::size_t i = 0; i < report.bodies.size(); ++i)
@@ -117,6 +132,11 @@ void print_report(const engine::Scene& scene, const SceneReport& report) {
   if (!report.choices.empty()) {
     std::cout << "\nAlternatives for non-convex meshes\n";
     choices_of(scene, report).print(std::cout, Output::kTable);
+    std::cout << "\n";
+  }
+  if (!report.covers.empty()) {
+    std::cout << "\nCovers of bodies that may move, by levels 0 to 3\n";
+    covers_of(scene, report, !o.no_times).print(std::cout, Output::kTable);
     std::cout << "\n";
   }
   if (report.findings.empty()) std::cout << "Found no redundancy.\n";
@@ -138,6 +158,8 @@ void print_report_json(const InspectCommand& o, const engine::Scene& scene, cons
   warnings_of(scene, report).print(std::cout, Output::kJson);
   std::cout << ",\n\"choices\": ";
   choices_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"covers\": ";
+  covers_of(scene, report, !o.no_times).print(std::cout, Output::kJson);
   std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
             << ", \"display_bytes\": " << report.display_bytes << ", \"ns_all_pairs\": ";
   if (report.ns_all_pairs)
@@ -155,10 +177,11 @@ void run_inspect(const InspectCommand& o) {
     for (const std::string& text : robot->model.warnings) warn(text);
   InspectOptions options = o.options;
   options.measure = !o.no_times;
+  options.covers = !o.no_covers && o.output != Output::kCsv;
   const SceneReport report = inspect(scene, options);
   switch (o.output) {
     case Output::kTable:
-      print_report(scene, report);
+      print_report(o, scene, report);
       break;
     case Output::kCsv:
       bodies_of(scene, report, o.output).print(std::cout, o.output);
@@ -185,6 +208,7 @@ void add_inspect(CLI::App& app) {
       ->type_name("SHARE")
       ->capture_default_str();
   command.add_flag("--no-times", o->no_times, "measure no times, so that the same scene gives the same report");
+  command.add_flag("--no-covers", o->no_covers, "make no covers, which may take a second each");
   command.add_flag("--allow-outside", o->allow_outside, "allow meshes outside the scene's folder");
   command.footer(R"(
 Columns
@@ -197,6 +221,12 @@ Columns
   partners, ignored          bodies with which it has enabled pairs, and those that the ignore list removes
   ns_per_pair                measured now: one thread, poses at load, default tolerance
   KiB, shared_by             memory of its convex parts, and how many bodies share them
+
+Covers (not in CSV)
+  Trees of balls that decide quickly whether bodies that may move are free. Engines make them in the background and
+  keep them in the cache; this command fills the cache ahead of time, so that engines have them from the start.
+  mean_m_K, greatest_m_K     mean and greatest width of the bounds that the balls of level K give
+  balls, KiB, build_s        of all levels; seconds on one core when the cover was made
 
 Exit codes
   0 done    1 the scene cannot be loaded    2 the command line is wrong)");

@@ -1,7 +1,9 @@
 #include "client/client.h"
 
 #include <algorithm>
+#include <chrono>
 #include <cstring>
+#include <thread>
 
 #include "client/client_impl.h"
 #include "wire/api/joints_named.h"
@@ -193,6 +195,19 @@ std::vector<std::pair<std::string, std::uint64_t>> Client::stats() {
   for (std::uint64_t i = 0; i < counters.size(); ++i)
     stats.emplace_back(wire::name_of(counters[i].name), counters[i].value);
   return stats;
+}
+
+bool Client::wait_covers(Duration timeout) {
+  constexpr std::chrono::milliseconds kPeriod{50};
+  const auto begin = std::chrono::steady_clock::now();
+  while (true) {
+    const auto counters = stats();
+    if (std::none_of(counters.begin(), counters.end(),
+                     [](const auto& c) { return c.first == "engine.covers_pending" && c.second > 0; }))
+      return true;
+    if (std::chrono::steady_clock::now() - begin >= timeout) return false;
+    std::this_thread::sleep_for(kPeriod);
+  }
 }
 
 Client::Duration Client::ping(std::span<const std::byte> payload) {

@@ -177,6 +177,8 @@ class CLEARANCE_API Client {
   RemotePlan plan_on_device(const Query& query, std::uint32_t configurations);
   std::vector<BodyStateInfo> body_states();  ///< by id; poses are X_wb
   std::vector<std::pair<std::string, std::uint64_t>> stats();
+  /// Waits until the daemon has made all covers, which make decisions faster, and returns whether it has.
+  bool wait_covers(Duration timeout = std::chrono::minutes(1));
   Duration ping(std::span<const std::byte> payload = {});  ///< echo through the daemon; returns the round-trip time
 
   /// Returns the run of the daemon that this client's requests are for: the one at its connection, or the last one

@@ -21,7 +21,7 @@
 namespace clearance {
 class CoverStore;  // engine/cover/cover_store.h
 class DevicePlan;  // engine/device/query/device_plan.h
-}
+}  // namespace clearance
 
 namespace clearance::engine {
 
@@ -32,6 +32,9 @@ enum class Covers : std::uint8_t {
 };
 /// The value of this name, "background" or "off". Throws std::invalid_argument.
 Covers covers_named(std::string_view name);
+/// Bodies whose shapes get a cover, one of each shape, the most important ones first: links of robots, then at most 64
+/// shapes of other bodies that may move.
+std::vector<std::uint32_t> bodies_to_cover(const Scene& scene);
 
 /// Thread-safe. Poses may be set while jobs run, and each job uses one snapshot.
 class Engine {

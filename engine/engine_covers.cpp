@@ -4,6 +4,7 @@
 #include <unordered_set>
 
 #include "engine/base/digest.h"
+#include "engine/cover/cover_record.h"
 #include "engine/engine_impl.h"
 
 namespace clearance::engine {
@@ -21,19 +22,27 @@ Covers covers_named(std::string_view name) {
   throw std::invalid_argument("covers: expected background or off, got '" + std::string(name) + "'");
 }
 
+std::vector<std::uint32_t> bodies_to_cover(const Scene& scene) {
+  const std::vector<Body>& bodies = scene.bodies();
+  std::vector<std::uint32_t> chosen;
+  std::unordered_set<std::uint64_t> seen;
+  const auto add = [&](std::uint32_t id) {
+    Digest digest;
+    for (const ConvexPartPtr& part : bodies[id].parts) digest.add(part->digest);
+    if (may_have_cover(bodies[id].parts) && !is_cloud(bodies[id]) && seen.insert(digest.value()).second)
+      chosen.push_back(id);
+  };
+  for (std::uint32_t id = 0; id < bodies.size(); ++id)
+    if (bodies[id].robot != kNone) add(id);
+  const std::size_t most = chosen.size() + kMostOtherShapes;
+  for (std::uint32_t id = 0; id < bodies.size() && chosen.size() < most; ++id)
+    if (bodies[id].robot == kNone && !bodies[id].is_static) add(id);
+  return chosen;
+}
+
 void Engine::Impl::request_covers() const {
   std::vector<CoverStore::Parts> shapes;
-  std::unordered_set<std::uint64_t> seen;
-  const auto add = [&](const Body& body) {
-    Digest digest;
-    for (const ConvexPartPtr& part : body.parts) digest.add(part->digest);
-    if (!body.parts.empty() && !has_surface(body) && seen.insert(digest.value()).second) shapes.push_back(body.parts);
-  };
-  for (const Body& body : scene.bodies())
-    if (body.robot != kNone) add(body);
-  const std::size_t most = shapes.size() + kMostOtherShapes;
-  for (const Body& body : scene.bodies())
-    if (body.robot == kNone && !body.is_static && shapes.size() < most) add(body);
+  for (const std::uint32_t id : bodies_to_cover(scene)) shapes.push_back(scene.bodies()[id].parts);
   covers->request(std::move(shapes));
 }
 

@@ -8,6 +8,7 @@
 
 #include "engine/scene/scene.h"
 #include "inspect/choices.h"
+#include "inspect/covers.h"
 
 namespace clearance {
 
@@ -57,6 +58,7 @@ const char* name_of(Finding::Kind kind);
 
 struct InspectOptions {
   bool measure = true;   ///< time some pairs of each body at the initial poses, in one thread
+  bool covers = false;   ///< make covers, a second each on one core, or read them from the cache
   double within = 0.01;  ///< largest excess of a reported primitive, as a share of the body's size
 };
 
@@ -64,8 +66,9 @@ struct SceneReport {
   std::vector<BodyReport> bodies;  ///< by id
   std::vector<Finding> findings;   ///< by body
   std::vector<Choice> choices;     ///< by body, for non-convex meshes
-  std::uint64_t pairs = 0;         ///< enabled
-  std::uint64_t bytes = 0;         ///< of all parts, shared ones once
+  std::vector<CoverReport> covers;
+  std::uint64_t pairs = 0;  ///< enabled
+  std::uint64_t bytes = 0;  ///< of all parts, shared ones once
   std::uint64_t display_bytes = 0;
   std::optional<double> ns_all_pairs;  ///< estimate for one query of all enabled pairs
 };

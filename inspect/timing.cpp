@@ -23,6 +23,7 @@ double thread_ns() {
 engine::Engine::Options one_thread() {
   engine::Engine::Options options;
   options.threads = 1;
+  options.covers = engine::Covers::kOff;
   return options;
 }
 

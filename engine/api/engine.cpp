@@ -14,6 +14,7 @@ Engine::Engine(Scene scene, const EngineOptions& options) {
   ours.max_rows = options.max_rows;
   ours.device_memory = options.device_memory;
   ours.device_fallback = options.device_fallback;
+  ours.covers = engine::covers_named(options.covers);
   impl_ = translated([&] { return std::make_shared<Impl>(std::move(scene.impl_->scene), ours); });
 }
 Engine::Engine(Engine&&) noexcept = default;
@@ -72,6 +73,9 @@ std::vector<BodyStateInfo> Engine::body_states() const {
 std::vector<std::pair<std::string, std::uint64_t>> Engine::stats() const {
   const Counters counters = impl_->engine()->stats();
   return {counters.begin(), counters.end()};
+}
+bool Engine::wait_covers(std::chrono::nanoseconds timeout) const {
+  return impl_->engine()->wait_covers(timeout);
 }
 
 // --- Updates

@@ -19,6 +19,7 @@
 #include <clearance/scene_info.h>
 
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <initializer_list>
@@ -39,6 +40,9 @@ struct EngineOptions {
   std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are rejected
   std::uint64_t device_memory = 0;                  ///< limit on each device's memory, in bytes; 0 for all of it
   bool device_fallback = true;  ///< whether the CPU answers a query when the device fails or lacks memory
+  /// When covers are made, which make decisions about bodies that move faster: "background" (on a thread of lowest
+  /// priority, after the engine is ready) or "off". Answers do not depend on it.
+  std::string covers = "background";
 };
 
 /// A scene and the poses of its bodies. Thread-safe: threads may query and set poses at once, and each result uses one
@@ -97,6 +101,9 @@ class CLEARANCE_API Engine {
   JointsInfo joint_states() const;
   std::vector<BodyStateInfo> body_states() const;  ///< by id; poses are X_wb
   std::vector<std::pair<std::string, std::uint64_t>> stats() const;
+  /// Waits until all covers are made (EngineOptions::covers), and returns whether they are. Works on them meanwhile, and
+  /// so may take about a second longer than the timeout.
+  bool wait_covers(std::chrono::nanoseconds timeout = std::chrono::minutes(1)) const;
 
   /// Applies poses as one snapshot. Throws QueryError, and applies nothing, for a stamp below 0, far ahead of this
   /// machine's clock, or older than the last one of a body.

@@ -2,27 +2,49 @@
 // width depend on it.
 #pragma once
 
+#include <cstdint>
 #include <span>
 #include <vector>
 
-#include "engine/cover/cover_shape.h"
-#include "engine/hull/shapes.h"
+#include "engine/cover/ball_candidates.h"
 
 namespace clearance {
 
 struct ChosenBall {
-  Vec3d centre;
-  double radius;
+  Vec3d centre;   ///< of float32
+  double radius;  ///< enough for the samples, perhaps not for the simplices between them
 };
 
-struct BallChoice {
-  std::size_t most;                 ///< number of balls
-  std::size_t candidates, samples;  ///< centres tried, and points of the body that balls have to hold
-  double edge;                      ///< longest edge of the simplices, in metres
-};
+/// Chooses candidates that together hold all samples and stand out by about the least common length.
+class BallChooser {
+ public:
+  /// \param most number of balls
+  BallChooser(const BallCandidates& candidates, std::size_t most) : candidates_(candidates), most_(most) {}
 
-/// At most `choice.most` balls that hold samples of the simplices and stand out by about the least common length.
-std::vector<ChosenBall> choose_balls(const CoverShape& shape, std::span<const CoverSimplex> simplices,
-                                     const BallChoice& choice, PortableRandom& random);
+  /// May be repeated with more samples.
+  std::vector<ChosenBall> choose();
+
+ private:
+  /// Bounds on the common stand-out: some candidate has to hold each sample, and one can hold all of them.
+  float widest_need();
+  /// Chooses candidates that hold all samples with a stand-out of at most `limit`, if few enough do.
+  bool cover_greedily(float limit);
+  /// Replaces each candidate by the one that holds its samples best. Returns false if that gains nothing.
+  bool improve();
+  /// Adds candidates while there may be more, each the best one for the sample that is held worst.
+  void spend(std::vector<std::size_t>& selected) const;
+
+  /// The selected candidate that holds each sample best, and the sample that is held worst.
+  struct Owners {
+    std::vector<std::size_t> of;
+    float greatest;  ///< stand-out for any sample
+    std::size_t worst;
+  };
+  Owners owners(std::span<const std::size_t> selected) const;
+
+  const BallCandidates& candidates_;
+  std::size_t most_;
+  std::vector<std::size_t> chosen_;
+};
 
 }  // namespace clearance

@@ -21,9 +21,11 @@ struct LevelRule {
   std::size_t simplices;  ///< by which a share may exceed its parent's
   std::size_t candidates, samples;
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 2600},
-                                                            {BallPacket::kBalls, 0.3, 2000, 700, 1500},
-                                                            {BallPacket::kBalls, 0.3, 800, 280, 600}}};
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1200},
+                                                            {BallPacket::kBalls, 0.3, 2000, 700, 600},
+                                                            {BallPacket::kBalls, 0.3, 1000, 280, 250}}};
+/// Choices of balls for one share.
+constexpr int kRounds = 4;
 
 /// Covers of larger bodies are not made: squares of float32 would overflow.
 constexpr double kMaxReach = 1e9;
@@ -78,16 +80,36 @@ Vec3d middle_of(std::span<const CoverSimplex> simplices) {
   return c;
 }
 
+std::vector<CoverSample> some_of(std::span<const CoverSample> all, std::size_t most, PortableRandom& random) {
+  std::vector<CoverSample> some;
+  const double share = static_cast<double>(most) / static_cast<double>(all.size());
+  for (const CoverSample& sample : all)
+    if (random.uniform() < share) some.push_back(sample);
+  return some;
+}
+
+/// Shares for new balls. Points that the balls do not hold become samples of another choice.
 std::vector<Node> children_of(const CoverShape& shape, const Node& parent, const LevelRule& rule,
                               PortableRandom& random) {
   const double edge = rule.edge_of_radius * parent.ball.outer;
   const std::size_t most = parent.share.size() + rule.simplices;
-  const std::vector<ChosenBall> balls = choose_balls(shape, divided(parent.share, edge, most),
-                                                     {rule.children, rule.candidates, rule.samples, edge}, random);
-  std::vector<std::vector<CoverSimplex>> shares = distribute(parent.share, balls, 0.03 * edge, most);
+  const BallChoice choice{rule.children, rule.candidates, rule.samples, edge};
+  const std::vector<CoverSimplex> pieces = divided(parent.share, edge, most);
+  BallCandidates candidates(shape, pieces, choice, random);
+  BallChooser chooser(candidates, rule.children);
+  std::vector<CoverSample> samples = sample_shares(shape, pieces, choice, random);
+  std::vector<ChosenBall> balls;
+  Distribution distribution;
+  for (int round = 0; round < kRounds && !samples.empty(); ++round) {
+    candidates.add(samples);
+    balls = chooser.choose();
+    distribution = distribute(parent.share, balls, 0.03 * edge, most);
+    samples = some_of(distribution.lacking, rule.samples / 4, random);
+  }
   std::vector<Node> children;
   for (std::size_t k = 0; k < balls.size(); ++k)
-    if (!shares[k].empty()) children.push_back(node_of(shape, balls[k].centre, std::move(shares[k])));
+    if (!distribution.shares[k].empty())
+      children.push_back(node_of(shape, balls[k].centre, std::move(distribution.shares[k])));
   return children;
 }
 

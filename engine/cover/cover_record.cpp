@@ -53,7 +53,7 @@ BallPacket packet_of(const PacketRecord& record) {
 bool is_sound(const CoverBall& ball, double reach) {
   const auto [x, y, z] = ball.centre;
   return std::hypot(double{x}, double{y}, double{z}) <= reach * (1 + 0x1p-40) && ball.outer >= 0 &&
-         ball.outer <= kMaxCoordinate && ball.inner <= ball.outer && ball.inner >= -kMaxCoordinate;
+         ball.outer <= kMaxCoordinate && std::abs(ball.inner) <= kMaxCoordinate;
 }
 
 /// Whether the balls in use have finite radii, the others none, and children are packets of the next level.

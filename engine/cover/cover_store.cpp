@@ -1,7 +1,6 @@
 #include "engine/cover/cover_store.h"
 
 #include <pthread.h>
-#include <sched.h>
 #include <signal.h>
 #include <sys/resource.h>
 #include <unistd.h>
@@ -45,13 +44,12 @@ bool is_same(const ConvexPartPtr& a, const ConvexPartPtr& b) {
           std::equal(a->vertices.begin(), a->vertices.end(), b->vertices.begin(), b->vertices.end(), same));
 }
 
-/// Runs the calling thread only when no other wants its core, and leaves signals to other threads.
+/// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
+/// planners take all cores, covers would never be made.
 void run_last() {
   sigset_t all;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, nullptr);
-  const sched_param none{};
-  sched_setscheduler(0, SCHED_IDLE, &none);
   setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 19);
 }
 

@@ -1,11 +1,10 @@
-// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half| and factors 1.01 for
-// products of errors. Signed distances change by no more than a point moves, and by no more than a convex set's surface.
+// How `error` bounds every rounding, with u = 2^-24, D = reach + |at| >= |c - at|, H = |half|, and 1.01 for terms of
+// order u^2. A signed distance changes by at most the way that the point moves, and by at most that of the surface.
 //   at: u |at|. Difference c - at: u D. Axes: sqrt(3) u D. Their products and sums: 3 sqrt(3) u D.
 //   half: u H. Difference from half: u (D + H). Root of squares: 2.5 u D. radius: u radius. Last difference:
-//   u (D + H + radius). Squares below the least float: 2^-70. A cylinder has two roots of 2 u D each, aligned obstacles
-//   no axes.
-// The pose, the shape's own rounding, all in float64: 2^-45 (D + |translation| + the core's reach + radius).
-// Planes: docs/bounds_covers.md, "Obstacles".
+//   u (D + H + radius). Squares below the least float: 2^-70.
+// A cylinder has two roots of 2 u D each, aligned obstacles no axes. Float64, the pose's rounding included: 2^-45 of
+// all lengths. Planes: docs/bounds_covers.md, "Obstacles".
 #include "engine/cover/obstacle.h"
 
 #include <algorithm>
@@ -20,8 +19,8 @@ namespace clearance {
 namespace {
 
 constexpr double kFarthestPoint = 1e4, kFarthestObstacle = 1e6;  // metres
-constexpr double kUnit = 0x1p-24 * 1.01, kRest = 0x1p-70;
-constexpr float kNowhere = 1e7f;  // no point is so far below a plane
+constexpr double kFloatUnit = 0x1p-24 * 1.01, kUnderflow = 0x1p-70;
+constexpr float kBelowAll = 1e7f;  // no point is so far below a plane
 constexpr float kHighest = std::numeric_limits<float>::infinity();
 /// Axes nearer to a quarter turn than this are taken for one, and the difference is charged.
 constexpr double kQuarterTurn = 0x1p-30;
@@ -33,15 +32,15 @@ float above(double x) {
 float below(double x) {
   return -above(-x);
 }
-Vec3d rounded(const Vec3d& v) {
+Vec3d to_float(const Vec3d& v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
 }
 std::array<float, 3> floats(const Vec3d& v) {
   return {static_cast<float>(v.x), static_cast<float>(v.y), static_cast<float>(v.z)};
 }
 
-bool is_finite(const Mat3d& m, const Vec3d& v) {
-  double sum = v.x + v.y + v.z;
+bool is_finite(const Mat3d& m) {
+  double sum = 0;
   for (const Vec3d& row : m.row) sum += row.x + row.y + row.z;
   return std::isfinite(sum);
 }
@@ -67,7 +66,7 @@ QuarterTurn nearest_quarter_turn(const Mat3d& axes, int first) {
   return turn;
 }
 
-/// Makes an obstacle aligned whose axes are those of the common frame but for a quarter turn. Returns the error of that.
+/// Aligns an obstacle whose axes are a quarter turn from those of the common frame. Returns the error of that.
 double align(Obstacle& o, const Mat3d& axes, double distance) {
   using Kind = Obstacle::Kind;
   o.is_aligned = o.kind == Kind::kSegment && o.half[2] == 0;
@@ -93,11 +92,11 @@ double place_planes(Obstacle& o, const ObstacleShape& shape, const Mat3d& rotati
   double inner_radius = std::numeric_limits<double>::infinity();
   for (const ObstacleShape::Plane& plane : shape.planes) {
     // Shorter by 4 u, and so not longer than 1 after rounding.
-    const Vec3d exact = rotation * plane.normal, n = rounded(exact * (1 - 0x1p-22));
+    const Vec3d exact = rotation * plane.normal, n = to_float(exact * (1 - 0x1p-22));
     const double turned = norm(n - exact) * shape.spread * (1 + 0x1p-40) + rounding, middle = dot(n, centre);
     const double outer = middle + plane.outer + turned, inner = middle + plane.inner - turned;
     // The roundings of n . c - inner: three products, three sums.
-    const double proved = inner - kUnit * (4 * reach + std::abs(inner));
+    const double proved = inner - kFloatUnit * (4 * reach + std::abs(inner));
     o.normal_x.push_back(static_cast<float>(n.x));
     o.normal_y.push_back(static_cast<float>(n.y));
     o.normal_z.push_back(static_cast<float>(n.z));
@@ -106,8 +105,9 @@ double place_planes(Obstacle& o, const ObstacleShape& shape, const Mat3d& rotati
     inner_radius = std::min(inner_radius, static_cast<double>(o.inner.back()) - dot(n, at) - rounding);
   }
   o.inner_radius = std::max(0.0f, below(inner_radius));
-  if (!(o.inner_radius > 0)) std::fill(o.inner.begin(), o.inner.end(), -kNowhere);
-  return kUnit * (9 * far + 3 * shape.spread + 2 * shape.radius);
+  o.outer_radius = above(shape.spread + norm(at - centre) + rounding);
+  if (!(o.inner_radius > 0)) std::fill(o.inner.begin(), o.inner.end(), -kBelowAll);
+  return kFloatUnit * (9 * far + 3 * shape.spread + 2 * shape.radius);
 }
 
 /// Places all other kinds; returns the error of their gaps.
@@ -117,7 +117,7 @@ double place_exact(Obstacle& o, const ObstacleShape& shape, const Mat3d& axes, d
     o.axes[static_cast<std::size_t>(k)] =
         static_cast<float>((o.is_aligned ? Mat3d::identity() : axes).row[k / 3][k % 3]);
   const double units = (o.is_aligned ? 5.5 : 12.5) + (o.kind == Obstacle::Kind::kCylinder ? 1.5 : 0);
-  return turned + kUnit * (units * far + at + 3 * norm(shape.half) + 2 * shape.radius);
+  return turned + kFloatUnit * (units * far + at + 3 * norm(shape.half) + 2 * shape.radius);
 }
 
 }  // namespace
@@ -125,18 +125,18 @@ double place_exact(Obstacle& o, const ObstacleShape& shape, const Mat3d& axes, d
 std::optional<Obstacle> make_obstacle(const ObstacleShape& shape, const Mat3d& rotation, const Vec3d& translation,
                                       double reach) {
   const FpEnvironment environment;
-  if (!is_finite(rotation, translation) || !(reach >= 0 && reach <= kFarthestPoint)) return {};
+  if (!is_finite(rotation) || !(norm(translation) <= kFarthestObstacle) || !(reach >= 0 && reach <= kFarthestPoint))
+    return {};
   Vec3d at = rotation * shape.centre + translation;
   Mat3d axes;  // the shape's axes in the common frame
   for (int k = 0; k < 3; ++k) axes.row[k] = rotation * shape.axes.row[k];
   if (shape.kind == Obstacle::Kind::kHalfSpace) at = axes.row[2] * dot(axes.row[2], translation);  // nearest the origin
-  if (!(norm(at) <= kFarthestObstacle)) return {};
   Obstacle o;
   o.kind = shape.kind;
   o.at = floats(at);
   o.half = floats(shape.half);
   o.radius = static_cast<float>(shape.radius);
-  const double rounding = 0x1p-45 * (reach + norm(at) + norm(translation) + shape.reach + shape.radius) + kRest;
+  const double rounding = 0x1p-45 * (reach + norm(at) + norm(translation) + shape.reach + shape.radius) + kUnderflow;
   const double error = o.kind == Obstacle::Kind::kPlanes ? place_planes(o, shape, rotation, at, reach, rounding)
                                                          : place_exact(o, shape, axes, norm(at), reach);
   o.error = above(rounding + error);

@@ -36,12 +36,13 @@ struct Obstacle {
   /// kPlanes, in the common frame: n . c <= outer for all points c of the core. A point with n . c <= inner for all n,
   /// as computed in float32, is in the core. |n| <= 1.
   std::vector<float> normal_x, normal_y, normal_z, outer, inner;
-  /// kPlanes: n . at <= inner - inner_radius, or 0 if no point satisfies all. Then `at` is a point of the core.
-  float inner_radius = 0;
+  /// kPlanes: the core holds the ball of inner_radius about `at`, and is held by that of outer_radius. If the former is
+  /// 0, no point satisfies all planes, and `at` is a point of the core.
+  float inner_radius = 0, outer_radius = 0;
 };
 
-/// What an obstacle takes from its part: the same for all poses, float64, in the part's frame. Planes take up to some
-/// milliseconds.
+/// Shape of an obstacle in its part's frame, in float64. It is the same for all poses, so worth keeping with the part:
+/// that of a hull takes tens of microseconds or more.
 struct ObstacleShape {
   struct Plane {
     Vec3d normal;         ///< not longer than 1
@@ -58,8 +59,8 @@ struct ObstacleShape {
 /// The shape of a part, or nothing for a part with a surface and for one that reaches farther than 1e6 m.
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part);
 
-/// The obstacle for a shape, or nothing if a number is not finite, `reach` is above 1e4 m or the obstacle is farther
-/// away than 1e6 m.
+/// The obstacle for a shape, or nothing if a number is not finite, `reach` above 1e4 m or the translation longer than
+/// 1e6 m.
 /// \param rotation of the part's frame in the common frame, within 2^-47 of a rotation (Frobenius norm)
 /// \param translation likewise, within 2^-47 of its length; a greater error must be added to Obstacle::error
 /// \param reach bound on the distance from the common frame's origin of the points for which gaps are computed, metres

@@ -12,11 +12,11 @@ namespace clearance {
 
 namespace {
 
-constexpr double kFarthest = 1e6;         // metres: squares in float32 neither overflow nor lose meaning
-constexpr std::size_t kMostCorners = 34;  // a hull of 34 vertices has at most 64 triangles
+constexpr double kFarthestCore = 1e6;         // metres: squares in float32 neither overflow nor lose meaning
+constexpr std::size_t kMostHullCorners = 34;  // a hull of 34 vertices has at most 64 triangles
 // More than every rounding of a sum of three products, relative to the sum of their magnitudes.
 constexpr double kSumRounding = 0x1p-49;
-constexpr double kLonger = 1 + 0x1p-48, kShorter = 1 - 0x1p-48;
+constexpr double kLonger = 1 + 0x1p-48, kShorterNormal = 1 - 0x1p-48;
 
 /// Upper bound on the length of a vector.
 double length_above(const Vec3d& v) {
@@ -34,11 +34,11 @@ double reach_of_hull(const std::vector<Vec3d>& vertices, const Vec3d& n) {
 
 /// At most 34 of the points, each as far as possible from those before it.
 std::vector<Vec3d> spread_points(std::vector<Vec3d> points, const Vec3d& centre) {
-  if (points.size() <= kMostCorners) return points;
+  if (points.size() <= kMostHullCorners) return points;
   std::vector<double> away;
   for (const Vec3d& p : points) away.push_back(squared_norm(p - centre));
   std::vector<Vec3d> chosen;
-  while (chosen.size() < kMostCorners) {
+  while (chosen.size() < kMostHullCorners) {
     const Vec3d next = points[static_cast<std::size_t>(std::max_element(away.begin(), away.end()) - away.begin())];
     for (std::size_t i = 0; i < points.size(); ++i) {
       const double distance = squared_norm(points[i] - next);
@@ -62,7 +62,7 @@ bool take_planes(ObstacleShape& shape, const std::vector<Vec3d>& points, double 
     const Vec3d across = cross(b - a, c - a);
     const double size = norm(across);
     if (!(size > 0)) return false;
-    const Vec3d n = across * (kShorter / size);
+    const Vec3d n = across * (kShorterNormal / size);
     const double middle = dot(n, shape.centre), inner = std::min({dot(n, a), dot(n, b), dot(n, c)}) - middle - rounding;
     shape.planes.push_back({n, reach(n) - middle + rounding, inner});
   }
@@ -79,15 +79,16 @@ void take_box(ObstacleShape& shape, const std::vector<Vec3d>& vertices, const Re
   const Vec3d along = farthest_from([&](const Vec3d& p) { return squared_norm(p - origin); }) - origin;
   const Vec3d other = farthest_from([&](const Vec3d& p) { return squared_norm(cross(along, p - origin)); }) - origin;
   const Vec3d up = cross(along, other);
-  shape.centre = origin;
+  shape.centre = {0, 0, 0};
+  for (const Vec3d& v : vertices) shape.centre += v * (1.0 / static_cast<double>(vertices.size()));
   const double rounding = kSumRounding * 4 * shape.reach;
   const Mat3d axes = Mat3d::identity(), own{{along, cross(up, along), up}};
   for (int k = 0; k < 3; ++k) {
     const double size = norm(own.row[k]);
-    for (const double sign : {kShorter, -kShorter}) {
+    for (const double sign : {kShorterNormal, -kShorterNormal}) {
       const Vec3d n = size > 1e-30 ? own.row[k] * (sign / size) : axes.row[k] * sign;
       // No point is proved to be in the core but the centre.
-      shape.planes.push_back({n, reach(n) - dot(n, origin) + rounding, -1.0});
+      shape.planes.push_back({n, reach(n) - dot(n, shape.centre) + rounding, -1.0});
     }
   }
 }
@@ -114,7 +115,7 @@ bool take_round(ObstacleShape& shape, const Primitive& core) {
   return take_planes(shape, points, 0x1p-49 * shape.reach, [&](const Vec3d& n) { return farthest(core, n).value; });
 }
 
-/// Whether the vertices are the corners of a box along the axes, or of a rectangle or segment: then its centre and half.
+/// Takes vertices that are exactly the corners of a box along the axes, or of a rectangle or segment.
 bool take_aligned(ObstacleShape& shape, const std::vector<Vec3d>& vertices) {
   Vec3d low = vertices.front(), high = low;
   for (const Vec3d& v : vertices)
@@ -175,7 +176,7 @@ bool take_primitive(ObstacleShape& shape, const Primitive& core) {
 
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part) {
   const FpEnvironment environment;
-  if (part.surface || !(part.rho + part.radius <= kFarthest)) return {};
+  if (part.surface || !(part.rho + part.radius <= kFarthestCore)) return {};
   ObstacleShape shape;
   shape.kind = Obstacle::Kind::kPlanes;
   shape.radius = part.radius;

@@ -13,12 +13,12 @@
 
 namespace clearance {
 
-/// Eight numbers, one for each point.
+namespace point_gaps_detail {
+
+/// A number for each of eight points.
 struct GapLanes {
   alignas(32) float at[8];
 };
-
-namespace point_gaps_detail {
 
 CLEARANCE_INLINE float greater(float a, float b) {
   return a > b ? a : b;
@@ -33,8 +33,8 @@ CLEARANCE_INLINE float root(float a) {
   return __builtin_sqrtf(a);
 }
 
-/// Signed distance from a core of its axes' kind, for one point in its axes.
-CLEARANCE_INLINE float core_gap(const Obstacle::Kind kind, const float (&half)[3], float x, float y, float z) {
+/// Signed distance of a point, in the core's axes, from the core.
+CLEARANCE_INLINE float core_gap(Obstacle::Kind kind, const float (&half)[3], float x, float y, float z) {
   if (kind == Obstacle::Kind::kHalfSpace) return z;
   const float beyond_z = magnitude(z) - half[2], out_z = greater(beyond_z, 0.0f);
   if (kind == Obstacle::Kind::kSegment) return root(x * x + y * y + out_z * out_z);
@@ -71,7 +71,7 @@ CLEARANCE_INLINE void exact_gaps(const Obstacle& o, const float (&x)[8], const f
   for (int k = 0; k < 8; ++k) gaps.low[k] = gaps.high[k] = gap.at[k];
 }
 
-/// Above the core by its planes; the core holds the point at which the segment to `at` has sunk to height 0.
+/// On the segment to `at`, the heights over the planes sink to those of `at`: where all are 0, it enters the core.
 CLEARANCE_INLINE void gaps_of_planes(const Obstacle& o, const float (&x)[8], const float (&y)[8], const float (&z)[8],
                                      PointGaps& gaps) {
   GapLanes low, above, high;
@@ -87,13 +87,14 @@ CLEARANCE_INLINE void gaps_of_planes(const Obstacle& o, const float (&x)[8], con
       above.at[k] = greater(height - inner, above.at[k]);
     }
   }
-  const float at[3] = {o.at[0], o.at[1], o.at[2]}, radius = o.radius, inner_radius = o.inner_radius;
+  const float at[3] = {o.at[0], o.at[1], o.at[2]}, radius = o.radius;
+  const float inner_radius = o.inner_radius, outer_radius = o.outer_radius;
   CLEARANCE_LANES
   for (int k = 0; k < 8; ++k) {
     const float dx = x[k] - at[0], dy = y[k] - at[1], dz = z[k] - at[2], up = greater(above.at[k], 0.0f);
-    const float way = root(dx * dx + dy * dy + dz * dz) * up / (up + inner_radius);
-    low.at[k] -= radius;
-    high.at[k] = way + lesser(above.at[k], 0.0f) - radius;
+    const float way = root(dx * dx + dy * dy + dz * dz);
+    low.at[k] = greater(low.at[k], way - outer_radius) - radius;
+    high.at[k] = way * up / (up + inner_radius) + lesser(above.at[k], 0.0f) - radius;
   }
   CLEARANCE_LANES
   for (int k = 0; k < 8; ++k) {

@@ -94,13 +94,12 @@ class Decider {
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
         const std::size_t at = std::size_t{o} * v_.columns + begin;
         PointGaps gaps;
-        alignas(32) float bound[kBalls];
         placed_.root_gaps(v_.obstacles[o], begin, gaps);
-        for (Bits in = greater(v_.root_inner + at, gaps.high); in; in &= in - 1)
+        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
           record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
-        for (int i = 0; i < kBalls; ++i) bound[i] = v_.root_outer[at + static_cast<std::size_t>(i)];
-        if constexpr (kMoves) placed_.add_root_ways(begin, bound);
-        for (Bits open = ~greater(gaps.low, bound) & 0xff; open; open &= open - 1) {
+        Eight bound = Eight::load(v_.root_outer + at);
+        if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+        for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
           if (is_over()) return;
           decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
         }
@@ -132,14 +131,13 @@ class Decider {
   Bits packet_against_obstacle(std::uint32_t body, const BallPacket& packet, const Centres& c, const Obstacle& obstacle,
                                float grow, float shrink) {
     PointGaps gaps;
-    alignas(32) float bound[kBalls];
     point_gaps(obstacle, c.x, c.y, c.z, gaps);
-    sum(packet.inner, shrink, bound);
-    if (greater(bound, gaps.high) & first(packet.count)) return kHit;
-    sum(packet.outer, grow, bound);
-    if constexpr (kMoves) add(c.way, bound);
+    const Bits used = first(packet.count);
+    if (greater(Eight::load(packet.inner) + Eight(shrink), Eight::load(gaps.high)) & used) return kHit;
+    Eight bound = Eight::load(packet.outer) + Eight(grow);
+    if constexpr (kMoves) bound = bound + Eight::load(c.way);
     Bits result = 0;
-    for (Bits open = ~greater(gaps.low, bound) & first(packet.count); open; open &= open - 1) {
+    for (Bits open = ~greater(Eight::load(gaps.low), bound) & used; open; open &= open - 1) {
       const int i = lowest(open);
       const std::uint32_t child = packet.children[i];
       if (child == kNone || (kMoves && is_finer_useless(packet, c, i)) || --packets_left_ < 0) {
@@ -200,20 +198,21 @@ class Decider {
   /// Balls of two bodies against each other, those of the masks alone.
   Bits packets(const MovedPair& pair, const BallPacket& p, const Centres& cp, Bits of_p, const BallPacket& q,
                const Centres& cq, Bits of_q) {
-    alignas(32) float way_p[kBalls], way_q[kBalls];
+    const EightPoints centres_q = cq.points();
+    const Eight outer_q = Eight::load(q.outer) + Eight(pair.grow), inner_q = Eight::load(q.inner) + Eight(pair.shrink);
+    alignas(32) float way_p[kBalls];
+    Eight way_q;
     if constexpr (kMoves) {
-      placed_.movement(cp, pair.a, pair_span_.a, way_p);
-      placed_.movement(cq, pair.b, pair_span_.b, way_q);
+      placed_.movement(cp.points(), pair.a, pair_span_.a).store(way_p);
+      way_q = placed_.movement(centres_q, pair.b, pair_span_.b) + Eight(pair_span_.bend);
     }
     Bits result = 0;
     for (; of_p; of_p &= of_p - 1) {
       const int i = lowest(of_p);
-      alignas(32) float d[kBalls], bound[kBalls];
-      distances(cq, cp.x[i], cp.y[i], cp.z[i], d);
-      sum(q.inner, p.inner[i] + pair.shrink, bound);
-      if (greater(bound, d) & first(q.count)) return kHit;
-      sum(q.outer, p.outer[i] + pair.grow, bound);
-      if constexpr (kMoves) add_lesser(way_q, way_p[i] + pair_span_.bend, pair_span_.way, bound);
+      const Eight d = distances(centres_q, cp.x[i], cp.y[i], cp.z[i]);
+      if (greater(inner_q + Eight(p.inner[i]), d) & first(q.count)) return kHit;
+      Eight bound = outer_q + Eight(p.outer[i]);
+      if constexpr (kMoves) bound = bound + lesser(way_q + Eight(way_p[i]), Eight(pair_span_.way));
       const Bits open = ~greater(d, bound) & of_q;
       if (open) result |= children(pair, p, i, q, open);
       if (result & kHit) return kHit;

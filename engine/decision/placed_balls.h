@@ -1,66 +1,34 @@
 // Balls of covers, placed in a query's common frame, for the kernel of decisions (decide_kernel.h).
 #pragma once
 
-#include <hwy/highway.h>
-
-#include <cmath>
 #include <cstddef>
 #include <cstdint>
 
 #include "engine/cover/point_gaps.h"
 #include "engine/decision/decision_view.h"
-
-#ifndef CLEARANCE_ISA
-#error "define CLEARANCE_ISA, the instruction set this file is compiled for"
-#endif
+#include "engine/decision/eight.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
 
-namespace hn = hwy::HWY_NAMESPACE;
-
-using Bits = std::uint32_t;
 constexpr int kBalls = BallPacket::kBalls;
 
-/// Bit i: whether a[i] > b[i].
-HWY_INLINE Bits greater(const float* a, const float* b) {
-  const hn::CappedTag<float, kBalls> d;
-  constexpr int kLanes = static_cast<int>(HWY_LANES(float)) < kBalls ? static_cast<int>(HWY_LANES(float)) : kBalls;
-  Bits bits = 0;
-  for (int i = 0; i < kBalls; i += kLanes) {
-    std::uint8_t bytes[8] = {};
-    hn::StoreMaskBits(d, hn::Gt(hn::LoadU(d, a + i), hn::LoadU(d, b + i)), bytes);
-    bits |= static_cast<Bits>(bytes[0]) << i;
-  }
-  return bits;
-}
 HWY_INLINE Bits first(std::uint32_t count) {
   return (Bits{1} << count) - 1;
 }
 HWY_INLINE int lowest(Bits bits) {
   return __builtin_ctz(bits);
 }
-HWY_INLINE void sum(const float* a, float add, float* out) {
-  for (int i = 0; i < kBalls; ++i) out[i] = a[i] + add;
-}
-HWY_INLINE void add(const float* a, float* out) {
-  for (int i = 0; i < kBalls; ++i) out[i] += a[i];
-}
-/// Adds the lesser of a[i] + more and `most`.
-HWY_INLINE void add_lesser(const float* a, float more, float most, float* out) {
-  for (int i = 0; i < kBalls; ++i) out[i] += a[i] + more < most ? a[i] + more : most;
-}
 
 /// Balls in the common frame, and how far each can move within half a span.
 struct Centres {
   alignas(32) float x[kBalls], y[kBalls], z[kBalls];
   float way[kBalls];  ///< for spans only
+
+  HWY_INLINE EightPoints points() const { return {Eight::load(x), Eight::load(y), Eight::load(z)}; }
 };
-HWY_INLINE void distances(const Centres& c, float x, float y, float z, float* d) {
-  for (int i = 0; i < kBalls; ++i) {
-    const float dx = c.x[i] - x, dy = c.y[i] - y, dz = c.z[i] - z;
-    d[i] = __builtin_sqrtf(dx * dx + dy * dy + dz * dz);
-  }
+HWY_INLINE Eight distances(const EightPoints& c, float x, float y, float z) {
+  return length(c - EightPoints{Eight(x), Eight(y), Eight(z)});
 }
 
 /// A body's pose in the common frame.
@@ -135,7 +103,7 @@ class PlacedBalls {
     point_gaps(obstacle, reinterpret_cast<Eight>(root_.x[begin]), reinterpret_cast<Eight>(root_.y[begin]),
                reinterpret_cast<Eight>(root_.z[begin]), gaps);
   }
-  HWY_INLINE void add_root_ways(std::uint32_t begin, float* bound) const { add(root_.way + begin, bound); }
+  HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
   HWY_INLINE float root_way(std::uint32_t body) const { return root_.way[body]; }
   HWY_INLINE float distance_of_roots(std::uint32_t a, std::uint32_t b) const {
     const float dx = root_.x[a] - root_.x[b], dy = root_.y[a] - root_.y[b], dz = root_.z[a] - root_.z[b];
@@ -145,25 +113,26 @@ class PlacedBalls {
   template <bool kMoves>
   HWY_INLINE void centres(const BallPacket& packet, std::uint32_t body, Centres& c) const {
     const float *R = placed_[body].R, *t = placed_[body].t;
-    for (int i = 0; i < kBalls; ++i) {
-      c.x[i] = t[0] + (R[0] * packet.x[i] + R[1] * packet.y[i] + R[2] * packet.z[i]);
-      c.y[i] = t[1] + (R[3] * packet.x[i] + R[4] * packet.y[i] + R[5] * packet.z[i]);
-      c.z[i] = t[2] + (R[6] * packet.x[i] + R[7] * packet.y[i] + R[8] * packet.z[i]);
-    }
+    const Eight x = Eight::load(packet.x), y = Eight::load(packet.y), z = Eight::load(packet.z);
+    const auto coordinate = [&](int k) {
+      return Eight(t[k]) + (Eight(R[3 * k]) * x + Eight(R[3 * k + 1]) * y + Eight(R[3 * k + 2]) * z);
+    };
+    const EightPoints points{coordinate(0), coordinate(1), coordinate(2)};
+    points.x.store(c.x);
+    points.y.store(c.y);
+    points.z.store(c.z);
     if constexpr (kMoves) {
-      const float bend = spans_[body].bend, most = spans_[body].way;
-      movement(c, body, spans_[body].twist, c.way);
-      for (int i = 0; i < kBalls; ++i) c.way[i] = c.way[i] + bend < most ? c.way[i] + bend : most;
+      const SpanBody& span = spans_[body];
+      lesser(movement(points, body, span.twist) + Eight(span.bend), Eight(span.way)).store(c.way);
     }
   }
   /// |shift + turn x r| of each ball, r from its body's origin.
-  HWY_INLINE void movement(const Centres& c, std::uint32_t body, const SpanTwist& twist, float* way) const {
+  HWY_INLINE Eight movement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
     const float *t = placed_[body].t, *w = twist.turn, *v = twist.shift;
-    for (int i = 0; i < kBalls; ++i) {
-      const float x = c.x[i] - t[0], y = c.y[i] - t[1], z = c.z[i] - t[2];
-      const float u = v[0] + (w[1] * z - w[2] * y), s = v[1] + (w[2] * x - w[0] * z), r = v[2] + (w[0] * y - w[1] * x);
-      way[i] = __builtin_sqrtf(u * u + s * s + r * r);
-    }
+    const EightPoints r = c - EightPoints{Eight(t[0]), Eight(t[1]), Eight(t[2])};
+    return length({Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
+                   Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
+                   Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)});
   }
   /// The children of a body's root, computed once for a state.
   template <bool kMoves>
@@ -176,9 +145,8 @@ class PlacedBalls {
   }
   /// Balls that are near the root of another body.
   HWY_INLINE Bits near_root(const BallPacket& packet, const Centres& c, std::uint32_t other, float grow) const {
-    alignas(32) float d[kBalls], bound[kBalls];
-    distances(c, root_.x[other], root_.y[other], root_.z[other], d);
-    sum(packet.outer, v_.moved_root_outer[other] + grow, bound);
+    const Eight bound = Eight::load(packet.outer) + Eight(v_.moved_root_outer[other] + grow);
+    const Eight d = distances(c.points(), root_.x[other], root_.y[other], root_.z[other]);
     return ~greater(d, bound) & first(packet.count);
   }
 

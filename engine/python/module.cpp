@@ -128,7 +128,8 @@ using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, n
 class PyEngine : public PyEditor {
  public:
   PyEngine(const engine::Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
-           std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices) {
+           std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices,
+           const std::string& covers) {
     engine::Engine::Options options;
     options.backend = backend;
     options.threads = threads;
@@ -136,6 +137,7 @@ class PyEngine : public PyEditor {
     options.device_memory = device_memory;
     options.device_fallback = device_fallback;
     options.devices = devices;
+    options.covers = engine::covers_named(covers);
     open(scene, options);
   }
 
@@ -162,6 +164,22 @@ class PyEngine : public PyEditor {
       done = job->go_on(std::chrono::nanoseconds(kSignalPeriod).count());
     }
     return nb::cast(job->take());
+  }
+
+  bool wait_covers(double timeout_s) const {
+    const auto start = Clock::now();
+    while (true) {
+      const double left = timeout_s - 1e-9 * static_cast<double>(nanoseconds_since(start));
+      const auto slice = left < 1e-9 * static_cast<double>(std::chrono::nanoseconds(kSignalPeriod).count())
+                             ? std::chrono::nanoseconds(static_cast<std::int64_t>(1e9 * std::max(left, 0.0)))
+                             : std::chrono::nanoseconds(kSignalPeriod);
+      {
+        const GilRelease release;
+        if (use()->wait_covers(slice)) return true;
+      }
+      if (slice < kSignalPeriod) return false;
+      check_signals();
+    }
   }
 
   /// \param configurations number of configurations; 0 for the current poses
@@ -348,9 +366,9 @@ NB_MODULE(_engine, m) {
   bind_scene_changes(engine);
   engine
       .def(nb::init<const engine::Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
-                    const std::vector<int>&>(),
+                    const std::vector<int>&, const std::string&>(),
            nb::arg("scene"), nb::arg("backend"), nb::arg("threads"), nb::arg("max_rows"), nb::arg("device_memory"),
-           nb::arg("device_fallback"), nb::arg("devices"))
+           nb::arg("device_fallback"), nb::arg("devices"), nb::arg("covers"))
       .def_prop_ro("device_error", [](const PyEngine& e) { return e.use()->device_error(); })
       .def_static("backends", &engine::Engine::backends)
       .def_prop_ro("backend", [](const PyEngine& e) { return std::string(e.use()->backend()); })
@@ -375,6 +393,7 @@ NB_MODULE(_engine, m) {
            nb::arg("revision"))
       .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"), nb::arg("revision"))
       .def("body_states", &PyEngine::body_states)
+      .def("wait_covers", &PyEngine::wait_covers, nb::arg("timeout_s"))
       .def("stats", [](const PyEngine& e) { return e.use()->stats(); });
 }
 

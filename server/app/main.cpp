@@ -38,7 +38,7 @@ void on_signal(int number) {
 }
 
 void handle_signals() {
-  struct sigaction action{};
+  struct sigaction action {};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   // Ignored, so that writing to a closed socket or beyond RLIMIT_FSIZE (a segment) is an error of the call.
@@ -140,6 +140,7 @@ engine::Engine::Options engine_options_of(const DaemonOptions& options) {
   engine.device_memory = std::uint64_t{options.device_memory_mib} << 20;
   engine.device_fallback = options.device_fallback;
   engine.devices = options.devices;
+  engine.covers = engine::covers_named(options.covers);
   engine.max_stamp_lead = std::chrono::seconds(options.max_stamp_lead_s);
   return engine;
 }

@@ -120,6 +120,13 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
       ->type_name("N,N");
   app.add_flag("!--no-device-fallback", o.device_fallback,
                "reject queries that the device cannot answer, instead of using the CPU");
+  app.add_option(
+         "--covers", o.covers,
+         "when covers are made, which make decisions faster: background (at lowest priority, once the daemon is\n"
+         "ready), off")
+      ->check(quiet(CLI::IsMember({"background", "off"})))
+      ->type_name("WHEN")
+      ->capture_default_str();
 }
 
 void add_real_time(CLI::App& app, DaemonOptions& o) {
@@ -136,7 +143,7 @@ void add_real_time(CLI::App& app, DaemonOptions& o) {
 /// A number that few users change, set in section [limits] of the configuration file or by --limit.
 struct Limit {
   const char* name;
-  std::uint64_t DaemonOptions::* value;
+  std::uint64_t DaemonOptions::*value;
   std::uint64_t least, most;
   const char* text;
 };

@@ -32,6 +32,7 @@ struct DaemonOptions {
   int threads = 0;
   std::vector<int> devices;  ///< numbers, or empty for the current one
   bool device_fallback = true;
+  std::string covers = "background";
   bool real_time = false;
   int loop_cpu = -1;  ///< or -1 for any
   bool require_epoch = false;

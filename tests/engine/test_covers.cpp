@@ -18,10 +18,10 @@ class CoversTest : public testing::Test {
   void SetUp() override { ::setenv("CLEARANCE_CACHE", "off", 1); }
 };
 
-std::uint64_t counter(const engine::Engine& engine, const std::string& name) {
+std::optional<std::uint64_t> counter(const engine::Engine& engine, const std::string& name) {
   for (const auto& [known, value] : engine.stats())
     if (known == name) return value;
-  return ~std::uint64_t{0};
+  return {};
 }
 
 TEST_F(CoversTest, AreMadeForBodiesThatMayMove) {
@@ -37,7 +37,63 @@ TEST_F(CoversTest, AreMadeForBodiesThatMayMove) {
   EXPECT_GT(covers.size(), 2);
   EXPECT_EQ(counter(engine, "engine.covers"), covers.size());
   EXPECT_EQ(counter(engine, "engine.covers_pending"), 0);
+  EXPECT_EQ(counter(engine, "engine.covers_impossible"), 0);
   EXPECT_EQ(counter(engine, "engine.cover_bytes"), bytes);
+}
+
+TEST_F(CoversTest, CanBeOff) {
+  const engine::Engine engine(arm_scene(at_home()), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+  EXPECT_EQ(engine.cover_store(), nullptr);
+  EXPECT_TRUE(engine.wait_covers(std::chrono::nanoseconds(0)));
+  EXPECT_FALSE(counter(engine, "engine.covers"));
+  EXPECT_EQ(engine::covers_named("off"), engine::Covers::kOff);
+  EXPECT_EQ(engine::covers_named("background"), engine::Covers::kBackground);
+  EXPECT_THROW(engine::covers_named("on"), std::invalid_argument);
+}
+
+TEST_F(CoversTest, LinksComeFirstAndOtherShapesAreLimited) {
+  Random random(7);
+  engine::Scene scene;
+  for (int i = 0; i < 200; ++i)
+    scene.add_hull("loose" + std::to_string(i), random.cloud(5, {0.1, 0.1, 0.1}), {.pose = Pose{{0.0 + i, 3, 0}}});
+  scene.add_box("fixed", {1, 1, 1}, {.is_static = true});
+  scene.add_half_space("floor", {});
+  scene.add_points("cloud", std::vector<CloudPoint>(3), 0, {.pose = Pose{}});
+  scene.add_robot("arm", at_home());
+  std::size_t links = 0;
+  std::vector<std::string> names;
+  for (const std::uint32_t id : engine::bodies_to_cover(scene)) {
+    const Body& body = scene.bodies()[id];
+    links += body.robot != kNone;
+    EXPECT_TRUE(body.robot == kNone || links == names.size() + 1) << body.name << " comes late";
+    EXPECT_TRUE(body.robot != kNone || body.name.starts_with("loose")) << body.name;
+    names.push_back(body.name);
+  }
+  EXPECT_GT(links, 2);
+  EXPECT_EQ(names.size(), links + 64);
+}
+
+TEST_F(CoversTest, OneShapeHasOneCover) {
+  engine::Scene scene;
+  for (int i = 0; i < 5000; ++i) scene.add_box("box" + std::to_string(i), {1, 1, 1}, {.pose = Pose{{2.0 * i, 0, 0}}});
+  EXPECT_EQ(engine::bodies_to_cover(scene), std::vector<std::uint32_t>{0});
+}
+
+TEST_F(CoversTest, AChangedSceneSharesThem) {
+  SceneEditor editor(arm_scene(at_home()), {.backend = "cpu", .threads = 1});
+  ASSERT_TRUE(editor.engine()->wait_covers(kPatience));
+  const auto before = counter(*editor.engine(), "engine.covers");
+  const std::shared_ptr<engine::Engine> next =
+      editor
+          .add([](const engine::Engine&) {
+            return make_body("mug", {wire::BodyShape::kCylinder, {0.04, 0.1, 0}}, {});
+          })
+          .engine;
+  EXPECT_GE(counter(*next, "engine.covers"), before);
+  ASSERT_TRUE(next->wait_covers(kPatience));
+  EXPECT_EQ(counter(*next, "engine.covers"), *before + 1);
+  const std::vector<Body>& bodies = next->scene().bodies();
+  EXPECT_TRUE(next->cover_store()->find(bodies[next->scene().find_body("mug")].parts));
 }
 
 }  // namespace

@@ -81,7 +81,7 @@ def test_words_as_strings():
 
 @pytest.mark.parametrize("literal, table", [
     ("ReduceWord", "REDUCTIONS"), ("MeshAsWord", "MESH_AS"), ("BackendWord", "BACKENDS"),
-    ("ServiceWord", "SERVICE_CLASSES"),
+    ("CoversWord", "COVERS"), ("ServiceWord", "SERVICE_CLASSES"),
 ])  # fmt: skip
 def test_type_checkers_know_the_words(literal, table):
     assert list(typing.get_args(getattr(_words, literal))) == list(getattr(_words, table))
@@ -89,7 +89,7 @@ def test_type_checkers_know_the_words(literal, table):
 
 @pytest.mark.parametrize("call, argument, literal", [
     ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "reduce", "ReduceWord"),
-    ("Engine.__init__", "backend", "BackendWord"), ("Scene.add_mesh", "mesh_as", "MeshAsWord"),
+    ("Engine.__init__", "backend", "BackendWord"), ("Engine.__init__", "covers", "CoversWord"), ("Scene.add_mesh", "mesh_as", "MeshAsWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):
     kind, _, method = call.partition(".")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Sequence
 from typing import Any, Optional, Union
 
@@ -197,6 +198,18 @@ class Client(Front):
     def stats(self) -> dict[str, int]:
         """Returns the daemon's counters."""
         return dict(self._use().stats())
+
+    def wait_covers(self, timeout_s: float = 60.0) -> bool:
+        """Waits until the daemon has made all covers, which make decisions faster, and returns whether it has.
+
+        timeout_s: seconds.
+        """
+        until = time.monotonic() + to_number_from_0(timeout_s, "timeout_s")
+        while self.stats().get("engine.covers_pending", 0) > 0:
+            if time.monotonic() >= until:
+                return False
+            time.sleep(0.05)
+        return True
 
     def ping(self, payload: bytes = b"") -> float:
         """Sends `payload` to the daemon and back; returns the round-trip time in seconds."""

@@ -10,7 +10,7 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_word
+from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_number_from_0, to_word
 from ._device_plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import BodyState, Front
@@ -20,7 +20,7 @@ from ._query import POINTS_BY_DEFAULT, Query, Run
 from ._scene import Scene, name_table
 from ._scene_changes import NewBody
 from ._updates import UpdateResult
-from ._words import BACKENDS, DEFAULT_FIELDS, NONE, BackendWord, Status
+from ._words import BACKENDS, COVERS, DEFAULT_FIELDS, NONE, BackendWord, CoversWord, Status
 
 
 class Engine(Front):
@@ -35,6 +35,8 @@ class Engine(Front):
         are distributed among them. Default: the current device. Raises ValueError for a repeated number and
         RuntimeError for an absent device.
     device_fallback: whether the CPU answers if the device fails or runs out of memory; otherwise QueryError.
+    covers: when covers are made, which make decisions about bodies that move faster: "background" (on a thread of
+        lowest priority, after the engine is ready) or "off". Answers do not depend on it.
 
     Thread-safe; releases the GIL during queries. Not usable in a forked child (RuntimeError).
     """
@@ -51,6 +53,7 @@ class Engine(Front):
         device_memory: int = 0,
         device_fallback: bool = True,
         devices: Sequence[int] = (),
+        covers: CoversWord = "background",
     ):
         super().__init__()
         if not isinstance(scene, Scene):
@@ -67,6 +70,7 @@ class Engine(Front):
                 to_count(device_memory, "device_memory"),
                 to_bool(device_fallback, "device_fallback"),
                 [to_count(device, f"devices[{i}]") for i, device in enumerate(devices)],
+                to_word(covers, COVERS, "covers"),
             )
         self._worker = Worker(slice_s=0.002, pause_s=0.0)
 
@@ -97,6 +101,13 @@ class Engine(Front):
     def stats(self) -> dict[str, int]:
         """Returns the engine's counters."""
         return dict(self._engine.stats())
+
+    def wait_covers(self, timeout_s: float = 60.0) -> bool:
+        """Waits until all covers are made, which make decisions faster, and returns whether they are.
+
+        Works on them meanwhile, and so may take about a second longer than timeout_s (seconds).
+        """
+        return self._engine.wait_covers(to_number_from_0(timeout_s, "timeout_s"))
 
     # ---- required by Front ----------------------------------------------------------------------------------------
 

@@ -150,12 +150,14 @@ MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
 GeometryWord = Literal["collision", "visual"]
 ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
+CoversWord = Literal["background", "off"]
 
 REDUCTIONS = {word.name.lower(): int(word) for word in Reduce}
 MESH_AS = {word.name.lower(): int(word) for word in MeshAs}
 GEOMETRIES = {"collision": 0, "visual": 1}
 SERVICE_CLASSES = {name: name for name in ("control", "planning")}
 BACKENDS = {name: name for name in ("auto", "cpu", "cuda", "reference")}
+COVERS = {name: name for name in ("background", "off")}
 
 #: Marks a pair selector as a group; the other bits are the group's index.
 GROUP_BIT = 0x80000000

@@ -1,0 +1,87 @@
+// Eight floats side by side, in the registers of one instruction set. Included by the kernel of decisions alone.
+#pragma once
+
+#include <hwy/highway.h>
+
+#include <cstdint>
+
+#ifndef CLEARANCE_ISA
+#error "define CLEARANCE_ISA, the instruction set this file is compiled for"
+#endif
+
+namespace clearance {
+namespace CLEARANCE_ISA {
+
+namespace hn = hwy::HWY_NAMESPACE;
+
+/// Bit i is of number i.
+using Bits = std::uint32_t;
+
+struct Eight {
+  using Tag = hn::CappedTag<float, 8>;
+  static constexpr int kLanes = static_cast<int>(HWY_LANES(float)) < 8 ? static_cast<int>(HWY_LANES(float)) : 8;
+  static constexpr int kParts = 8 / kLanes;
+
+  hn::Vec<Tag> part[kParts];
+
+  Eight() = default;
+  HWY_INLINE explicit Eight(float x) {
+    for (auto& p : part) p = hn::Set(Tag(), x);
+  }
+  HWY_INLINE static Eight load(const float* from) {
+    Eight e;
+    for (int i = 0; i < kParts; ++i) e.part[i] = hn::LoadU(Tag(), from + i * kLanes);
+    return e;
+  }
+  HWY_INLINE void store(float* to) const {
+    for (int i = 0; i < kParts; ++i) hn::StoreU(part[i], Tag(), to + i * kLanes);
+  }
+  template <class F>
+  HWY_INLINE static Eight of_parts(const Eight& a, const Eight& b, const F& f) {
+    Eight e;
+    for (int i = 0; i < kParts; ++i) e.part[i] = f(a.part[i], b.part[i]);
+    return e;
+  }
+  HWY_INLINE friend Eight operator+(const Eight& a, const Eight& b) {
+    return of_parts(a, b, [](auto x, auto y) { return hn::Add(x, y); });
+  }
+  HWY_INLINE friend Eight operator-(const Eight& a, const Eight& b) {
+    return of_parts(a, b, [](auto x, auto y) { return hn::Sub(x, y); });
+  }
+  HWY_INLINE friend Eight operator*(const Eight& a, const Eight& b) {
+    return of_parts(a, b, [](auto x, auto y) { return hn::Mul(x, y); });
+  }
+  HWY_INLINE friend Eight lesser(const Eight& a, const Eight& b) {
+    return of_parts(a, b, [](auto x, auto y) { return hn::Min(x, y); });
+  }
+  HWY_INLINE friend Eight root(const Eight& a) {
+    return of_parts(a, a, [](auto x, auto) { return hn::Sqrt(x); });
+  }
+  HWY_INLINE friend Bits greater(const Eight& a, const Eight& b) {
+    Bits bits = 0;
+    for (int i = 0; i < kParts; ++i) bits |= bits_of(hn::Gt(a.part[i], b.part[i])) << (i * kLanes);
+    return bits;
+  }
+
+ private:
+  HWY_INLINE static Bits bits_of(hn::Mask<Tag> mask) {
+    std::uint8_t bytes[8];
+    hn::StoreMaskBits(Tag(), mask, bytes);
+    return bytes[0];
+  }
+};
+
+/// Three coordinates of eight points.
+struct EightPoints {
+  Eight x, y, z;
+
+  HWY_INLINE friend EightPoints operator-(const EightPoints& a, const EightPoints& b) {
+    return {a.x - b.x, a.y - b.y, a.z - b.z};
+  }
+};
+HWY_INLINE Eight length(const EightPoints& v) {
+  return root(v.x * v.x + v.y * v.y + v.z * v.z);
+}
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance
