@@ -34,6 +34,7 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "`gradient_joints`": {"fields": "gradient_joints"},
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
+    "`verdict`": {"fields": "verdict"},
     '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "a certificate": {},

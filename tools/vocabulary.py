@@ -55,7 +55,7 @@ HABITS = (
     Habit("settle", r"\bsettle[sd]?\b", "converge, decide"),
     Habit("dear", r"\bdear(?:er|est)?\b", "expensive"),
     Habit("refuse", r"\brefus(?:e|es|ed|ing|als?)\b", "reject, rejected"),
-    Habit("judge", r"\b(?:judge[sd]?|verdicts?|campaigns?)\b", "oracle, check"),
+    Habit("judge", r"\b(?:judge[sd]?|campaigns?)\b", "oracle, check"),
     Habit("knock", r"\bknock(?:s|ed|ing)?\b|\bdoorm[ae]n\b", "connect; unauthenticated peer"),
     Habit("complain", r"\bcomplain(?:s|ed|ing|ts?)?\b", "log, report"),
     Habit("figures", r"\bfigures\b", "metrics, measurements"),

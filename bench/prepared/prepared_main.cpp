@@ -25,11 +25,9 @@ class Bare {
   Bare(const std::string& scene, const Joints& joints) : engine_(engine::Scene::load(scene)) {
     query_.joints = joints.ids;
     query_.reduce = Reduce::kAny;
-    query_.fields = kFieldLower | kFieldUpper | kFieldStatus | kFieldPair;
+    query_.fields = kFieldVerdict | kFieldPair;
     reply_.rows = 1;
-    reply_.lower = &lower_;
-    reply_.upper = &upper_;
-    reply_.status = &status_;
+    reply_.verdict = &verdict_;
     reply_.pair = &pair_;
   }
   bool free(std::span<const double> positions) {
@@ -38,15 +36,14 @@ class Bare {
     Job job = engine_.start(query_, reply_);
     while (!job.advance()) {
     }
-    return status_ == static_cast<std::uint8_t>(Status::kBeyond);
+    return verdict_ == static_cast<std::uint8_t>(Status::kBeyond);
   }
 
  private:
   engine::Engine engine_;
   QueryView query_;
   ReplyView reply_;
-  double lower_ = 0, upper_ = 0;
-  std::uint8_t status_ = 0;
+  std::uint8_t verdict_ = 0;
   BodyPair pair_;
 };
 
@@ -77,11 +74,11 @@ int run(const std::string& scene, const std::string& robot) {
   std::array<int, 3> free{};
   for (int round = 0; round < kRounds; ++round) {
     rounds[0].push_back(time_us([&](int i) { free[0] += bare.free(state(i)); }));
-    rounds[1].push_back(time_us([&](int i) { free[1] += prepared.run(state(i)).status()[0] == Status::kBeyond; }));
+    rounds[1].push_back(time_us([&](int i) { free[1] += prepared.run(state(i)).verdict()[0] == Status::kBeyond; }));
     rounds[2].push_back(time_us([&](int i) {
       Query own = query;
       own.positions = state(i);
-      free[2] += engine.distances(own).status()[0] == Status::kBeyond;
+      free[2] += engine.distances(own).verdict()[0] == Status::kBeyond;
     }));
   }
   std::array<double, 3> us;

@@ -70,8 +70,8 @@ class Sums:
         self.states += len(free)
         self.free += int(is_free.sum())
         self.rejected += int((is_free & ~free).sum())
-        self.undecided += int((valid.status == Status.UNCONVERGED).sum())
-        self.missed += int((free & ~is_free & (truth.status != Status.UNCONVERGED)).sum())
+        self.undecided += int((valid.verdict == Status.UNCONVERGED).sum())
+        self.missed += int((free & ~is_free & (truth.verdict != Status.UNCONVERGED)).sum())
         self.short += list((nearest.lower - least.upper)[is_free].ravel())
         self.widths += list((least.upper - least.lower)[is_free].ravel())
 

@@ -81,8 +81,8 @@ class Roadmap:
         for i in range(0, len(near), ONTO):
             ends = self.nodes[near[i : i + ONTO]]
             starts = np.tile(place, (len(ends), 1))
-            requested = {"joints": self.joints, "margin": self.margin, "reduce": "any", "fields": ["status"]}
-            free = self.engine.motions(starts, ends, **requested).status == clearance.Status.BEYOND
+            requested = {"joints": self.joints, "margin": self.margin, "reduce": "any", "fields": ["verdict"]}
+            free = self.engine.motions(starts, ends, **requested).verdict == clearance.Status.BEYOND
             if free.any():
                 return near[i : i + ONTO][free].tolist()
         return []

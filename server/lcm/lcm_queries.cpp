@@ -29,7 +29,8 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
                                     {kFieldTime, "time"},
                                     {kFieldFirstContact, "first_contact"},
                                     {kFieldSteps, "steps"},
-                                    {kFieldFreeScale, "free_scale"}})
+                                    {kFieldFreeScale, "free_scale"},
+                                    {kFieldVerdict, "verdict"}})
     if (options.fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
   // LCM has no message for the pair table, so by default each row has its pair.

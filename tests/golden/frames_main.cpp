@@ -223,6 +223,9 @@ void write_frames(std::ostream& out) {
   query.header.fields = kFieldStatus | kFieldPair;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   write_exchange(out, arm, "arm_query", query.frame(62));
+  query.header.fields = kFieldVerdict | kFieldPair;
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
+  write_exchange(out, arm, "arm_check", query.frame(63));
 
   // Replies of a daemon with a GPU.
   write(out, "plan", simple_frame(FrameType::kPlan, 1, wire::plan_payload()));

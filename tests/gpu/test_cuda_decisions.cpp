@@ -28,6 +28,8 @@ std::vector<std::pair<std::string, QueryView>> queries() {
   for (const double margin : {0.0, 1e-6, 0.02, 0.3})
     add("margin " + std::to_string(margin), [&](QueryView& q) { q.margin = margin; });
   add("status alone", [](QueryView& q) { q.fields = kFieldStatus; });
+  add("verdict", [](QueryView& q) { q.fields |= kFieldVerdict; });
+  add("verdict alone", [](QueryView& q) { q.fields = kFieldVerdict; });
   add("float32 columns", [](QueryView& q) { q.fields = kFloat32 | kFieldFlags; });
   add("no tolerance", [](QueryView& q) { q.rel_tol = 0; });
   add("loose", [](QueryView& q) { q.rel_tol = 0.1, q.abs_tol = 0.01, q.margin = 0.05; });

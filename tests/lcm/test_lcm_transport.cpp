@@ -180,12 +180,14 @@ TEST_F(LcmTransportTest, RejectionsSayWhy) {
   query.rel_tol = std::nan("");
   reject(query, 1, "rel_tol");
   query = query_message();
-  query.fields = 1 << 20;
+  query.fields = 1 << kFieldCount;
   reject(query, 1, "fields");
   query.fields = kFieldPairLower;
   reject(query, 1, "reply_t has no column pair_lower");
   query.fields = kFieldGradientJoints;
   reject(query, 1, "reply_t has no column gradient_joints");
+  query.fields = kFieldVerdict;
+  reject(query, 1, "reply_t has no column verdict");
   query = query_message();
   query.max_results = -1;
   query.reduce = query_t::REDUCE_WITHIN;

@@ -44,7 +44,6 @@ CPP_ONLY = {
         "joints": "the shape of gradient_joints",
         "epoch": "of the client",
     },
-    "Check": {"upper": "in `result`"},
     "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
 }
 #: Names that only Python has, with the reason.

@@ -38,12 +38,12 @@ PLACES = np.array([[at(0)], [at(2.75)], [at(0.9)]], float)
 def test_check_says_what_is_free_and_what_stands_in_the_way(front):
     check = front.check(PLACES, bodies=["ball"])
     assert check.free.tolist() == [True, True, False] and check.hit.tolist() == [False, False, True]
-    assert check.status.tolist() == [Status.BEYOND, Status.BEYOND, Status.OVERLAP]
+    assert check.verdict.tolist() == [Status.BEYOND, Status.BEYOND, Status.OK] and check.verdict.dtype == np.uint8
     ball, cup, wall = (front.body_id(name) for name in ("ball", "cup", "wall"))
     assert check.pair.tolist() == [[NONE, NONE], [NONE, NONE], [ball, cup]]
     check = front.check(PLACES, 0.06, bodies=["ball"])
-    assert check.free.tolist() == [True, False, False] and check.status[1] == Status.OK
-    assert check.pair[1].tolist() == [ball, wall] and 0.04 < check.result.lower[1] <= check.result.upper[1] <= 0.06
+    assert check.free.tolist() == [True, False, False] and check.verdict[1] == Status.OK
+    assert check.pair[1].tolist() == [ball, wall]
     assert "1 of 3 free" in repr(check)
     assert front.check().free.tolist() == [True]
 
@@ -67,11 +67,52 @@ def test_margins_of_pairs(front):
     assert decided.bounds[1, 0] <= 0.05 <= decided.bounds[1, 1] and decided.status.tolist() == r.status.tolist()
 
 
+@pytest.mark.parametrize("others", [(), ("pair",), ("status", "lower"), ("configuration",)], ids=str)
+def test_the_verdict_is_the_status_without_the_kind_of_a_hit(front, others):
+    # Free, apart by less than the margin, overlapping, as far as the margin, and without a position.
+    places = np.array([[at(0)], [at(2.75)], [at(0.9)], [at(1, 0.26)], [at(np.nan)]], float)
+    requested = {"configurations": places, "bodies": ["ball"], "reduce": "any", "margin": 0.06}
+    status = front.distances(**requested, fields="status").status.tolist()
+    assert status == [Status.BEYOND, Status.OK, Status.OVERLAP, Status.UNCONVERGED, Status.BAD_POSE]
+    r = front.distances(**requested, fields=("verdict", *others))
+    assert set(r.columns) == {"verdict", *others}, "no other column is forced"
+    assert r.verdict.dtype == np.uint8 and r.verdict.shape == (5,)
+    assert r.verdict.tolist() == [Status.BEYOND, Status.OK, Status.OK, Status.UNCONVERGED, Status.BAD_POSE]
+    if "pair" not in others:
+        with pytest.raises(AttributeError, match="the column 'pair' was not requested"):
+            _ = r.pairs
+
+
+def test_verdicts_of_motions(front):
+    start, end = np.array([[at(0)], [at(0)]], float), np.array([[at(0.5)], [at(1.5)]], float)
+    requested = {"bodies": ["ball"], "reduce": "any"}
+    r = front.motions(start, end, **requested, fields=["verdict"])
+    assert list(r.columns) == ["verdict"] and r.verdict.tolist() == [Status.BEYOND, Status.OK]
+    assert front.motions(start, end, **requested, fields="status").status.tolist() == [Status.BEYOND, Status.OVERLAP]
+
+
+@pytest.mark.parametrize("reduce", ["none", "within", "nearest", "min"])
+def test_a_verdict_is_of_decisions_only(front, reduce):
+    with pytest.raises(clearance.QueryError, match="fields: verdict needs reduce any"):
+        front.distances(reduce=reduce, fields=["default", "verdict"])
+
+
+def test_a_check_has_a_verdict_and_a_pair(front):
+    check = front.check(PLACES, bodies=["ball"])
+    prepared = front.prepare("check", bodies=["ball"]).run(PLACES)
+    for each in (check, prepared):
+        assert set(each.result.columns) == {"verdict", "pair"}
+        assert each.verdict.tolist() == [Status.BEYOND, Status.BEYOND, Status.OK] and not each
+    assert front.check(PLACES[:2], bodies=["ball"]), "a check as a bool"
+    with pytest.raises(AttributeError, match="the column 'lower' was not requested; fields were: pair, verdict"):
+        _ = check.result.lower
+
+
 def test_what_is_not_proved_is_not_free(front):
     places = np.array([[at(1, 0.2)], [at(np.nan)]], float)  # touching in one point; no pose
     check = front.check(places, bodies=["ball"])
     assert not check.free.any() and not check.hit.any()
-    assert check.status.tolist() == [Status.UNCONVERGED, Status.BAD_POSE]
+    assert check.verdict.tolist() == [Status.UNCONVERGED, Status.BAD_POSE]
 
 
 def test_bad_margins_are_refused_by_name(front):

@@ -84,6 +84,15 @@ def test_reductions(engine, pandas, query):
         assert [engine.body_id(name) for name in frame["lower_body_a"]] == result.pair_lower[:, 0].tolist()
 
 
+@pytest.mark.parametrize("with_pair", [False, True])
+def test_verdicts(engine, pandas, with_pair):
+    result = engine.distances(reduce="any", margin=0.001, fields=["verdict", "pair"] if with_pair else "verdict")
+    for each in (result, pickle.loads(pickle.dumps(result))):
+        frame = each.to_pandas()
+        assert list(frame.columns) == ["configuration", *(["body_a", "body_b"] if with_pair else []), "verdict"]
+        assert [clearance.Status[verdict] for verdict in frame["verdict"]] == result.verdict.tolist()
+
+
 def test_motions(engine, pandas):
     ends = np.array([[at(0.5, 0, 0.5)], [at(0, 0.9, 0.4)]])
     result = engine.motions(ends, ends[::-1].copy(), bodies=["cup"])

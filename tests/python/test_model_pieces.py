@@ -106,7 +106,7 @@ def test_reductions_and_decisions(front):
     assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
     check = front.prepare("check", **exact_value, model="pieces").run(PLACES)
     assert check.free.tolist() == [True, False, False, True]
-    assert check.status.tolist() == [Status.BEYOND, Status.UNCONVERGED, Status.UNCONVERGED, Status.BEYOND]
+    assert check.verdict.tolist() == [Status.BEYOND, Status.UNCONVERGED, Status.UNCONVERGED, Status.BEYOND]
     assert front.check(PLACES, **exact_value).free.tolist() == [True, True, False, True]
     near = front.prepare("check", margin=0.2, **exact_value, model="pieces").run(PLACES)
     assert near.hit.tolist() == [False, True, True, False]

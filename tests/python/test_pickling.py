@@ -57,7 +57,8 @@ def test_checks_come_back_equal(engine, way):
     check = engine.check(poses, bodies=["link2"])
     again = WAYS[way](check)
     assert np.array_equal(again.free, check.free) and set(check.free) == {True, False}
-    assert np.array_equal(again.pair, check.pair) and np.array_equal(again.hit, check.hit)
+    assert np.array_equal(again.pair, check.pair) and np.array_equal(again.verdict, check.verdict)
+    assert np.array_equal(again.hit, check.hit) and not again and not check
     path = engine.check_path(poses, bodies=["link2"])
     assert not path.free and WAYS[way](path) == path
 

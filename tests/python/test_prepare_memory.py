@@ -36,7 +36,7 @@ def arrays_of(result):
     if isinstance(result, np.ndarray):
         return [result, result[1:]]
     if isinstance(result, clearance.Check):
-        return [result.free, result.pair[..., 0], result.status]
+        return [result.free, result.pair[..., 0], result.verdict]
     columns = list(result.columns.values())
     return [*columns, columns[0].reshape(-1)[::2], columns[-1].view(np.uint8), np.asarray(memoryview(columns[1]))]
 

@@ -31,8 +31,8 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
     q.bodies = {1, 2};
     q.configurations = {here, there, there, here};
     q.header.precision = 1;
-    q.header.fields =
-        kKnownFields & ~(kFieldPoints32 | kFieldPairLower | kFieldGradientJoints | kMotionFields | kFieldFreeScale);
+    q.header.fields = kKnownFields & ~(kFieldPoints32 | kFieldPairLower | kFieldGradientJoints | kMotionFields |
+                                       kFieldFreeScale | kFieldVerdict);
   });
   query("signed_with_points", [&](TestQuery& q) {
     q.bodies = {1};

@@ -30,16 +30,15 @@ struct LimitViolation {
 /// The free configurations: (K,) each, or 1 without configurations. `free` ignores joint limits, ok() includes them.
 struct Check {
   std::vector<bool> free;  ///< whether every pair is proved farther than its margin
-  /// kBeyond if free; kOk, kContact, kOverlap if `pair` is proved within its margin; otherwise there is no proof.
-  std::vector<Status> status;
-  std::vector<IdPair> pair;          ///< kNone if free
-  std::vector<double> lower, upper;  ///< metres, of `pair`
+  /// kBeyond if free; kOk if `pair` is proved within its margin; otherwise the reason why nothing is proved.
+  std::vector<Status> verdict;
+  std::vector<IdPair> pair;  ///< kNone if free
   /// Whether a joint of the query, or without configurations of the scene, is beyond its limits.
   std::vector<bool> beyond_limits;
   std::vector<LimitViolation> limit_violations;  ///< in the order of configurations
 
   /// Whether configuration `k` is proved not to be free. If neither free nor hit, nothing is proved.
-  bool hit(std::size_t k) const { return status[k] <= Status::kContact; }
+  bool hit(std::size_t k) const { return verdict[k] == Status::kOk; }
   /// Whether configuration `k` is free, and within the joints' limits.
   bool ok(std::size_t k) const { return free[k] && !beyond_limits[k]; }
   /// Whether all configurations are ok.
@@ -76,7 +75,7 @@ inline constexpr std::uint32_t kDefaultEvaluations = 256;
 /// Converts a query to that of check().
 inline Query as_check(Query query) {
   query.reduce = Reduce::kAny;
-  query.fields = kFieldLower | kFieldUpper | kFieldStatus | kFieldPair;
+  query.fields = kFieldVerdict | kFieldPair;
   return query;
 }
 /// Converts a query to that of free_scale().
@@ -107,14 +106,12 @@ inline Check check_of(const Result& result, std::span<const std::uint32_t> joint
                       std::span<const JointLimits> limits = {}, std::span<const double> positions = {}) {
   Check check;
   const std::size_t rows = result.rows();
-  check.status.assign(result.status().begin(), result.status().end());
+  check.verdict.assign(result.verdict().begin(), result.verdict().end());
   check.pair.assign(result.pair().begin(), result.pair().end());
-  check.lower.assign(result.lower().begin(), result.lower().end());
-  check.upper.assign(result.upper().begin(), result.upper().end());
   check.free.resize(rows);
   check.beyond_limits.resize(rows);
   for (std::size_t k = 0; k < rows; ++k) {
-    check.free[k] = check.status[k] == Status::kBeyond;
+    check.free[k] = check.verdict[k] == Status::kBeyond;
     for (std::size_t j = 0; j < joints.size(); ++j) {
       const double position = positions[k * joints.size() + j];
       if (!(position < limits[j].lower || position > limits[j].upper)) continue;

@@ -77,6 +77,7 @@ class Result {
   /// (rows * 6,) both witness points, each relative to its body's origin, along the world's axes; kFieldPoints32.
   std::span<const float> points32() const { return column<float>(kFieldPoints32); }
   std::span<const double> free_scale() const { return column<double>(kFieldFreeScale); }
+  std::span<const Status> verdict() const { return column<Status>(kFieldVerdict); }  ///< of Reduce::kAny
 
   std::uint64_t epoch() const { return info_.epoch; }
   std::uint64_t scene_revision() const { return info_.scene_revision; }

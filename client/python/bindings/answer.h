@@ -41,16 +41,16 @@ inline Layout layout_of(std::uint32_t fields, std::uint64_t rows, std::uint64_t 
   return layout;
 }
 
-inline constexpr int kStatusBit = std::countr_zero(static_cast<std::uint32_t>(kFieldStatus));
+inline constexpr int kVerdictBit = std::countr_zero(static_cast<std::uint32_t>(kFieldVerdict));
 
 /// Columns and the properties of the whole answer.
 struct Answer {
-  /// Whether the status of every row is kBeyond.
-  bool all_beyond() const {
-    const std::int64_t at = offset[kStatusBit];
-    if (at < 0) throw nb::attribute_error("the column 'status' was not requested");
-    const auto* status = reinterpret_cast<const Status*>(base + at);
-    return std::all_of(status, status + rows, [](Status s) { return s == Status::kBeyond; });
+  /// Whether the verdict of every row is kBeyond.
+  bool all_free() const {
+    const std::int64_t at = offset[kVerdictBit];
+    if (at < 0) throw nb::attribute_error("the column 'verdict' was not requested");
+    const auto* verdict = reinterpret_cast<const Status*>(base + at);
+    return std::all_of(verdict, verdict + rows, [](Status s) { return s == Status::kBeyond; });
   }
 
   std::shared_ptr<void> owner;  ///< of `base`
@@ -77,7 +77,7 @@ inline void bind_answer(nb::module_& m) {
       {0, nullptr}};
   nb::class_<Answer>(m, "Answer", nb::type_slots(slots))
       .def("offset", [](const Answer& a, int field) { return a.offset.at(static_cast<std::size_t>(field)); })
-      .def("all_beyond", &Answer::all_beyond)
+      .def("all_free", &Answer::all_free)
       .def_ro("beyond_limits", &Answer::beyond_limits)
       .def_ro("fields", &Answer::fields)
       .def_ro("rows", &Answer::rows)

@@ -69,7 +69,7 @@ class Distances(Call):
 
 
 class Checks(Distances):
-    fixed: ClassVar = {"reduce": "any", "fields": int(Field.LOWER | Field.UPPER | Field.STATUS | Field.PAIR)}
+    fixed: ClassVar = {"reduce": "any", "fields": int(Field.VERDICT | Field.PAIR)}
 
     #: Violations of the scene's joints at the current poses.
     current_limits: Callable[[Result], Any]

@@ -10,18 +10,18 @@ from ._limits import Beyond, LimitViolation
 from ._result import Result
 from ._words import Status
 
-_BEYOND = int(Status.BEYOND)  # numpy compares an enum's member as an object
+_BEYOND, _OK = int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object
 
 
 class Check:
-    """The free ones among K configurations (1 without configurations), and the status of the others.
+    """The free ones among K configurations (1 without configurations), and the verdict on the others.
 
     `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
     """
 
     __slots__ = ("result", "_beyond", "_free")
 
-    result: Result  #: of reduce="any", as distances() returns it
+    result: Result  #: of reduce="any" with the columns verdict and pair, as distances() returns it
 
     def __init__(self, result: Result, beyond: Optional[Beyond] = None):
         self.result = result
@@ -32,7 +32,7 @@ class Check:
     def free(self) -> np.ndarray:
         """(K,) bool: every pair is proved farther than its margin."""
         if self._free is None:
-            self._free = self.result.status == _BEYOND
+            self._free = self.result.verdict == _BEYOND
         return self._free
 
     @property
@@ -53,16 +53,16 @@ class Check:
         return () if self._beyond is None else self._beyond.violations()
 
     def __bool__(self) -> bool:
-        return self._beyond is None and self.result._all_beyond()
+        return self._beyond is None and self.result._all_free()
 
     @property
-    def status(self) -> np.ndarray:
+    def verdict(self) -> np.ndarray:
         """(K,) uint8, values of clearance.Status.
 
-        BEYOND if free. OK, CONTACT or OVERLAP if `pair` is proved within its margin, and UNCONVERGED if neither is
-        proved. BAD_POSE, NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
+        BEYOND if free, OK if `pair` is proved within its margin, UNCONVERGED if neither is proved, and BAD_POSE,
+        NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
         """
-        return self.result.status
+        return self.result.verdict
 
     @property
     def pair(self) -> np.ndarray:
@@ -72,7 +72,7 @@ class Check:
     @property
     def hit(self) -> np.ndarray:
         """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
-        return self.status <= Status.CONTACT
+        return self.verdict == _OK
 
     def __repr__(self) -> str:
         text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"

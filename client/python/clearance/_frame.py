@@ -8,7 +8,7 @@ import numpy as np
 import pandas
 
 from ._names import names_of
-from ._words import Reduce, Status
+from ._words import Field, Reduce, Status
 
 #: Suffixes of the numbers of a row, by their count or the column's name; otherwise from 0 on.
 _SUFFIXES = {"bounds": ("lower", "upper"), "pieces": ("a", "b"), "first_contact": ("free_until", "hit"), 3: "xyz"}
@@ -16,17 +16,20 @@ _SUFFIXES = {"bounds": ("lower", "upper"), "pieces": ("a", "b"), "first_contact"
 
 def data_frame(result: Any) -> Any:
     """Implements to_pandas() of a Result."""
-    pairs = result.pairs
+    has_pairs = result._reduce == Reduce.NONE or bool(result.fields & Field.PAIR)
     rows = result._answer.rows
     if result._reduce == Reduce.WITHIN:
         configuration = result.configuration
     else:
         k = result.configurations
         configuration = np.repeat(np.arange(k, dtype=np.uint32), rows // k if k else 0)
+    table: dict[str, Any] = {"configuration": configuration}
+    if has_pairs:
+        pairs = result.pairs
         if result._reduce == Reduce.NONE:
-            pairs = np.broadcast_to(pairs, (k, *pairs.shape))
-    bodies = names_of(pairs.reshape(-1, 2), result.names)
-    table: dict[str, Any] = {"configuration": configuration, "body_a": bodies[:, 0], "body_b": bodies[:, 1]}
+            pairs = np.broadcast_to(pairs, (result.configurations, *pairs.shape))
+        bodies = names_of(pairs.reshape(-1, 2), result.names)
+        table.update(body_a=bodies[:, 0], body_b=bodies[:, 1])
     for name, column in result.columns.items():
         if name not in ("pair", "configuration"):
             table.update(_series(name, column, rows, result.names))
@@ -35,7 +38,7 @@ def data_frame(result: Any) -> Any:
 
 def _series(name: str, column: np.ndarray, rows: int, names: tuple[str, ...]) -> dict[str, Any]:
     """Splits a column into one for each number of a row."""
-    if name == "status":
+    if name in ("status", "verdict"):
         labels = [status.name for status in Status]
         return {name: pandas.Categorical.from_codes(column.reshape(-1), labels)}
     if name == "pair_lower":

@@ -109,8 +109,9 @@ class Queries:
             every body, where later entries win and other pairs have a margin of 0. Default: 0, which proves that
             nothing touches.
 
-        Returns .free (K,) bool and, for configurations that are not free, .pair (K, 2) and .status (K,). Unproved
+        Returns .free (K,) bool and, for configurations that are not free, .pair (K, 2) and .verdict (K,). Unproved
         configurations are not free: contact, an invalid pose, or a distance equal to the margin within the tolerance.
+        For distances of the pairs use distances(reduce="any", margin=...).
         Distances ignore joint limits: .ok (K,) bool is free and within limits, and .limit_violations lists the joints
         that are not, with their excess. Limits are those of the query's joints; without configurations, those of all
         joints at their current positions, which costs a client a request after each change of poses. Warns

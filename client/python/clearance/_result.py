@@ -89,6 +89,9 @@ class Result:
     )  # type: ignore[assignment]
     steps: np.ndarray = _ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
     free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
+    verdict: np.ndarray = _ColumnAttribute(
+        'uint8, reduce="any" only: values of clearance.Status, as status, but OK for any pair proved within its margin'
+    )  # type: ignore[assignment]
     bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
     points32: np.ndarray = _ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
 
@@ -132,7 +135,8 @@ class Result:
     def pairs(self) -> np.ndarray:
         """Body ids (a, b): (P, 2) for reduce="none", otherwise the pair of each row: (K, N, 2), (K, 2) or (R, 2).
 
-        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any".
+        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any". A query
+        with the column verdict has no pairs unless it requests the column pair.
         """
         if self._reduce != Reduce.NONE:
             return self.pair
@@ -200,8 +204,8 @@ class Result:
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
-    def _all_beyond(self) -> bool:
-        return bool(self._answer.all_beyond())
+    def _all_free(self) -> bool:
+        return bool(self._answer.all_free())
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """Pickles and copies the columns, the table of pairs and the names, without the engine or client."""
@@ -232,8 +236,8 @@ class _Restored:
         self.__dict__.update(numbers)
         self.columns, self._pairs, self._why_no_pairs, self._names = columns, pairs, why_no_pairs, names
 
-    def all_beyond(self) -> bool:
-        return bool((self.columns["status"] == int(Status.BEYOND)).all())
+    def all_free(self) -> bool:
+        return bool((self.columns["verdict"] == int(Status.BEYOND)).all())
 
     def pairs_at(self, revision: int) -> np.ndarray:
         if self._pairs is None:

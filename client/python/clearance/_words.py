@@ -96,6 +96,7 @@ class Field(enum.IntFlag):
     STEPS = 1 << 17
     BOUNDS = 1 << 18
     FREE_SCALE = 1 << 19
+    VERDICT = 1 << 20
 
 
 class Column(NamedTuple):
@@ -131,6 +132,7 @@ COLUMNS: dict[str, Column] = {
     "steps": Column(17, np.dtype("<u4"), ()),
     "bounds": Column(18, np.dtype("<f4"), (2,)),
     "free_scale": Column(19, np.dtype("<f8"), ()),
+    "verdict": Column(20, np.dtype("u1"), ()),
 }
 KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 #: Bits from 0 to that of the last column.

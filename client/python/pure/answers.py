@@ -43,11 +43,11 @@ class Answer(np.ndarray):
         """Returns the offset of a column, or -1."""
         return self._offsets.get(field, -1)
 
-    def all_beyond(self) -> bool:
-        """Whether the status of every row is BEYOND."""
-        at = self.offset(COLUMNS["status"].bit)
+    def all_free(self) -> bool:
+        """Whether the verdict of every row is BEYOND."""
+        at = self.offset(COLUMNS["verdict"].bit)
         if at < 0:
-            raise AttributeError("the column 'status' was not requested")
+            raise AttributeError("the column 'verdict' was not requested")
         return bool((self[at : at + self.rows].view(np.ndarray) == int(Status.BEYOND)).all())
 
 

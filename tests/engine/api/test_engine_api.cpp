@@ -76,6 +76,22 @@ TEST(EngineApi, PreparedOwnsItsArrays) {
   EXPECT_EQ(check.pair[0], (IdPair{0, 1}));
 }
 
+TEST(EngineApi, ChecksHaveAVerdictAndAPairPerConfiguration) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses{at(2.25), at(1.1), at(0.5), at(std::nan(""))};  // free, near, overlapping, nowhere
+  const Query query{.bodies = moved, .configurations = poses, .margin = 0.2};
+  const Check check = engine.check(query);
+  EXPECT_EQ(check.verdict, (std::vector{Status::kBeyond, Status::kOk, Status::kOk, Status::kBadPose}));
+  EXPECT_EQ(check.free, (std::vector<bool>{true, false, false, false}));
+  EXPECT_EQ(check.pair, (std::vector<IdPair>{{kNone, kNone}, {0, 1}, {0, 1}, {0, 1}}));
+  EXPECT_TRUE(check.hit(2));
+  EXPECT_FALSE(check.hit(3)) << "nothing is proved";
+  const Result result = engine.distances(as_check(query));
+  EXPECT_EQ(result.fields(), kFieldVerdict | kFieldPair);
+  EXPECT_EQ(std::vector(result.verdict().begin(), result.verdict().end()), check.verdict);
+}
+
 TEST(EngineApi, MemoryOfAResultIsReusedOnceNoCopyOfItExists) {
   const Engine engine(boxes());
   const std::vector<std::uint32_t> moved{1};

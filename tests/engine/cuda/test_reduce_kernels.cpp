@@ -79,6 +79,7 @@ void compare_margins(const engine::Engine& cpu, QueryView q, const std::string& 
     outcomes.add(reduction);
   };
   q.reduce = Reduce::kAny;
+  q.fields |= kFieldVerdict;
   for (const double margin : {0.0, 1e-6, 0.02, 0.3}) {
     q.margin = margin;
     compare(", margin " + std::to_string(margin));

@@ -1,6 +1,8 @@
 // Motions through the engine: proved bounds hold at each time, and reported contacts exist.
 #include <gtest/gtest.h>
 
+#include <array>
+
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/motion/motion_test.h"
 
@@ -150,6 +152,40 @@ TEST(Motions, OutOfStepsIsNeverFree) {
   EXPECT_GT(free, 500);
   EXPECT_GT(hits, 500);
   EXPECT_GT(unconverged, 500);
+}
+
+TEST(Motions, VerdictIsTheStatusWithoutTheKindOfAHit) {
+  Flight flight;
+  const std::size_t count = add_flights_by_gap(flight, 60).size();
+  const std::uint32_t person = flight.scene.add_sphere("person", 0.3, {.pose = Pose{{0, 9, 0}}});
+  engine::Engine engine = engine_of(std::move(flight.scene));
+  std::array<int, 9> seen{};
+  const auto compare = [&](double margin, std::uint32_t steps) {
+    QueryView query = flight.motions.view(Reduce::kAny, steps);
+    query.margin = margin;
+    for (const std::uint32_t contact : {0u, kFieldFirstContact | 0u}) {  // has a search of its own
+      query.fields = kFieldStatus | contact;
+      const Answer known = evaluate(engine, query);
+      for (const std::uint32_t others : {0u, kFieldPair | kFieldTime}) {
+        query.fields = kFieldVerdict | others | contact;
+        const Answer answer = evaluate(engine, query);
+        ASSERT_EQ(answer.size.fields, query.fields) << "no other column is forced";
+        for (std::size_t i = 0; i < count; ++i) {
+          const auto status = static_cast<Status>(known.view.status[i]);
+          const bool is_hit = status <= Status::kContact;
+          ASSERT_EQ(static_cast<Status>(answer.view.verdict[i]), is_hit ? Status::kOk : status) << i;
+          ++seen[static_cast<std::size_t>(status)];
+        }
+      }
+    }
+  };
+  for (const double margin : {0.0, 1e-3})
+    for (const std::uint32_t steps : {1u, 256u}) compare(margin, steps);
+  engine.set_poses(std::vector<BodyPose>{{person, Pose{{std::nan(""), 0, 1}}}});
+  compare(0, 256);
+  for (const Status status :
+       {Status::kOk, Status::kContact, Status::kOverlap, Status::kBeyond, Status::kUnconverged, Status::kBadPose})
+    EXPECT_GT(seen[static_cast<std::size_t>(status)], 3) << static_cast<int>(status);
 }
 
 // A least distance below the tolerance is no contact if the same row proves the motion free.

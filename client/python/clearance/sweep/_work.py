@@ -141,7 +141,7 @@ def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
 
 def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
     rows = spec.rows.at(index)
-    fields = ["status" if name == "free" else name for name in spec.columns]
+    fields = ["verdict" if name == "free" else name for name in spec.columns]
     requested = {**spec.requested, "fields": list(dict.fromkeys(fields))}
     moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in requested else rows
     if spec.rows.motions:
@@ -152,7 +152,7 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
     if spec.positions:
         columns.update(_positions(rows, spec.rows.motions))
     for name in spec.columns:
-        column = result.status == Status.BEYOND if name == "free" else getattr(result, name)
+        column = result.verdict == Status.BEYOND if name == "free" else getattr(result, name)
         if column.dtype.kind == "f":
             column = np.where(np.isnan(column), np.nan, column)  # backends can differ in the bits of NaN
         flat = column.reshape(len(index), -1)
