@@ -30,6 +30,17 @@ double centre_error(double reach, double farthest) {
   return kUnit * (16 * reach + 8 * farthest);
 }
 
+/// A ball that holds the body's points and the centres of all balls.
+LinkBall ball_of_centres(const Cover& cover) {
+  const auto& c = cover.root.centre;
+  LinkBall ball{{c[0], c[1], c[2]}, cover.root.outer};
+  for (const BallPacket& packet : cover.packets)
+    for (std::uint32_t i = 0; i < packet.count; ++i)
+      ball.radius = std::max(
+          ball.radius, norm(Vec3d{packet.x[i], packet.y[i], packet.z[i]} - ball.centre) * (1 + 0x1p-48));
+  return ball;
+}
+
 }  // namespace
 
 /// Collects the parts of a CoverPlan.
@@ -41,10 +52,14 @@ class CoverPlanBuilder {
 
   std::unique_ptr<const CoverPlan> build() {
     if (!take_slides() || !take_bodies()) return nullptr;
-    find_partners();
+    find_reach();
     take_errors();
+    if (plan_.query.max_evaluations > 0 && !take_sources()) return nullptr;
     for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) take(p);
     if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
+    if (plan_.query.max_evaluations > 0)
+      out_->rates_ = std::make_unique<const SpanRates>(plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()),
+                                                       out_->moved_pairs_);
     finish();
     return std::move(out_);
   }
@@ -62,7 +77,8 @@ class CoverPlanBuilder {
   bool take_slides();
   bool take_bodies();
   void take_link(std::uint32_t body, DecidedBody& decided);
-  void find_partners();
+  void find_reach();
+  bool take_sources();
   void take_errors();
   std::uint32_t obstacles_of(std::uint32_t body);
   void take(std::uint64_t position);
@@ -81,6 +97,7 @@ class CoverPlanBuilder {
   std::vector<std::uint32_t> obstacle_of_;    // by body: first obstacle, kNone if it is none
   std::vector<std::uint32_t> parts_of_;       // by obstacle: count of the body's obstacles, at its first one
   std::vector<double> errors_;                // by moved body: centre_error()
+  std::vector<SpanRates::Source> sources_;    // of motions
   std::vector<ObstaclePair> obstacle_pairs_;
   double reach_ = 0;                          // of all moved bodies in the common frame
   Pose frame_inverse_{};                      // the world in the common frame
@@ -154,8 +171,7 @@ void CoverPlanBuilder::take_link(std::uint32_t b, DecidedBody& decided) {
   if (is_carried) decided.farthest += out_->bodies_[decided.carrier].farthest;
 }
 
-// Bodies without a usable partner need no errors, but all are placed.
-void CoverPlanBuilder::find_partners() {
+void CoverPlanBuilder::find_reach() {
   for (std::size_t i = 0; i < out_->bodies_.size(); ++i)
     if (cover(static_cast<std::uint32_t>(i)))
       reach_ = std::max(reach_, (out_->bodies_[i].farthest * std::sqrt(3.0) + cover(static_cast<std::uint32_t>(i))->reach) * 1.001);
@@ -166,6 +182,32 @@ void CoverPlanBuilder::take_errors() {
     const Cover* const c = cover(static_cast<std::uint32_t>(i));
     errors_.push_back(c ? centre_error(c->reach, std::sqrt(3.0) * out_->bodies_[i].farthest) : 0);
   }
+}
+
+// What moves the bodies during motions. Returns false for a body that is neither a link nor fixed to one.
+bool CoverPlanBuilder::take_sources() {
+  for (std::uint32_t i = 0; i < out_->bodies_.size(); ++i) {
+    const DecidedBody& decided = out_->bodies_[i];
+    const bool is_fixed = decided.carrier != kNone && decided.pose == kNone;
+    const std::uint32_t of = is_fixed ? decided.carrier : i;
+    CoverPlan::LinkOf& link = out_->links_.emplace_back();
+    if (!cover(i) && !out_->bodies_[i].is_direct) continue;
+    if (!out_->bodies_[of].is_direct) return false;
+    const Body& body = scene_.bodies()[plan_.moved[of]];
+    for (std::uint32_t m = 0; m < plan_.motions.size(); ++m)
+      if (body.robot != kNone && &plan_.motions[m].robot() == scene_.robots()[body.robot].get())
+        link = {m, body.link};
+    if (link.robot == kNone) return false;
+    if (!cover(i)) continue;
+    LinkBall ball = ball_of_centres(*cover(i));
+    if (is_fixed) {
+      ball.centre = rotation_of(decided.constant) * ball.centre + decided.constant.translation;
+      ball.radius = ball.radius * (1 + 0x1p-40) + 0x1p-40 * (cover(i)->reach + norm(decided.constant.translation));
+    }
+    sources_.push_back({i, link.robot, link.link, ball});
+    errors_[i] += SpanRates::rounding(plan_, sources_.back());
+  }
+  return true;
 }
 
 // The first of a body's obstacles; kNone for a body that balls cannot see.
@@ -258,7 +300,7 @@ std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, con
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {
-  return !plan.motions.empty() && plan.given_bodies == 0 && plan.query.max_evaluations == 0 && plan.pairs.size() > 0 &&
+  return !plan.motions.empty() && plan.given_bodies == 0 && plan.pairs.size() > 0 &&
          plan.pairs.size() <= kMostPairs && plan.moved.size() <= kMostDecidedBodies;
 }
 

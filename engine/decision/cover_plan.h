@@ -8,6 +8,7 @@
 
 #include "engine/cover/cover_store.h"
 #include "engine/decision/decision_view.h"
+#include "engine/decision/span_rates.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/plan.h"
 
@@ -17,12 +18,19 @@ namespace clearance {
 /// lengths are relative to the frame that carries the first robot moved, so that they are short. Immutable.
 class CoverPlan {
  public:
-  /// Whether covers may decide states of a plan: those of joints alone, without many pairs.
+  /// Whether covers may decide states or motions of a plan: those of joints alone, without many pairs.
   static bool may_decide(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
   static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers);
 
   const DecisionView& view() const { return view_; }
+  /// A link that moves a body, or that it is fixed to.
+  struct LinkOf {
+    std::uint32_t robot = kNone, link = kNone;  ///< index in Plan::motions; of that robot
+  };
+  const LinkOf& link_of(std::uint32_t body) const { return links_[body]; }
+  /// For motions; null if covers cannot decide them.
+  const SpanRates* rates() const { return rates_.get(); }
   /// Positions of pairs, ascending, that covers do not know: they are open in every state.
   std::span<const std::uint64_t> unknown() const { return unknown_; }
   /// Whether the bounds hold for a row of the plan's positions. Joints that slide have limits.
@@ -36,6 +44,8 @@ class CoverPlan {
     double most;       // metres
   };
   std::vector<SlideLimit> slides_;
+  std::vector<LinkOf> links_;  // of bodies_
+  std::unique_ptr<const SpanRates> rates_;
   std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;

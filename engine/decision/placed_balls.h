@@ -99,9 +99,9 @@ class PlacedBalls {
   }
 
   HWY_INLINE void root_gaps(const Obstacle& obstacle, std::uint32_t begin, PointGaps& gaps) const {
-    using Eight = const float(&)[kBalls];
-    point_gaps(obstacle, reinterpret_cast<Eight>(root_.x[begin]), reinterpret_cast<Eight>(root_.y[begin]),
-               reinterpret_cast<Eight>(root_.z[begin]), gaps);
+    using Row = const float(&)[kBalls];
+    point_gaps(obstacle, reinterpret_cast<Row>(root_.x[begin]), reinterpret_cast<Row>(root_.y[begin]),
+               reinterpret_cast<Row>(root_.z[begin]), gaps);
   }
   HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
   HWY_INLINE float root_way(std::uint32_t body) const { return root_.way[body]; }

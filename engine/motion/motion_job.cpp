@@ -4,6 +4,7 @@
 #include <string>
 #include <utility>
 
+#include "engine/decision/motion_decider.h"
 #include "engine/motion/motion_block.h"
 #include "engine/query/job_cache.h"
 #include "engine/query/parallel_job.h"
@@ -23,6 +24,8 @@ class MotionJob final : public ParallelJob {
     const std::uint64_t most = MotionBlock::most(plan_, workers());
     for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, options_, boxes(), most);
     block_ = most;
+    left_.resize(blocks_.size());
+    take_covers();
   }
 
   bool go_on(WorkMeter& slice) override {
@@ -37,6 +40,7 @@ class MotionJob final : public ParallelJob {
       if (!done) return false;
       for (const auto& rows : rows_)
         for (const MotionRow& row : rows) write(row);
+      if (!deciders_.empty()) written_ = first_ + motions;
       rows_.clear();
       next_ = 0;
       first_ += motions;
@@ -51,25 +55,67 @@ class MotionJob final : public ParallelJob {
   void rewind() override {
     first_ = next_ = written_ = 0;
     evaluated_ = 0;
+    if (context_.covers && covers_revision_ != context_.covers->revision()) take_covers();
   }
 
  private:
   bool run(std::uint64_t unit, int worker, std::uint64_t count, WorkMeter& meter) {
     MotionBlock& block = blocks_[static_cast<std::size_t>(worker)];
-    if (!block.has_begun()) block.begin(first_ + unit * block_, count, meter);
+    if (!block.has_begun() && !begin(block, first_ + unit * block_, count, worker, meter)) return true;
     if (!block.advance(meter)) return false;
     evaluated_.fetch_add(block.end(rows_[unit]), std::memory_order_relaxed);
     return true;
   }
 
+  // Decides motions by covers if only their verdicts are requested. Returns false if none is left to evaluate.
+  bool begin(MotionBlock& block, std::uint64_t first, std::uint64_t count, int worker, WorkMeter& meter) {
+    if (deciders_.empty()) {
+      block.begin(first, count, meter);
+      return true;
+    }
+    std::vector<std::uint64_t>& left = left_[static_cast<std::size_t>(worker)];
+    left.clear();
+    for (std::uint64_t k = first; k < first + count; ++k) {
+      const Verdict verdict = deciders_[static_cast<std::size_t>(worker)].decide(k);
+      if (verdict == Verdict::kUnresolved)
+        left.push_back(k);
+      else
+        write_verdict(k, verdict == Verdict::kFree ? Status::kBeyond : Status::kOk);
+    }
+    meter.count(count * kUnitsPerDecision);
+    if (!left.empty()) block.begin(left, meter);
+    return !left.empty();
+  }
+
+  void write_verdict(std::uint64_t motion, Status verdict) {
+    reply_.verdict[motion] = static_cast<std::uint8_t>(verdict);
+    if (reply_.configuration) reply_.configuration[motion] = static_cast<std::uint32_t>(motion);
+  }
+
+  void take_covers() {
+    deciders_.clear();
+    constexpr std::uint32_t kDecided = kFieldVerdict | kFieldConfiguration;
+    if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kDecided) != 0) return;
+    covers_revision_ = context_.covers->revision();
+    covers_ = CoverPlan::make(scene(), plan_, *context_.covers);
+    if (!covers_ || !covers_->rates() || !covers_->unknown().empty()) return;
+    for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
+  }
+
   void write(const MotionRow& row) {
     assert(written_ < plan_.size.rows);
-    write_motion_row(reply_, written_++, row);
+    write_motion_row(reply_, deciders_.empty() ? written_++ : row.row.configuration, row);
   }
+
+  static constexpr std::uint64_t kUnitsPerDecision = 8;
 
   MotionBounds bounds_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
   std::vector<MotionBlock> blocks_;           // one per worker
+  std::unique_ptr<const CoverPlan> covers_;
+  std::vector<MotionDecider> deciders_;            // one per worker; none without covers
+  std::vector<std::vector<std::uint64_t>> left_;   // motions that they leave open; one per worker
+  std::uint64_t covers_revision_ = 0;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};

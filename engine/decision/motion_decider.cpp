@@ -1,0 +1,174 @@
+#include "engine/decision/motion_decider.h"
+
+#include <algorithm>
+#include <cmath>
+
+namespace clearance {
+
+namespace {
+
+constexpr double kUp = 1 + 0x1p-20;  // more than the rounding to float32 of what is summed here
+
+Vec3d turned_by(const Pose& X, const Vec3d& v) {
+  return turned(Quaternion<double>{X.qw, X.qx, X.qy, X.qz}, v);
+}
+
+SpanTwist within_half(const Twist& twist, double half) {
+  const auto number = [&](double x) { return static_cast<float>(x * half); };
+  return {{number(twist.turn.x), number(twist.turn.y), number(twist.turn.z)},
+          {number(twist.shift.x), number(twist.shift.y), number(twist.shift.z)}};
+}
+
+}  // namespace
+
+MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
+    : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]) {
+  const std::size_t columns = covers.view().columns;
+  for (const LinkMotion& motion : plan.motions) {
+    robots_.emplace_back(motion.robot().kinematics);
+    along_.emplace_back(motion.robot().model.columns.size());
+    change_.emplace_back(motion.robot().model.columns.size());
+    links_begin_.push_back(links_of_span_);
+    links_of_span_ += motion.robot().kinematics.links();
+  }
+  rates_.resize(columns);
+  twists_.resize(columns);
+  origins_.resize(columns);
+  bodies_.resize(columns);
+  link_twists_.resize(links_of_span_);
+  open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
+}
+
+// Takes the motion's positions. Returns false if the bounds do not hold for them.
+bool MotionDecider::begin(std::uint64_t motion) {
+  const std::size_t joints = plan_.joints.size();
+  start_ = plan_.positions.subspan(2 * motion * joints, joints);
+  end_ = plan_.positions.subspan((2 * motion + 1) * joints, joints);
+  const auto is_small = [](double q) { return std::abs(q) <= SpanRates::kMostPosition; };
+  if (!std::all_of(start_.begin(), end_.end(), is_small) || !covers_.holds_for(start_) || !covers_.holds_for(end_))
+    return false;
+  total_ = 0;
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
+    for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
+      const double by = end_[moving.at] - start_[moving.at];
+      along_[m][moving.column] = by;
+      change_[m][moving.column] = std::abs(by) * kMotionSlack;
+      total_ += std::abs(by);
+    }
+  for (std::uint32_t b = 0; b < covers_.view().body_count; ++b)
+    if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, change_);
+  return true;
+}
+
+Verdict MotionDecider::decide(std::uint64_t motion) {
+  if (!begin(motion)) return Verdict::kUnresolved;
+  std::size_t count = 1;
+  double half = 0.5;
+  for (; count < kTogether && half * total_ > kRootSpan; count *= 2) half *= 0.5;
+  spans_.clear();
+  items_.clear();
+  for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
+  int decided = 0;
+  for (; !spans_.empty(); half *= 0.5) {
+    next_.clear();
+    next_items_.clear();
+    for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
+      const std::size_t together = std::min(kTogether, spans_.size() - first);
+      place(std::span(spans_).subspan(first, together));
+      for (std::size_t k = 0; k < together; ++k) {
+        const Span& span = spans_[first + k];
+        const SpanDecision decision = decide(k, span, half);
+        if (decision.verdict == Verdict::kHit) return Verdict::kHit;
+        if (decision.verdict == Verdict::kFree) continue;
+        if (decision.open == 0 || half <= kLeastSpan || ++decided > kMostSpans) return Verdict::kUnresolved;
+        const std::size_t begin = next_items_.size();
+        next_items_.insert(next_items_.end(), open_.begin(), open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
+        for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+      }
+    }
+    std::swap(spans_, next_);
+    std::swap(items_, next_items_);
+  }
+  return Verdict::kFree;
+}
+
+// Places the links in the middles of spans.
+void MotionDecider::place(std::span<const Span> spans) {
+  const std::size_t bodies = plan_.bodies.size(), joints = plan_.joints.size();
+  rows_.resize(spans.size() * joints);
+  for (std::size_t k = 0; k < spans.size(); ++k)
+    for (std::size_t j = 0; j < joints; ++j)
+      rows_[k * joints + j] = start_[j] + spans[k].middle * (end_[j] - start_[j]);
+  poses_.resize(spans.size() * bodies);
+  facts_.resize(spans.size() * bodies);
+  links_.resize(spans.size() * links_of_span_);
+  std::size_t at = 0;
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
+    const LinkMotion& motion = plan_.motions[m];
+    const std::size_t links = motion.robot().kinematics.links();
+    motion.make(rows_, spans.size(), poses_.data() + at, facts_.data() + at, bodies, scratch_);
+    for (std::size_t k = 0; k < spans.size(); ++k)
+      std::copy_n(scratch_.poses.begin() + static_cast<std::ptrdiff_t>(k * links), links,
+                  links_.begin() + static_cast<std::ptrdiff_t>(k * links_of_span_ + links_begin_[m]));
+    at += motion.links().size();
+  }
+}
+
+SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half) {
+  const auto facts = std::span(facts_).subspan(k * plan_.bodies.size(), plan_.bodies.size());
+  if (std::any_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); })) return {};
+  take_twists(k, half);
+  return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
+                           span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
+                           open_.data(), open_.size()});
+}
+
+// Velocities of the bodies in the middle of a span, in the common frame.
+void MotionDecider::take_twists(std::size_t k, double half) {
+  half_ = half;
+  for (std::size_t m = 0; m < robots_.size(); ++m) {
+    const std::size_t links = plan_.motions[m].robot().kinematics.links();
+    robots_[m].at(std::span(links_).subspan(k * links_of_span_ + links_begin_[m], links), along_[m],
+                  std::span(link_twists_).subspan(links_begin_[m], links));
+  }
+  const DecisionView& view = covers_.view();
+  for (std::uint32_t b = 0; b < view.body_count; ++b) {
+    const DecidedBody& body = view.bodies[b];
+    if (body.carrier != kNone) {  // fixed to its carrier
+      const Pose& X = poses_[k * plan_.bodies.size() + view.bodies[body.carrier].pose];
+      const Vec3d offset = turned_by(X, body.constant.translation);
+      twists_[b] = {twists_[body.carrier].turn, twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
+      origins_[b] = origins_[body.carrier] + offset;
+    } else if (body.pose != kNone) {
+      const CoverPlan::LinkOf& of = covers_.link_of(b);
+      twists_[b] = link_twists_[links_begin_[of.robot] + of.link];
+      origins_[b] = poses_[k * plan_.bodies.size() + body.pose].translation;
+    }
+    if (!body.packets) continue;
+    const SpanRates::Rates& rates = rates_[b];
+    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half;
+    bodies_[b] = {within_half(twists_[b], half), static_cast<float>(rates.motion.speed * half * kUp),
+                  static_cast<float>(bend * kUp)};
+  }
+}
+
+SpanPair MotionDecider::pair_span(const void* self, std::uint32_t pair) {
+  return static_cast<const MotionDecider*>(self)->pair_span(pair);
+}
+
+SpanPair MotionDecider::pair_span(std::uint32_t index) const {
+  const MovedPair& pair = covers_.view().moved_pairs[index];
+  const SpanRates::PairRates rates = covers_.rates()->of_pair(index, change_);
+  const auto seen = [&](std::uint32_t body) -> Twist {
+    if (rates.seer == kNone) return twists_[body];
+    if (rates.seer == body) return {};
+    const Twist &own = twists_[body], &seer = twists_[rates.seer];
+    return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, origins_[body] - origins_[rates.seer]))};
+  };
+  const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2;
+  return {within_half(seen(pair.a), half_), within_half(seen(pair.b), half_),
+          static_cast<float>(rates.speed * half_ * kUp),
+          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_) * kUp)};
+}
+
+}  // namespace clearance

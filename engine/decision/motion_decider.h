@@ -1,0 +1,65 @@
+// Decides whether straight motions of joints are free, by covers alone.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/decision/span_rates.h"
+#include "engine/robot/link_twists.h"
+
+namespace clearance {
+
+/// Divides a motion into spans until covers prove each free, or prove a hit in the middle of one. Each worker has its
+/// own (docs/bounds_covers.md, "Motions").
+class MotionDecider {
+ public:
+  /// The arguments must outlive this. The covers know rates (CoverPlan::rates()).
+  MotionDecider(const CoverPlan& covers, const Plan& plan);
+
+  /// The verdict of a motion of the plan; kUnresolved leaves it to the exact engine.
+  Verdict decide(std::uint64_t motion);
+
+ private:
+  static constexpr std::size_t kTogether = 8;       // spans placed at once
+  static constexpr int kMostSpans = 96;             // of a motion
+  static constexpr double kRootSpan = 0.3;          // radians and metres that joints move until a span's end, at first
+  static constexpr double kLeastSpan = 0x1p-9;      // half length below which spans are not divided
+  /// A span [middle - half, middle + half], with the items left open by the one that it is half of.
+  struct Span {
+    double middle;
+    std::size_t begin, end;  // in items_; empty for all
+  };
+
+  bool begin(std::uint64_t motion);
+  void place(std::span<const Span> spans);
+  SpanDecision decide(std::size_t k, const Span& span, double half);
+  void take_twists(std::size_t k, double half);
+  static SpanPair pair_span(const void* self, std::uint32_t pair);
+  SpanPair pair_span(std::uint32_t pair) const;
+
+  const CoverPlan& covers_;
+  const Plan& plan_;
+  const DecisionKernel& kernel_;
+  std::vector<LinkTwists> robots_;              // for each of Plan::motions
+  std::span<const double> start_, end_;         // positions
+  std::vector<std::vector<double>> along_, change_;  // by robot and column
+  double total_ = 0;                            // sum of the changes
+  std::vector<SpanRates::Rates> rates_;         // by body
+  std::vector<double> rows_;
+  std::vector<Pose> poses_, links_;             // (spans, Plan::bodies); (spans, links) of each robot in turn
+  std::vector<std::size_t> links_begin_;        // by robot: in links_, per span
+  std::size_t links_of_span_ = 0;
+  std::vector<std::uint8_t> facts_;
+  LinkMotion::LinkScratch scratch_;
+  std::vector<Twist> link_twists_;
+  std::vector<Twist> twists_;                   // by body, in the common frame
+  std::vector<Vec3d> origins_;                  // likewise
+  std::vector<SpanBody> bodies_;
+  double half_ = 0;                             // of the span under way
+  std::vector<SpanItem> items_, next_items_, open_;
+  std::vector<Span> spans_, next_;
+};
+
+}  // namespace clearance

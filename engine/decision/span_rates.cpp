@@ -1,0 +1,92 @@
+#include "engine/decision/span_rates.h"
+
+#include <algorithm>
+#include <cmath>
+#include <utility>
+
+#include "engine/decision/slack_bounds.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kUp = kMotionSlack;
+constexpr double kFloatUnit = 0x1p-24;
+constexpr double kTwistRounding = 0x1p-40;  // of a twist in float64, relative to the speed of points
+constexpr double kTimeRounding = 6 * 0x1p-53;  // of q0 + t (q1 - q0), relative to the larger position
+
+double greatest_travel(const SceneRobot& robot) {
+  std::vector<double> limits;
+  for (const RobotColumn& column : robot.model.columns) limits.push_back(most_travel(column));
+  double most = robot.kinematics.travel(limits);
+  for (double& limit : limits) limit = -limit;
+  return std::max(most, robot.kinematics.travel(limits));
+}
+
+}  // namespace
+
+SpanRates::SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_t body_count,
+                     std::span<const MovedPair> pairs)
+    : bodies_(body_count) {
+  for (const LinkMotion& motion : plan.motions) travel_.push_back(greatest_travel(motion.robot()));
+  std::vector<const Source*> of(body_count, nullptr);
+  for (const Source& source : sources) {
+    of[source.body] = &source;
+    const Kinematics& robot = plan.motions[source.robot].robot().kinematics;
+    Body& body = bodies_[source.body];
+    body.path = {source.robot, MotionPath(robot, source.link, source.ball).movers()};
+    body.reach = (norm(source.ball.centre) + source.ball.radius) * kUp;
+    const PlacementError error = robot.error(source.link, body.reach);
+    body.turn_error = error.turn;
+    body.error = error.at(travel_[source.robot], 0) + rounding(plan, source);
+    body.reach = (body.reach + robot.reach(source.link, body.reach) + 2 * travel_[source.robot]) * kUp;
+  }
+  for (const MovedPair& pair : pairs) {
+    std::vector<View>& views = pairs_.emplace_back();
+    const Source &a = *of[pair.a], &b = *of[pair.b];
+    views.push_back({bodies_[pair.a].path, bodies_[pair.b].path, kNone});
+    const Kinematics& robot = plan.motions[a.robot].robot().kinematics;
+    if (a.robot != b.robot || robot.root_of(a.link) != robot.root_of(b.link)) continue;
+    views.push_back({{}, {b.robot, MotionPath(robot, a.link, b.link, b.ball).movers()}, pair.a});
+    views.push_back({{a.robot, MotionPath(robot, b.link, a.link, a.ball).movers()}, {}, pair.b});
+  }
+}
+
+double SpanRates::rounding(const Plan& plan, const Source& source) {
+  const SceneRobot& robot = plan.motions[source.robot].robot();
+  const double by = kTimeRounding * kMostPosition * kUp, travel = greatest_travel(robot);
+  const MotionPath path(robot.kinematics, source.link, source.ball);
+  double sum = 0;
+  for (const Mover& mover : path.movers())
+    sum += way_of_mover(mover, travel) * by;
+  return sum * kUp;
+}
+
+MotionRates SpanRates::rates(const Path& path, std::span<const std::vector<double>> change) const {
+  const auto of_column = [&](std::uint32_t column) { return change[path.robot][column]; };
+  if (path.movers.empty()) return {};
+  return rates_of_path(path.movers.data(), path.movers.size(), of_column, travel_[path.robot], 0);
+}
+
+SpanRates::Rates SpanRates::of(std::uint32_t body, std::span<const std::vector<double>> change) const {
+  const Body& b = bodies_[body];
+  Rates result{rates(b.path, change), 0};
+  result.twist_error = ((kTwistRounding + 4 * b.turn_error + 64 * kFloatUnit) *
+                            (result.motion.speed + result.motion.turn * b.reach) +
+                        4 * result.motion.turn * b.error) *
+                       kUp;
+  return result;
+}
+
+SpanRates::PairRates SpanRates::of_pair(std::uint32_t pair, std::span<const std::vector<double>> change) const {
+  PairRates best{HUGE_VAL, HUGE_VAL, kNone};
+  for (const View& view : pairs_[pair]) {
+    const MotionRates a = rates(view.a, change), b = rates(view.b, change);
+    best.speed = std::min(best.speed, (a.speed + b.speed) * kUp);
+    if (const double acceleration = (a.acceleration + b.acceleration) * kUp; acceleration < best.acceleration)
+      best.acceleration = acceleration, best.seer = view.seer;
+  }
+  return best;
+}
+
+}  // namespace clearance

@@ -1,0 +1,72 @@
+// Rates at which the bodies of a query can move during its motions, for decisions by covers.
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "engine/cover/cover.h"
+#include "engine/decision/decision_view.h"
+#include "engine/robot/link_twists.h"
+#include "engine/robot/motion_path.h"
+#include "engine/selection/plan.h"
+
+namespace clearance {
+
+/// Bounds on the movement of balls' centres and of bodies' points, from the changes of a motion's positions. For links
+/// of robots whose roots stay, and for bodies fixed to them. Immutable.
+class SpanRates {
+ public:
+  /// Positions of motions beyond this are left to the exact engine. Radians or metres.
+  static constexpr double kMostPosition = 64;
+
+  /// A moved body with a cover.
+  struct Source {
+    std::uint32_t body;   ///< index in the decided bodies
+    std::uint32_t robot;  ///< of its link in Plan::motions
+    std::uint32_t link;
+    LinkBall ball;  ///< of its points and of its balls' centres, in the link's frame
+  };
+  /// Rates per unit of time, without rounding of the twists.
+  struct Rates {
+    MotionRates motion;
+    double twist_error = 0;  ///< metres
+  };
+  /// Rates of a pair, relative to a reference body.
+  struct PairRates {
+    double speed = 0, acceleration = 0;
+    std::uint32_t seer = kNone;  ///< index of the reference body, whose twist is subtracted; kNone is the frame
+  };
+
+  /// \param sources of all bodies with covers
+  SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_t body_count, std::span<const MovedPair> pairs);
+
+  /// \param change |q1 - q0|, rounded up, of the columns of each of Plan::motions
+  Rates of(std::uint32_t body, std::span<const std::vector<double>> change) const;
+  PairRates of_pair(std::uint32_t pair, std::span<const std::vector<double>> change) const;
+  /// Bound on the distance of a body's points from their places, since q(t) is rounded. Metres.
+  static double rounding(const Plan& plan, const Source& source);
+
+ private:
+  /// Movers of a point relative to a frame.
+  struct Path {
+    std::uint32_t robot = 0;
+    std::vector<Mover> movers;
+  };
+  struct Body {
+    Path path;  ///< none without a cover
+    double turn_error = 0, error = 0, reach = 0;
+  };
+  struct View {
+    Path a, b;
+    std::uint32_t seer = kNone;
+  };
+  MotionRates rates(const Path& path, std::span<const std::vector<double>> change) const;
+
+  std::vector<double> travel_;  // of each of Plan::motions
+  std::vector<Body> bodies_;
+  std::vector<std::vector<View>> pairs_;
+};
+
+}  // namespace clearance
