@@ -97,7 +97,9 @@ Table covers_of(const engine::Scene& scene, const SceneReport& report, bool with
   for (const CoverReport& c : report.covers) {
     std::vector<Cell> row{scene.bodies()[c.body].name, c.balls, Cell(static_cast<double>(c.bytes) / 1024, 3),
                           with_times ? Cell(c.seconds, 2) : Cell()};
-    for (const StandOut& level : c.levels) row.insert(row.end(), {Cell(level.mean, 2), Cell(level.greatest, 2)});
+    for (const StandOut& level : c.levels)
+      row.insert(row.end(),
+                 {level.balls ? Cell(level.mean, 2) : Cell(), level.balls ? Cell(level.greatest, 2) : Cell()});
     table.add(std::move(row));
   }
   return table;

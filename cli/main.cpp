@@ -14,7 +14,6 @@ int main(int argc, char** argv) {
   cli::add_query(app);
   cli::add_set_pose(app);
   cli::add_joints(app);
-  cli::add_points(app);
   cli::add_path(app);
   cli::add_scene(app);
   cli::add_stat(app);

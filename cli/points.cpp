@@ -1,4 +1,4 @@
-// clearance points: replaces the points of a point body from a file or another program.
+// clearance scene points: replaces the points of a cloud from a file or another program.
 #include <array>
 #include <iostream>
 #include <memory>
@@ -44,8 +44,8 @@ void run(const PointsOptions& o) {
 
 }  // namespace
 
-void add_points(CLI::App& app) {
-  auto& command = *app.add_subcommand("points", "replace the points of a point cloud");
+void add_points(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("points", "replace the points of a cloud");
   auto options = std::make_shared<PointsOptions>();
   command.add_option("BODY", options->body, "name or number of the body")->required();
   command.add_option("FILE", options->file, "x y z a line, metres, in the body's frame; - for standard input")

@@ -263,6 +263,8 @@ void add_robot(CLI::App& app) {
       ->check(CLI::PositiveNumber);
   finding.add_option("--steps", o->finding.most_steps, "maximum evaluations in the proof of a pair");
   finding.add_option("--seed", o->finding.seed, "seed of the samples");
+  finding.add_option("--margin", o->finding.margin, "metres: pairs within it count as touching")
+      ->check(CLI::Range(0.0, 1e3));
   finding.add_option("--write", o->srdf_to_write, "SRDF to write: disables adjacent and proved pairs");
   finding.add_flag("--seen", o->seen, "with --write: also disables pairs that only samples support");
   finding.callback([o] { print_robot_pairs(*o); });

@@ -125,7 +125,7 @@ void add_add(CLI::App& scene) {
       ->type_name("FILE");
   shape
       .add_option("--points", options->points,
-                  "a cloud, which `clearance points` replaces: x y z on a line; - for standard input")
+                  "a cloud, which `clearance scene points` replaces: x y z on a line; - for standard input")
       ->type_name("FILE");
   command.add_option("--voxel", options->voxel, "with --points: edge of a box around each point")->type_name("X");
   command
@@ -189,10 +189,11 @@ void add_reload(CLI::App& scene) {
 }  // namespace
 
 void add_scene(CLI::App& app) {
-  auto& scene = *app.add_subcommand("scene", "change the daemon's scene: add, remove, allow, forbid, reload");
+  auto& scene = *app.add_subcommand("scene", "change the daemon's scene: add, remove, points, allow, forbid, reload");
   scene.require_subcommand(1);
   add_add(scene);
   add_remove(scene);
+  add_points(scene);
   add_allow(scene, true);
   add_allow(scene, false);
   add_reload(scene);

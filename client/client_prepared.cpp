@@ -1,5 +1,6 @@
 // Prepared queries of a client.
 #include <algorithm>
+#include <span>
 
 #include "client/client_impl.h"
 #include "wire/api/owned_query.h"
@@ -10,8 +11,24 @@ namespace clearance {
 using wire::ErrorCode;
 using wire::FrameType;
 
+namespace {
+
+/// Checks the options, as the daemon does in each run. Throws RequestError.
+void check_options(const Query& query) {
+  try {
+    wire::QueryHeader alone;
+    copy_options(query, alone);
+    wire::parse_query(std::as_bytes(std::span(&alone, 1)), false, query_records(query));
+  } catch (const wire::WireError& error) {
+    throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
+  }
+}
+
+}  // namespace
+
 struct Client::Impl::Prepared final : clearance::Prepared::Runner {
   Prepared(std::shared_ptr<Impl> of, const Query& query) : client(std::move(of)), owned(query) {
+    check_options(query);
     revision = client->get_scene().revision;
     names = names_in(owned.query, *client->scene, joints());
   }

@@ -104,6 +104,7 @@ Engine::Engine(Scene scene, const Options& options) {
   }
   if (options.covers == Covers::kOff) return;
   impl_->covers = options.cover_store ? options.cover_store : std::make_shared<CoverStore>();
+  impl_->tables = options.joint_table_store ? options.joint_table_store : std::make_shared<JointTableStore>();
   impl_->request_covers();
 }
 

@@ -19,7 +19,8 @@
 #include "engine/selection/query.h"
 
 namespace clearance {
-class CoverStore;  // engine/cover/cover_store.h
+class CoverStore;       // engine/cover/cover_store.h
+class JointTableStore;  // engine/decision/joint_table_store.h
 class DevicePlan;  // engine/device/query/device_plan.h
 }  // namespace clearance
 
@@ -64,6 +65,7 @@ class Engine {
     Covers covers = Covers::kBackground;
     /// The store of another engine, cover_store(), to which this engine adds its covers; by default a new one.
     std::shared_ptr<CoverStore> cover_store = {};
+    std::shared_ptr<JointTableStore> joint_table_store = {};  ///< likewise, joint_table_store()
   };
 
   /// Throws std::invalid_argument for an unknown backend, instruction set or broad phase, and for a repeated device.
@@ -181,6 +183,7 @@ class Engine {
   bool wait_covers(std::chrono::nanoseconds timeout) const;
   /// The covers, for an engine of a changed scene; null with Covers::kOff.
   const std::shared_ptr<CoverStore>& cover_store() const;
+  const std::shared_ptr<JointTableStore>& joint_table_store() const;
 
   /// Upper bound on the cost of a query (SceneCost::of()).
   QueryCost cost(const QueryView& query) const;

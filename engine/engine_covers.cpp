@@ -44,15 +44,22 @@ void Engine::Impl::request_covers() const {
   std::vector<CoverStore::Parts> shapes;
   for (const std::uint32_t id : bodies_to_cover(scene)) shapes.push_back(scene.bodies()[id].parts);
   covers->request(std::move(shapes));
+  tables->request(scene);
 }
 
 bool Engine::wait_covers(std::chrono::nanoseconds timeout) const {
   impl_->check_process();
-  return !impl_->covers || impl_->covers->wait(timeout);
+  if (!impl_->covers) return true;
+  const auto begin = std::chrono::steady_clock::now();
+  return impl_->covers->wait(timeout) && impl_->tables->wait(timeout - (std::chrono::steady_clock::now() - begin));
 }
 
 const std::shared_ptr<CoverStore>& Engine::cover_store() const {
   return impl_->covers;
+}
+
+const std::shared_ptr<JointTableStore>& Engine::joint_table_store() const {
+  return impl_->tables;
 }
 
 }  // namespace clearance::engine

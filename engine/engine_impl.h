@@ -11,6 +11,7 @@
 #include <utility>
 
 #include "engine/cover/cover_store.h"
+#include "engine/decision/joint_table_store.h"
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"
@@ -37,8 +38,9 @@ struct Engine::Impl {
   PoseStore poses;
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable JobCache job_cache{scene};  // after `trees`, to which its jobs return theirs
-  std::shared_ptr<CoverStore> covers;  // null if off
+  mutable JobCache job_cache{scene};        // after `trees`, to which its jobs return theirs
+  std::shared_ptr<CoverStore> covers;       // null if off
+  std::shared_ptr<JointTableStore> tables;  // likewise
   pid_t process = getpid();
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
@@ -57,7 +59,7 @@ struct Engine::Impl {
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
     return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions,
-            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get()};
+            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get(),     tables.get()};
   }
 
   // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,

@@ -29,7 +29,7 @@ struct DecomposedMesh {
   double propose_s = 0, prove_s = 0;
 };
 
-/// Writes FILE.pieces.obj atomically, proves its bounds and caches the proof. Throws std::runtime_error for a mesh that
+/// Writes `FILE.pieces.obj` atomically, proves its bounds and caches the proof. Throws std::runtime_error for a mesh that
 /// is not closed, if coacd is missing, fails, times out or is stopped, and for invalid parts.
 /// \param stop ends it; may be set from a signal handler
 DecomposedMesh decompose(const DecomposeOptions& options, const std::atomic<bool>& stop);

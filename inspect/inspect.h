@@ -58,8 +58,8 @@ const char* name_of(Finding::Kind kind);
 
 struct InspectOptions {
   bool measure = true;   ///< time some pairs of each body at the initial poses, in one thread
-  bool covers = false;   ///< make covers, a second each on one core, or read them from the cache
   double within = 0.01;  ///< largest excess of a reported primitive, as a share of the body's size
+  bool covers = false;   ///< make covers, a second each on one core, or read them from the cache
 };
 
 struct SceneReport {

@@ -116,12 +116,16 @@ std::string srdf_of(const std::string& robot, const std::vector<RobotPair>& pair
   for (const RobotPair& pair : pairs) {
     const PairFinding finding = pair.found.finding;
     const bool only_seen = finding == PairFinding::kNeverSeen || finding == PairFinding::kAlwaysSeen;
-    if (finding == PairFinding::kSometimes || (only_seen && !seen)) continue;
-    const std::string reason = words_of(finding) + (only_seen ? std::to_string(options.samples) + " samples" : "");
+    const bool always = finding == PairFinding::kAlways || finding == PairFinding::kAlwaysSeen;
+    if (finding == PairFinding::kSometimes || (only_seen && !seen) || (always && options.margin > 0)) continue;
+    std::ostringstream reason;
+    reason << words_of(finding);
+    if (only_seen) reason << options.samples << " samples";
+    if (options.margin > 0 && finding != PairFinding::kAdjacent) reason << ", within " << options.margin << " m";
     pugi::xml_node entry = root.append_child("disable_collisions");
     entry.append_attribute("link1") = pair.a.c_str();
     entry.append_attribute("link2") = pair.b.c_str();
-    entry.append_attribute("reason") = reason.c_str();
+    entry.append_attribute("reason") = reason.str().c_str();
   }
   std::ostringstream text;
   document.save(text, "  ");

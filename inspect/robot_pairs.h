@@ -18,7 +18,8 @@ struct RobotPair {
 std::vector<RobotPair> find_robot_pairs(const engine::RobotOptions& robot, const FindingOptions& options);
 
 /// Returns an SRDF that disables adjacent pairs and those that were proved never or always to touch; with `seen` also
-/// pairs that were only sampled. Its reasons distinguish them.
+/// pairs that were only sampled. Its reasons distinguish them. With a margin, pairs always within it stay enabled, since
+/// they need not touch.
 std::string srdf_of(const std::string& robot, const std::vector<RobotPair>& pairs, const FindingOptions& options,
                     bool seen);
 

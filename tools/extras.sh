@@ -16,7 +16,7 @@ extras=(
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
   "coal             2  client/python/clearance tests/install/try_coal.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
-  "jax              2  client/python/clearance/jax.py client/python/clearance/_xla_ffi.py client/python/clearance/_device_plan.py client/python/clearance/_pose_gradient.py tests/python/test_jax.py"
+  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"

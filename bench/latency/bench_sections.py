@@ -85,6 +85,15 @@ def aggressor(kind, url, as_planning=False):
         "within": lambda: client.distances(reduce="within", max_distance=0.5),
         "dense": lambda: client.distances(reduce="none", fields=["lower"], pairs=pairs),
         "small ones": lambda: client.distances(pairs=pairs[:200], signed_distance=True),
+        "motions": lambda: client.motions(
+            [[pose]],
+            [[[20, 0, 0, 1, 0, 0, 0]]],
+            bodies=["first"],
+            pairs=[("first", name) for name in names[-200:]],
+            reduce="none",
+            abs_tol=1e-9,
+            max_evaluations=65536,
+        ),
     }
     send = requests[kind]
     print("ready", flush=True)
@@ -93,7 +102,9 @@ def aggressor(kind, url, as_planning=False):
     signal.pause()
 
 
-KINDS = ["nothing", "groups", "explicit pairs", "poses", "pieces with depths", "within", "dense", "small ones"]
+KINDS = [
+    "nothing", "groups", "explicit pairs", "poses", "pieces with depths", "within", "dense", "small ones", "motions",
+]  # fmt: skip
 
 
 def start_aggressor(stage, command, kind, url):

@@ -69,7 +69,7 @@ void put(std::ostream& out, const std::vector<T>& values) {
 constexpr char kMagic[8] = {'C', 'L', 'P', 'E', 'E', 'R', '0', '2'};
 }  // namespace detail
 
-/// Little-endian, in this order: magic, kind, max_distance, truth, scale, shapes (radius, vertices, triangles), bodies,
+/// Little-endian, in this order: magic, kind, max_distance, exact distances, scale, shapes (radius, vertices, triangles), bodies,
 /// configurations, poses, pairs; each list is preceded by its length. Throws std::runtime_error, also for another
 /// layout.
 inline Problem read_problem(const std::string& path) {

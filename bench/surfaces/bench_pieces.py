@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Solids by their triangles alone, with convex parts as accelerators, and by the parts alone (model="pieces").
+"""Solids by their triangles alone, with convex parts as accelerators, and by the parts alone (`model="pieces"`).
 
     bench/run.py pieces [--poses 500] [--csv FILE]
 

@@ -83,7 +83,8 @@ class CLEARANCE_API Engine {
   /// Starts a query on the present poses and returns immediately. Its arrays are copied.
   Pending submit(const Query& query = {}, WhenDone when_done = {}) const;
   /// Prepares a query without configurations and positions, which each run gives. Queries of check(), motions() and
-  /// free_scale() are those of as_check(), as_motions() and as_free_scale().
+  /// free_scale() are those of as_check(), as_motions() and as_free_scale(). Throws QueryError for a query that no
+  /// inputs make valid.
   Prepared prepare(const Query& query = {}) const;
   std::vector<IdPair> pairs(const Query& query = {}) const;  ///< the pairs of a query, in row order
   /// Evaluates rows of a query without reduction again, and returns them with proofs of their bounds, as a JSON

@@ -13,8 +13,10 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     const SceneInfo scene = scene_names_of(*engine->engine());
     view.scene_revision = scene.revision;
     names = names_in(owned.query, scene, joints());
-    if (!owned.bodies.empty() || !owned.joints.empty()) return;  // their number is known with the inputs
-    translated([&] { engine->engine()->size(view); });           // throws for an invalid query
+    // Throws for a query that is invalid with any inputs, by one configuration or motion.
+    if (!owned.bodies.empty() || !owned.joints.empty()) view.configuration_count = view.max_evaluations ? 2 : 1;
+    translated([&] { engine->engine()->size(view); });
+    view.configuration_count = 0;
   }
 
   Result run(const clearance::Prepared::Inputs& inputs) override {

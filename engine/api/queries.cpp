@@ -33,7 +33,7 @@ Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& 
 }
 
 Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done) {
-  // What a job reads until it is done.
+  // Input of a job, until it is done.
   struct Inputs {
     std::shared_ptr<engine::Engine> engine;
     std::vector<double> positions;

@@ -70,6 +70,7 @@ BallCandidates::BallCandidates(const CoverShape& shape, std::span<const CoverSim
 }
 
 void BallCandidates::add(const CoverShape& shape, const Vec3d& c, bool must_be_inside) {
+  if (must_be_inside && !shape.has_inside()) return;
   const Vec3d centre{static_cast<float>(c.x), static_cast<float>(c.y), static_cast<float>(c.z)};
   const double depth = shape.inside(centre);
   if (must_be_inside && !(depth > 0)) return;

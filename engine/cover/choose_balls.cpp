@@ -19,8 +19,11 @@ std::int32_t count_held(const float* needs, const std::int32_t* left, std::size_
 }  // namespace
 
 std::vector<ChosenBall> BallChooser::choose() {
-  float low = widest_need(), high = owners(chosen_).greatest;
-  for (int step = 0; step < 6 && low < high; ++step) {
+  const bool is_first = chosen_.empty();
+  if (is_first) chosen_ = {single_best()};
+  most_held_.assign(candidates_.count(), static_cast<std::int32_t>(candidates_.samples()));
+  float low = least_need(), high = owners(chosen_).greatest;
+  for (int step = is_first ? 6 : 3; step > 0 && low < high; --step) {
     const float middle = 0.5f * (low + high);
     (cover_greedily(middle) ? high : low) = middle;
   }
@@ -32,47 +35,50 @@ std::vector<ChosenBall> BallChooser::choose() {
   return balls;
 }
 
-float BallChooser::widest_need() {
-  const std::size_t samples = candidates_.samples();
-  std::vector<float> least(samples, kInfinity);
-  float best = chosen_.empty() ? kInfinity : owners(chosen_).greatest;
+float BallChooser::least_need() const {
+  std::vector<float> least(candidates_.samples(), kInfinity);
   for (std::size_t i = 0; i < candidates_.count(); ++i) {
     const float* needs = candidates_.needs(i);
-    float greatest = -kInfinity;
-    for (std::size_t k = 0; k < samples; ++k) {
-      greatest = std::max(greatest, needs[k]);
-      least[k] = std::min(least[k], needs[k]);
-    }
-    if (greatest < best) best = greatest, chosen_ = {i};
+    for (std::size_t k = 0; k < least.size(); ++k) least[k] = needs[k] < least[k] ? needs[k] : least[k];
   }
   return *std::max_element(least.begin(), least.end());
 }
 
+std::size_t BallChooser::single_best() const {
+  std::size_t best = 0;
+  float least = kInfinity;
+  for (std::size_t i = 0; i < candidates_.count(); i += 1 + candidates_.count() / 64)
+    if (const float greatest = owners({{i}}).greatest; greatest < least) least = greatest, best = i;
+  return best;
+}
+
 bool BallChooser::cover_greedily(float limit) {
   const std::size_t samples = candidates_.samples();
-  std::vector<std::int32_t> left(samples, 1);
-  const auto gain_of = [&](std::size_t i) { return count_held(candidates_.needs(i), left.data(), samples, limit); };
+  std::vector<std::int32_t> left(samples, 1), first = most_held_;
   // Gains only fall: one that is up to date and greater than the outdated others is the greatest.
   std::vector<std::pair<std::int32_t, std::size_t>> heap;
-  for (std::size_t i = 0; i < candidates_.count(); ++i) heap.emplace_back(gain_of(i), i);
+  for (std::size_t i = 0; i < candidates_.count(); ++i) heap.emplace_back(most_held_[i], i);
   std::make_heap(heap.begin(), heap.end());
   std::vector<std::size_t> selected;
   for (std::size_t held = 0; held < samples;) {
     if (selected.size() == most_ || heap.empty()) return false;
     for (;;) {
       std::pop_heap(heap.begin(), heap.end());
-      heap.back().first = gain_of(heap.back().second);
+      auto& [gain, i] = heap.back();
+      gain = count_held(candidates_.needs(i), left.data(), samples, limit);
+      if (selected.empty()) first[i] = gain;
       if (heap.back() >= heap.front()) break;
       std::push_heap(heap.begin(), heap.end());
     }
     const auto [gain, best] = heap.back();
     heap.pop_back();
-    if (gain == 0) return false;
+    if (static_cast<std::size_t>(gain) * (most_ - selected.size()) < samples - held) return false;
     held += static_cast<std::size_t>(gain);
     selected.push_back(best);
     const float* needs = candidates_.needs(best);
     for (std::size_t k = 0; k < samples; ++k) left[k] &= static_cast<std::int32_t>(needs[k] > limit);
   }
+  most_held_ = std::move(first);
   chosen_ = std::move(selected);
   return true;
 }

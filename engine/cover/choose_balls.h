@@ -25,8 +25,10 @@ class BallChooser {
   std::vector<ChosenBall> choose();
 
  private:
-  /// Bounds on the common stand-out: some candidate has to hold each sample, and one can hold all of them.
-  float widest_need();
+  /// Lower bound on the common stand-out: some candidate has to hold each sample.
+  float least_need() const;
+  /// The candidate that holds all samples best, of some.
+  std::size_t single_best() const;
   /// Chooses candidates that hold all samples with a stand-out of at most `limit`, if few enough do.
   bool cover_greedily(float limit);
   /// Replaces each candidate by the one that holds its samples best. Returns false if that gains nothing.
@@ -45,6 +47,8 @@ class BallChooser {
   const BallCandidates& candidates_;
   std::size_t most_;
   std::vector<std::size_t> chosen_;
+  /// Bounds on the samples that each candidate holds, for limits below all that have succeeded.
+  std::vector<std::int32_t> most_held_;
 };
 
 }  // namespace clearance

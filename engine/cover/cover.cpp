@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cmath>
 #include <iterator>
+#include <limits>
 
 #include "engine/base/fp_environment.h"
 #include "engine/cover/choose_balls.h"
@@ -20,15 +21,19 @@ struct LevelRule {
   double edge_of_radius;  ///< the choice sees simplices whose edges are at most this share of the parent's radius
   std::size_t simplices;  ///< by which a share may exceed its parent's
   std::size_t candidates, samples;
-};
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.18, 6000, 1500, 1200},
-                                                            {BallPacket::kBalls, 0.3, 2000, 700, 600},
-                                                            {BallPacket::kBalls, 0.3, 1000, 280, 250}}};
-/// Choices of balls for one share.
-constexpr int kRounds = 4;
 
-/// Covers of larger bodies are not made: squares of float32 would overflow.
-constexpr double kMaxReach = 1e9;
+  LevelRule with(double effort) const {
+    const auto share = [&](std::size_t n) {
+      return std::max<std::size_t>(50, static_cast<std::size_t>(effort * static_cast<double>(n)));
+    };
+    return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
+  }
+};
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.11, 6000, 1500, 1000},
+                                                            {BallPacket::kBalls, 0.3, 2000, 700, 400},
+                                                            {BallPacket::kBalls, 0.3, 1000, 200, 150}}};
+/// Choices of balls for one share.
+constexpr int kRounds = 8;
 
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};
@@ -139,10 +144,11 @@ void append(Cover& cover, std::span<Node> nodes) {
 
 }  // namespace
 
-std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped) {
+std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped,
+                                double effort) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
-  if (!shape || !(shape->reach() <= kMaxReach)) return {};
+  if (!shape) return {};
   PortableRandom random(1);
   std::vector<Node> level;
   level.push_back(node_of(*shape, middle_of(shape->simplices()), shape->simplices()));
@@ -150,13 +156,13 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std:
   cover.root = level[0].ball;
   cover.reach = std::max(shape->reach(), norm(centre_of(cover.root)) * kCoverUp);
   // Narrower than roundings of float32: such balls are not divided.
-  const double narrow = 0x1p-20 * shape->reach();
+  const double narrow = std::max(0x1p-20 * shape->reach(), double{std::numeric_limits<float>::min()});
   for (int k = 1; k < Cover::kLevels; ++k) {
     std::vector<Node> next;
     for (Node& parent : level) {
       if (stopped && *stopped) return {};
       if (k > 1 && width_of(parent.ball.outer, parent.ball.inner) <= narrow) continue;
-      std::vector<Node> children = children_of(*shape, parent, kRules[k - 1], random);
+      std::vector<Node> children = children_of(*shape, parent, kRules[k - 1].with(effort), random);
       if (k > 1) cover.packets[parent.packet].children[parent.lane] = static_cast<std::uint32_t>(cover.packets.size());
       append(cover, children);
       std::move(children.begin(), children.end(), std::back_inserter(next));

@@ -28,14 +28,12 @@ struct PacketRecord {
 };
 static_assert(sizeof(CoverHeader) == 16 + 20 + 20 && sizeof(PacketRecord) == 4 * (6 * BallPacket::kBalls + 1));
 
-std::array<float*, 5> columns_of(BallPacket& packet) {
-  return {packet.x, packet.y, packet.z, packet.outer, packet.inner};
-}
+constexpr std::array kColumns{&BallPacket::x, &BallPacket::y, &BallPacket::z, &BallPacket::outer, &BallPacket::inner};
 
-PacketRecord record_of(BallPacket packet) {
+PacketRecord record_of(const BallPacket& packet) {
   PacketRecord record{};
-  for (std::size_t c = 0; c < record.columns.size(); ++c)
-    std::copy_n(columns_of(packet)[c], BallPacket::kBalls, record.columns[c].begin());
+  for (std::size_t c = 0; c < kColumns.size(); ++c)
+    std::copy_n(packet.*kColumns[c], BallPacket::kBalls, record.columns[c].begin());
   std::copy_n(packet.children, BallPacket::kBalls, record.children.begin());
   record.count = packet.count;
   return record;
@@ -43,8 +41,8 @@ PacketRecord record_of(BallPacket packet) {
 
 BallPacket packet_of(const PacketRecord& record) {
   BallPacket packet{};
-  for (std::size_t c = 0; c < record.columns.size(); ++c)
-    std::copy(record.columns[c].begin(), record.columns[c].end(), columns_of(packet)[c]);
+  for (std::size_t c = 0; c < kColumns.size(); ++c)
+    std::copy(record.columns[c].begin(), record.columns[c].end(), packet.*kColumns[c]);
   std::copy(record.children.begin(), record.children.end(), packet.children);
   packet.count = record.count;
   return packet;
@@ -91,6 +89,16 @@ bool may_have_cover(std::span<const ConvexPartPtr> parts) {
   return !parts.empty() && parts.size() <= kMostCoveredParts &&
          std::none_of(parts.begin(), parts.end(),
                       [](const ConvexPartPtr& part) { return part->surface || is_half_space(*part); });
+}
+
+bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b) {
+  const auto is_same_point = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
+  const auto is_same = [&](const ConvexPartPtr& p, const ConvexPartPtr& q) {
+    return p == q ||
+           (p->digest == q->digest && p->radius == q->radius && !p->surface && !q->surface && same_primitive(*p, *q) &&
+            std::equal(p->vertices.begin(), p->vertices.end(), q->vertices.begin(), q->vertices.end(), is_same_point));
+  };
+  return std::equal(a.begin(), a.end(), b.begin(), b.end(), is_same);
 }
 
 std::string cover_name(std::span<const ConvexPartPtr> parts) {

@@ -23,6 +23,9 @@ struct TimedCover {
 inline constexpr std::size_t kMostCoveredParts = 64;
 bool may_have_cover(std::span<const ConvexPartPtr> parts);
 
+/// Whether two bodies have the same parts, none of them with a surface.
+bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b);
+
 /// Name of a body's cover in the cache: a digest of all that the cover depends on.
 std::string cover_name(std::span<const ConvexPartPtr> parts);
 

@@ -13,9 +13,18 @@ namespace clearance {
 
 namespace {
 
-// More than every rounding of a sum of three products, relative to the sum of their magnitudes.
-constexpr double kRounding = 0x1p-49;
-constexpr double kUp = kCoverUp, kDown = 1 - 0x1p-48;
+constexpr double kRounding = kCoverRounding, kUp = kCoverUp;
+
+/// Vertices of all parts together, above which large hulls are replaced by hulls of fewer vertices.
+constexpr std::size_t kMostVertices = 1500, kMostOfPart = 400, kLeastOfPart = 32;
+/// Hulls of more vertices are not divided into a fan, which takes quadratic time.
+constexpr std::size_t kMostOfFan = 2000;
+/// Vertices of a hull without volume, to which distances are computed.
+constexpr std::size_t kMostOfFlat = 48;
+/// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
+constexpr double kMaxReach = 1e9, kLeastSize = 1e-40;
+/// Bodies of more parts have no cover, which would take long.
+constexpr std::size_t kMostParts = 300;
 
 /// Vertices of a polytope around a round core.
 std::vector<Vec3d> polytope_around(const Primitive& core) {
@@ -81,76 +90,126 @@ double in_core(const Primitive& core, const Vec3d& c) {
   return 0;
 }
 
+/// Upper bound on the distance of `c` from a hull, by a few steps towards the nearest point.
+double to_hull(std::span<const Vec3d> vertices, const Vec3d& c) {
+  if (vertices.size() <= 2) return to_segment({vertices.front(), vertices.back()}, c);
+  constexpr int kSteps = 12;
+  Vec3d p = vertices[0];
+  double reach = 0;
+  for (const Vec3d& v : vertices) {
+    if (squared_norm(v - c) < squared_norm(p - c)) p = v;
+    reach = std::max(reach, squared_norm(v));
+  }
+  for (int step = 0; step < kSteps; ++step) {
+    const Vec3d to_c = c - p;
+    Vec3d far = p;
+    for (const Vec3d& v : vertices)
+      if (dot(v - far, to_c) > 0) far = v;
+    const double along = dot(far - p, to_c);
+    if (!(along > 0)) break;
+    // A point of the segment, within the rounding of its coordinates, which grows with each step.
+    const double t = std::min(1.0, along / squared_norm(far - p));
+    p = p * (1 - t) + far * t;
+  }
+  return length(c - p) + kSteps * kRounding * std::sqrt(reach) * kUp + kCoverTiny;
+}
+
+/// Some of the vertices, far from each other.
+std::vector<Vec3d> spread(std::span<const Vec3d> vertices, std::size_t most) {
+  std::vector<Vec3d> taken{vertices[0]};
+  std::vector<double> nearest(vertices.size(), std::numeric_limits<double>::infinity());
+  while (taken.size() < std::min(most, vertices.size())) {
+    for (std::size_t i = 0; i < vertices.size(); ++i)
+      nearest[i] = std::min(nearest[i], squared_norm(vertices[i] - taken.back()));
+    taken.push_back(vertices[std::max_element(nearest.begin(), nearest.end()) - nearest.begin()]);
+  }
+  return taken;
+}
+
+/// The fan of a hull without volume, or nearly so: of a thin hull around it, in which each vertex lies between two.
+std::optional<Fan> fan_around(std::span<const Vec3d> vertices) {
+  const Vec3d& a = vertices[0];
+  Vec3d b = a, normal{0, 0, 0};
+  for (const Vec3d& v : vertices)
+    if (squared_norm(v - a) > squared_norm(b - a)) b = v;
+  for (const Vec3d& v : vertices)
+    if (const Vec3d n = cross(b - a, v - a); squared_norm(n) > squared_norm(normal)) normal = n;
+  const double size = norm(b - a), thin = 0x1p-10 * size;
+  if (!(size > kLeastSize)) return {};
+  const Vec3d along = b - a;
+  // Without a plane, any direction across the longest edge.
+  const int least = std::abs(along.x) < std::abs(along.y) ? (std::abs(along.x) < std::abs(along.z) ? 0 : 2)
+                                                          : (std::abs(along.y) < std::abs(along.z) ? 1 : 2);
+  if (!(norm(normal) > 0x1p-30 * size * size)) {
+    Vec3d axis{0, 0, 0};
+    axis[least] = 1;
+    normal = cross(along, axis);
+  }
+  const Vec3d up = normal * (thin / norm(normal)), other = cross(normal, along);
+  const Vec3d side = other * (thin / norm(other));
+  std::vector<Vec3d> thick;
+  for (const Vec3d& v : vertices) thick.push_back(v + up), thick.push_back(v - up);
+  if (std::optional<Fan> fan = fan_of(thick)) return fan;
+  for (const Vec3d& v : vertices) thick.push_back(v + side), thick.push_back(v - side);
+  return fan_of(thick);
+}
+
+/// The point itself, the segment or the triangle of up to three vertices.
+Fan fan_of_few(std::span<const Vec3d> vertices) {
+  const auto last = static_cast<std::uint32_t>(vertices.size() - 1);
+  return {{vertices.begin(), vertices.end()}, {{0, std::min(1u, last), last, last}}, 0};
+}
+
+bool has_no_cover(const ConvexPartPtr& part) {
+  return is_half_space(*part) || part->surface || !(part->rho + part->radius <= kMaxReach);
+}
+
 }  // namespace
 
 std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   const FpEnvironment environment;
-  if (parts.empty() ||
-      std::any_of(parts.begin(), parts.end(), [](const auto& part) { return is_half_space(*part) || part->surface; }))
-    return {};
+  if (parts.empty() || parts.size() > kMostParts || std::any_of(parts.begin(), parts.end(), has_no_cover)) return {};
   CoverShape shape;
-  for (const ConvexPartPtr& part : parts) shape.add(*part);
+  for (const ConvexPartPtr& part : parts)
+    shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
   return shape;
 }
 
-void CoverShape::add(const ConvexPart& part) {
+void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
   reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
-  const std::optional<Fan> fan = part.primitive             ? fan_of(polytope_around(*part.primitive))
-                                 : part.vertices.size() > 3 ? fan_of(part.vertices)
-                                                            : std::optional<Fan>{};
-  Part added;
-  added.radius = part.radius;
-  added.core = part.primitive;
-  added.vertices = part.vertices;
-  if (!fan) {
-    add_flat(part);
-    parts_.push_back(std::move(added));
-    return;
+  Part added{part.primitive, part.vertices, {}, part.radius};
+  std::optional<Fan> fan;
+  double growth = part.radius;
+  if (part.primitive) {
+    fan = fan_of(polytope_around(*part.primitive));
+  } else if (part.vertices.size() <= 3) {
+    fan = fan_of_few(part.vertices);
+  } else {
+    if (part.vertices.size() > most_vertices)
+      if (std::optional<FewVertices> few = few_vertices(part.vertices, most_vertices)) {
+        growth = (growth + few->excess) * kUp;
+        added.vertices.assign(few->fan.points.begin(), few->fan.points.end() - 1);
+        added.planes = std::move(few->planes);
+        fan = std::move(few->fan);
+      }
+    if (!fan && part.vertices.size() <= kMostOfFan && (fan = fan_of(part.vertices))) added.planes = HullPlanes(*fan);
+    if (!fan && part.vertices.size() <= kMostOfFan && (fan = fan_around(part.vertices)))
+      growth = (growth + 4 * kRounding * part.rho) * kUp;  // of a vertex from the middle of the two
   }
-  for (const auto& tetrahedron : fan->parts) {
-    CoverSimplex simplex{{}, (part.radius + fan->off) * kUp};
-    for (int k = 0; k < 4; ++k) simplex.corner[k] = fan->points[tetrahedron[k]];
-    simplices_.push_back(simplex);
-    for (const Vec3d& corner : simplex.corner) reach_ = std::max(reach_, length(corner) + simplex.growth);
-  }
-  if (!part.primitive && !added.take_planes(*fan)) added.normal_x.clear();
+  if (!fan) fan = box_around(part);
+  if (added.planes.empty()) added.vertices = spread(added.vertices, kMostOfFlat);
+  has_inside_ = has_inside_ || part.radius > 0 || part.primitive || !added.planes.empty();
   parts_.push_back(std::move(added));
+  add(*fan, growth);
 }
 
-/// Simplices of a part without volume, or whose faces are not proved.
-void CoverShape::add_flat(const ConvexPart& part) {
-  const auto& v = part.vertices;
-  if (v.size() <= 3 && !part.primitive) {
-    simplices_.push_back({{v[0], v[v.size() > 1 ? 1 : 0], v.back(), v.back()}, part.radius});
-    return;
-  }
-  const Fan box = box_around(part);
-  for (const auto& tetrahedron : box.parts) {
-    CoverSimplex simplex{{}, part.radius};
-    for (int k = 0; k < 4; ++k) simplex.corner[k] = box.points[tetrahedron[k]];
+void CoverShape::add(const Fan& fan, double growth) {
+  for (const auto& tetrahedron : fan.parts) {
+    CoverSimplex simplex{{}, (growth + fan.off) * kUp};
+    for (int k = 0; k < 4; ++k) simplex.corner[k] = fan.points[tetrahedron[k]];
     simplices_.push_back(simplex);
-    for (const Vec3d& corner : simplex.corner) reach_ = std::max(reach_, length(corner) + simplex.growth);
+    for (const Vec3d& corner : simplex.corner) reach_ = std::max(reach_, (length(corner) + simplex.growth) * kUp);
   }
-}
-
-/// The fan's tetrahedra are points x with n . x <= the least n . v of the face's corners v, for any n that puts the
-/// centre below that height. Returns false if a face has no such n.
-bool CoverShape::Part::take_planes(const Fan& fan) {
-  const Vec3d& middle = fan.points.back();
-  for (const auto& face : fan.parts) {
-    const Vec3d &a = fan.points[face[0]], &b = fan.points[face[1]], &c = fan.points[face[2]];
-    Vec3d n = cross(b - a, c - a);
-    const double size = norm(n);
-    if (!(size > 0)) return false;
-    n = n * (kDown / size);  // shorter than 1
-    const double low = std::min({dot(n, a), dot(n, b), dot(n, c)}) - kRounding * (norm(a) + norm(b) + norm(c));
-    if (!(dot(n, middle) + kRounding * norm(middle) < low)) return false;
-    normal_x.push_back(n.x);
-    normal_y.push_back(n.y);
-    normal_z.push_back(n.z);
-    height.push_back(low);
-  }
-  return true;
 }
 
 double CoverShape::Part::inside(const Vec3d& c) const {
@@ -158,21 +217,19 @@ double CoverShape::Part::inside(const Vec3d& c) const {
     const double depth = in_core(*core, c);
     return (depth > 0 ? depth : -length(c)) + radius;  // the origin is a point of the core
   }
-  if (vertices.size() <= 2) return radius - to_segment({vertices.front(), vertices.back()}, c);
-  double depth = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < height.size(); ++i)
-    depth = std::min(depth, height[i] - (normal_x[i] * c.x + normal_y[i] * c.y + normal_z[i] * c.z));
-  depth -= kRounding * 2 * norm(c);
-  if (!height.empty() && depth > 0) return depth * kDown + radius;
-  double nearest = std::numeric_limits<double>::infinity();
-  for (const Vec3d& v : vertices) nearest = std::min(nearest, squared_norm(c - v));
-  return radius - std::sqrt(nearest) * kUp - kCoverTiny;
+  if (!planes.empty()) {
+    if (const double depth = planes.depth(c); depth > 0) return depth + radius;
+    double nearest = std::numeric_limits<double>::infinity();
+    for (const Vec3d& v : vertices) nearest = std::min(nearest, squared_norm(c - v));
+    return radius - std::sqrt(nearest) * kUp - kCoverTiny;
+  }
+  return radius - to_hull(vertices, c);
 }
 
 double CoverShape::inside(const Vec3d& c) const {
   double most = -std::numeric_limits<double>::infinity();
   for (const Part& part : parts_) most = std::max(most, part.inside(c));
-  return most;
+  return most - 0x1p-50 * std::abs(most);  // the rounding of sums with the radius
 }
 
 }  // namespace clearance

@@ -8,16 +8,10 @@
 #include <vector>
 
 #include "engine/base/vec.h"
+#include "engine/cover/hull_planes.h"
 #include "engine/hull/convex_part.h"
 
 namespace clearance {
-
-struct Fan;  // engine/decomposition/fan.h
-
-/// Factor that exceeds the rounding of a length and of a few operations on it.
-inline constexpr double kCoverUp = 1 + 0x1p-48;
-/// Exceeds what the underflow of squares takes from a length, in metres.
-inline constexpr double kCoverTiny = 1e-150;
 
 /// The hull of four points, repeated for a triangle, a segment or a point.
 struct CoverSimplex {
@@ -28,7 +22,7 @@ struct CoverSimplex {
 /// Metres, in the body's frame. All functions are valid for every input; rounding is charged.
 class CoverShape {
  public:
-  /// Returns nothing if a part is a half-space or has a surface, and without parts.
+  /// Returns nothing if a part is a half-space, has a surface or is beyond 1e9 m, and for no or more than 300 parts.
   static std::optional<CoverShape> of(std::span<const ConvexPartPtr> parts);
 
   /// Simplices that cover the body, interior included, each with its growth.
@@ -38,26 +32,28 @@ class CoverShape {
   /// If above 0, the radius of a ball about `c` that lies in the body. Otherwise, a point of the body is no farther than
   /// the negated value from `c`.
   double inside(const Vec3d& c) const;
+  /// Whether inside() can be above 0.
+  bool has_inside() const { return has_inside_; }
 
  private:
   /// A part: its core, grown by a radius.
   struct Part {
     std::shared_ptr<const Primitive> core;  ///< null for a hull
-    std::vector<Vec3d> vertices;            ///< of a hull
-    /// Planes of a hull with volume: points with normal . x <= height for all of them are in it. |normal| <= 1.
-    std::vector<double> normal_x, normal_y, normal_z, height;
+    std::vector<Vec3d> vertices;            ///< of a hull: all, or enough
+    HullPlanes planes;                      ///< of a hull with volume
     double radius = 0;
 
-    bool take_planes(const Fan& fan);
     double inside(const Vec3d& c) const;
   };
 
-  void add(const ConvexPart& part);
-  void add_flat(const ConvexPart& part);
+  void add(const ConvexPart& part, std::size_t most_vertices);
+  /// Adds a part's simplices: the fan, grown.
+  void add(const Fan& fan, double growth);
 
   std::vector<CoverSimplex> simplices_;
   std::vector<Part> parts_;
   double reach_ = 0;
+  bool has_inside_ = false;
 };
 
 }  // namespace clearance

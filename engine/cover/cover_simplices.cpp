@@ -93,7 +93,7 @@ Distribution distribute(std::span<const CoverSimplex> simplices, std::span<const
       if (const double lack = radius_for(pieces[i], balls[k].centre) - balls[k].radius; lack < least)
         least = lack, owner[i] = k;
     lacks[i] = least;
-    // Halving helps no simplex that is small beside what it lacks.
+    // Halving a simplex that is small compared with its lack gains little.
     return longest_edge(pieces[i]).length > 0.25 * least ? least : 0;
   });
   Distribution result;

@@ -13,8 +13,8 @@ namespace clearance {
 /// Radius of a ball about `c` that holds the body's part around a simplex, in metres.
 double radius_for(const CoverSimplex& s, const Vec3d& c);
 
-/// Simplices that cover what the given ones cover. The longest edges are halved first, until no edge is longer than
-/// `edge` or there are `most` simplices.
+/// Divides simplices; the result covers the same points. The longest edges are halved first, until no edge is longer
+/// than `edge` or there are `most` simplices.
 std::vector<CoverSimplex> divided(std::span<const CoverSimplex> simplices, double edge, std::size_t most);
 
 /// Shares of balls, and some points that their balls do not hold.

@@ -20,13 +20,12 @@
 #include "engine/base/digest.h"
 #include "engine/cache/cache.h"
 #include "engine/cover/cover_record.h"
-#include "engine/hull/primitive.h"
 
 namespace clearance {
 
 namespace {
 
-using Clock = std::chrono::steady_clock;
+using std::chrono::steady_clock;
 
 /// Time without new covers after the thread has started, so that short programs and first answers are not disturbed.
 constexpr std::chrono::milliseconds kGrace{100};
@@ -35,13 +34,6 @@ std::uint64_t hash_of_body(std::span<const ConvexPartPtr> parts) {
   Digest digest;
   for (const ConvexPartPtr& part : parts) digest.add(part->digest);
   return digest.value();
-}
-
-bool is_same(const ConvexPartPtr& a, const ConvexPartPtr& b) {
-  const auto same = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  return a == b ||
-         (a->digest == b->digest && a->radius == b->radius && !a->surface && !b->surface && same_primitive(*a, *b) &&
-          std::equal(a->vertices.begin(), a->vertices.end(), b->vertices.begin(), b->vertices.end(), same));
 }
 
 /// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
@@ -97,7 +89,7 @@ struct CoverStore::State {
   std::thread thread;
   bool is_running = false;
   std::atomic<bool> is_stopping{false};
-  Clock::time_point begin;
+  steady_clock::time_point begin;
 };
 
 CoverStore::State::Stores& CoverStore::State::stores() {
@@ -134,8 +126,7 @@ CoverStore::State::~State() {
 const CoverStore::State::Entry* CoverStore::State::find(std::span<const ConvexPartPtr> parts,
                                                         std::uint64_t hash) const {
   const Entry* entry = buckets[hash % buckets.size()].load(std::memory_order_acquire);
-  while (entry && (entry->hash != hash ||
-                   !std::equal(parts.begin(), parts.end(), entry->parts.begin(), entry->parts.end(), is_same)))
+  while (entry && (entry->hash != hash || !same_parts(parts, entry->parts)))
     entry = entry->next;
   return entry;
 }
@@ -157,7 +148,7 @@ void CoverStore::State::add(Parts parts) {
 void CoverStore::State::start() {
   if (is_running || is_stopping || pending.empty()) return;
   if (thread.joinable()) thread.join();
-  begin = Clock::now();
+  begin = steady_clock::now();
   try {
     thread = std::thread([this] { work(); });
     is_running = true;
@@ -192,7 +183,7 @@ CoverStore::State::Entry* CoverStore::State::next(int most_makers) const {
 void CoverStore::State::make(Entry& entry, std::unique_lock<std::mutex>& lock, bool in_background) {
   ++entry.makers;
   lock.unlock();
-  const Clock::time_point before = Clock::now();
+  const steady_clock::time_point before = steady_clock::now();
   std::optional<TimedCover> made;
   try {
     const std::string name = cover_name(entry.parts);
@@ -207,7 +198,7 @@ void CoverStore::State::make(Entry& entry, std::unique_lock<std::mutex>& lock, b
   }
   lock.lock();
   --entry.makers;
-  if (!entry.is_done && (made || !is_stopping)) finish(entry, std::move(made), Clock::now() - before);
+  if (!entry.is_done && (made || !is_stopping)) finish(entry, std::move(made), steady_clock::now() - before);
 }
 
 void CoverStore::State::finish(Entry& entry, std::optional<TimedCover> made, std::chrono::nanoseconds took) {
@@ -245,11 +236,11 @@ void CoverStore::request(std::vector<Parts> bodies) {
 }
 
 bool CoverStore::wait(std::chrono::nanoseconds timeout) {
-  const Clock::time_point begin = Clock::now();
-  const Clock::time_point until =
-      timeout < Clock::time_point::max() - begin ? begin + timeout : Clock::time_point::max();
+  const steady_clock::time_point begin = steady_clock::now();
+  const steady_clock::time_point until =
+      timeout < steady_clock::time_point::max() - begin ? begin + timeout : steady_clock::time_point::max();
   std::unique_lock lock(state_->mutex);
-  while (!state_->pending.empty() && Clock::now() < until) {
+  while (!state_->pending.empty() && steady_clock::now() < until) {
     if (State::Entry* entry = state_->next(1))
       state_->make(*entry, lock, false);
     else

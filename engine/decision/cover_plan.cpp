@@ -12,8 +12,8 @@ namespace clearance {
 
 namespace {
 
-constexpr double kUnit = 0x1p-24;            // unit roundoff of float32
-constexpr std::uint64_t kMostPairs = 4096;   // more have a tree of boxes, which finds the near ones sooner
+constexpr double kUnit = 0x1p-24;           // unit roundoff of float32
+constexpr std::uint64_t kMostPairs = 4096;  // more have a tree of boxes, which finds the near ones sooner
 constexpr float kNever = -BallPacket::kNoRadius;
 
 float up(double value) {
@@ -24,10 +24,12 @@ float down(double value) {
   return -up(-value);
 }
 
-/// Bound on the distance of a ball's centre, placed in float32, from its place: the rotation and the translation are
-/// rounded once, and each coordinate is a sum of three products and one more term.
+/// Bound on the distance of a ball's centre, placed in float32, from its place. A rounded quaternion turns by 2 units
+/// and stretches by 2; each entry of its rotation has 5 more, so that the rotation is off by less than 22 units in the
+/// Frobenius norm. Each coordinate of the centre is a sum of three products and one more term: 9 units of the reach and
+/// 4 of the translation, which is rounded by one.
 double centre_error(double reach, double farthest) {
-  return kUnit * (16 * reach + 8 * farthest);
+  return kUnit * (40 * reach + 8 * farthest);
 }
 
 /// A ball that holds the body's points and the centres of all balls.
@@ -36,8 +38,8 @@ LinkBall ball_of_centres(const Cover& cover) {
   LinkBall ball{{c[0], c[1], c[2]}, cover.root.outer};
   for (const BallPacket& packet : cover.packets)
     for (std::uint32_t i = 0; i < packet.count; ++i)
-      ball.radius = std::max(
-          ball.radius, norm(Vec3d{packet.x[i], packet.y[i], packet.z[i]} - ball.centre) * (1 + 0x1p-48));
+      ball.radius =
+          std::max(ball.radius, norm(Vec3d{packet.x[i], packet.y[i], packet.z[i]} - ball.centre) * (1 + 0x1p-48));
   return ball;
 }
 
@@ -46,9 +48,16 @@ LinkBall ball_of_centres(const Cover& cover) {
 /// Collects the parts of a CoverPlan.
 class CoverPlanBuilder {
  public:
-  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store)
-      : scene_(scene), plan_(plan), snapshot_(*plan.snapshot), store_(store), slack_(scene, plan),
-        slot_(scene.bodies().size(), kNone), obstacle_of_(scene.bodies().size(), kUnseen) {}
+  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables)
+      : scene_(scene),
+        plan_(plan),
+        snapshot_(*plan.snapshot),
+        store_(store),
+        slack_(scene, plan),
+        slot_(scene.bodies().size(), kNone),
+        obstacle_of_(scene.bodies().size(), kUnseen) {
+    out_->tables_ = TablePlan(scene, plan, slack_, tables);
+  }
 
   std::unique_ptr<const CoverPlan> build() {
     if (!take_slides() || !take_bodies()) return nullptr;
@@ -58,8 +67,8 @@ class CoverPlanBuilder {
     for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) take(p);
     if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
     if (plan_.query.max_evaluations > 0)
-      out_->rates_ = std::make_unique<const SpanRates>(plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()),
-                                                       out_->moved_pairs_);
+      out_->rates_ = std::make_unique<const SpanRates>(
+          plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()), out_->moved_pairs_);
     finish();
     return std::move(out_);
   }
@@ -92,15 +101,15 @@ class CoverPlanBuilder {
   const CoverStore& store_;
   const SlackBounds slack_;
   std::unique_ptr<CoverPlan> out_{new CoverPlan};
-  std::uint32_t frame_body_ = kNone;          // carries the common frame, or kNone for the world's
-  std::vector<std::uint32_t> slot_;           // by body: index in bodies_, or kNone
-  std::vector<std::uint32_t> obstacle_of_;    // by body: first obstacle, kNone if it is none
-  std::vector<std::uint32_t> parts_of_;       // by obstacle: count of the body's obstacles, at its first one
-  std::vector<double> errors_;                // by moved body: centre_error()
-  std::vector<SpanRates::Source> sources_;    // of motions
+  std::uint32_t frame_body_ = kNone;        // carries the common frame, or kNone for the world's
+  std::vector<std::uint32_t> slot_;         // by body: index in bodies_, or kNone
+  std::vector<std::uint32_t> obstacle_of_;  // by body: first obstacle, kNone if it is none
+  std::vector<std::uint32_t> parts_of_;     // by obstacle: count of the body's obstacles, at its first one
+  std::vector<double> errors_;              // by moved body: centre_error()
+  std::vector<SpanRates::Source> sources_;  // of motions
   std::vector<ObstaclePair> obstacle_pairs_;
-  double reach_ = 0;                          // of all moved bodies in the common frame
-  Pose frame_inverse_{};                      // the world in the common frame
+  double reach_ = 0;      // of all moved bodies in the common frame
+  Pose frame_inverse_{};  // the world in the common frame
 };
 
 // Joints that slide have a limit; the others turn at most.
@@ -174,7 +183,8 @@ void CoverPlanBuilder::take_link(std::uint32_t b, DecidedBody& decided) {
 void CoverPlanBuilder::find_reach() {
   for (std::size_t i = 0; i < out_->bodies_.size(); ++i)
     if (cover(static_cast<std::uint32_t>(i)))
-      reach_ = std::max(reach_, (out_->bodies_[i].farthest * std::sqrt(3.0) + cover(static_cast<std::uint32_t>(i))->reach) * 1.001);
+      reach_ = std::max(
+          reach_, (out_->bodies_[i].farthest * std::sqrt(3.0) + cover(static_cast<std::uint32_t>(i))->reach) * 1.001);
 }
 
 void CoverPlanBuilder::take_errors() {
@@ -195,8 +205,7 @@ bool CoverPlanBuilder::take_sources() {
     if (!out_->bodies_[of].is_direct) return false;
     const Body& body = scene_.bodies()[plan_.moved[of]];
     for (std::uint32_t m = 0; m < plan_.motions.size(); ++m)
-      if (body.robot != kNone && &plan_.motions[m].robot() == scene_.robots()[body.robot].get())
-        link = {m, body.link};
+      if (body.robot != kNone && &plan_.motions[m].robot() == scene_.robots()[body.robot].get()) link = {m, body.link};
     if (link.robot == kNone) return false;
     if (!cover(i)) continue;
     LinkBall ball = ball_of_centres(*cover(i));
@@ -258,7 +267,7 @@ void CoverPlanBuilder::take_moved(std::uint64_t position, std::uint32_t a, std::
   const double margin = plan_.margins.of(position), sizes = double{cover(a)->root.outer} + cover(b)->root.outer;
   const double error = errors_[a] + errors_[b] + 8 * kUnit * (sizes + margin + 2 * reach_);
   out_->moved_pairs_.push_back({a, b, position, up((margin + slack.inner + error) * (1 + 0x1p-40)),
-                                down(margin - (slack.outer + error) * (1 + 0x1p-40))});
+                                down(margin - (slack.outer + error) * (1 + 0x1p-40)), out_->tables_.at(position)});
 }
 
 // Columns of the kernel.
@@ -273,8 +282,19 @@ void CoverPlanBuilder::finish() {
       out.root_x_[i] = c->root.centre[0], out.root_y_[i] = c->root.centre[1], out.root_z_[i] = c->root.centre[2];
       out.moved_root_outer_[i] = c->root.outer, out.moved_root_inner_[i] = c->root.inner;
     }
+  const std::size_t moved =
+      (out.moved_pairs_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls;
+  for (auto* bodies : {&out.moved_a_, &out.moved_b_}) bodies->assign(moved, 0);
+  out.moved_reach_.assign(moved, -kNever);
+  for (std::size_t k = 0; k < out.moved_pairs_.size(); ++k) {
+    const MovedPair& pair = out.moved_pairs_[k];
+    out.moved_a_[k] = static_cast<std::int32_t>(pair.a), out.moved_b_[k] = static_cast<std::int32_t>(pair.b);
+    out.moved_reach_[k] = up(double{cover(pair.a)->root.outer} + cover(pair.b)->root.outer + pair.grow);
+  }
   for (auto* radii : {&out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_}) radii->assign(cells, -kNever);
   out.position_.assign(cells, 0);
+  out.table_of_cell_.assign(cells, kNoTable);
+  for (const std::uint64_t position : out.unknown_) out.tables_.disable(position);
   for (const ObstaclePair& p : obstacle_pairs_) {
     const CoverBall& root = cover(p.body)->root;
     const std::size_t at = p.obstacle * columns + p.body;
@@ -287,21 +307,41 @@ void CoverPlanBuilder::finish() {
     out.root_outer_[at] = up(root.outer + grow);
     out.root_inner_[at] = down(root.inner + shrink);
     out.position_[at] = p.position;
+    out.table_of_cell_[at] = out.tables_.at(p.position);
   }
-  out.view_ = {out.bodies_.data(), static_cast<std::uint32_t>(out.bodies_.size()), static_cast<std::uint32_t>(columns),
-               out.root_x_.data(), out.root_y_.data(), out.root_z_.data(), out.moved_root_outer_.data(),
-               out.moved_root_inner_.data(), out.obstacles_.data(), static_cast<std::uint32_t>(out.obstacles_.size()),
-               out.root_outer_.data(), out.root_inner_.data(), out.grow_.data(), out.shrink_.data(),
-               out.position_.data(), out.moved_pairs_.data(), static_cast<std::uint32_t>(out.moved_pairs_.size())};
+  out.view_ = {out.bodies_.data(),
+               static_cast<std::uint32_t>(out.bodies_.size()),
+               static_cast<std::uint32_t>(columns),
+               out.root_x_.data(),
+               out.root_y_.data(),
+               out.root_z_.data(),
+               out.moved_root_outer_.data(),
+               out.moved_root_inner_.data(),
+               out.obstacles_.data(),
+               static_cast<std::uint32_t>(out.obstacles_.size()),
+               out.root_outer_.data(),
+               out.root_inner_.data(),
+               out.grow_.data(),
+               out.shrink_.data(),
+               out.position_.data(),
+               out.moved_pairs_.data(),
+               out.moved_a_.data(),
+               out.moved_b_.data(),
+               out.moved_reach_.data(),
+               static_cast<std::uint32_t>(out.moved_pairs_.size()),
+               out.table_of_cell_.data(),
+               out.tables_.pairs().data(),
+               static_cast<std::uint32_t>(out.tables_.pairs().size())};
 }
 
-std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers) {
-  return CoverPlanBuilder(scene, plan, covers).build();
+std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
+                                                 const JointTableStore* tables) {
+  return CoverPlanBuilder(scene, plan, covers, tables).build();
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {
-  return !plan.motions.empty() && plan.given_bodies == 0 && plan.pairs.size() > 0 &&
-         plan.pairs.size() <= kMostPairs && plan.moved.size() <= kMostDecidedBodies;
+  return !plan.motions.empty() && plan.given_bodies == 0 && plan.pairs.size() > 0 && plan.pairs.size() <= kMostPairs &&
+         plan.moved.size() <= kMostDecidedBodies;
 }
 
 bool CoverPlan::holds_for(std::span<const double> positions) const {

@@ -9,6 +9,7 @@
 #include "engine/cover/cover_store.h"
 #include "engine/decision/decision_view.h"
 #include "engine/decision/span_rates.h"
+#include "engine/decision/table_plan.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/plan.h"
 
@@ -21,7 +22,13 @@ class CoverPlan {
   /// Whether covers may decide states or motions of a plan: those of joints alone, without many pairs.
   static bool may_decide(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
-  static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers);
+  /// \param tables may be null
+  static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
+                                               const JointTableStore* tables = nullptr);
+  /// Increases whenever make() may return something else.
+  static std::uint64_t revision(const CoverStore& covers, const JointTableStore* tables) {
+    return covers.revision() + (tables ? tables->revision() : 0);
+  }
 
   const DecisionView& view() const { return view_; }
   /// A link that moves a body, or that it is fixed to.
@@ -50,9 +57,13 @@ class CoverPlan {
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;
   std::vector<MovedPair> moved_pairs_;
+  std::vector<std::int32_t> moved_a_, moved_b_;
+  std::vector<float> moved_reach_;
   std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
   std::vector<float> root_outer_, root_inner_, grow_, shrink_;
   std::vector<std::uint64_t> position_, unknown_;
+  TablePlan tables_;
+  std::vector<std::uint8_t> table_of_cell_;
   DecisionView view_{};
 };
 

@@ -11,6 +11,7 @@
 
 #include "engine/cover/point_gaps.h"
 #include "engine/decision/placed_balls.h"
+#include "engine/decision/table_lookup.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
@@ -19,16 +20,19 @@ namespace CLEARANCE_ISA {
 template <bool kMoves>
 class Decider {
  public:
-  explicit Decider(const DecisionView& view) : v_(view), placed_(view) {}
+  explicit Decider(const DecisionView& view) : v_(view), placed_(view), tables_(view) {}
 
+  /// \param positions of joints, or null
   /// \param open receives at most `capacity` positions
   /// \param any_hit DecisionBatch::any_hit
-  Decision decide(const Pose* poses, bool any_hit, std::uint64_t* open, std::uint32_t capacity) {
+  Decision decide(const Pose* poses, const double* positions, bool any_hit, std::uint64_t* open,
+                  std::uint32_t capacity) {
     Decision result;
     if (!placed_.place(poses)) return result;
     begin(any_hit, capacity);
     open_ = open;
-    decide_obstacles();
+    tables_.look_up(positions, [&](std::uint64_t position) { record(position, {}, kHit); });
+    if (!is_over()) decide_obstacles();
     if (!is_over()) decide_moved_pairs();
     if (overflow_) return result;
     result.is_listed = true;
@@ -59,8 +63,8 @@ class Decider {
  private:
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr Bits kOpen = 1, kHit = 2;
-  static constexpr int kMostPackets = 160;     // of one body against one obstacle
-  static constexpr int kMostPacketPairs = 64;  // of two moved bodies
+  static constexpr int kMostPackets = 160;                   // of one body against one obstacle
+  static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit;
@@ -93,12 +97,16 @@ class Decider {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
         const std::size_t at = std::size_t{o} * v_.columns + begin;
-        PointGaps gaps;
-        placed_.root_gaps(v_.obstacles[o], begin, gaps);
-        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
-          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
         Eight bound = Eight::load(v_.root_outer + at);
         if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+        const Obstacle& obstacle = v_.obstacles[o];
+        if (obstacle.kind == Obstacle::Kind::kPlanes &&
+            placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
+          continue;
+        PointGaps gaps;
+        placed_.root_gaps(obstacle, begin, gaps);
+        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
+          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
         for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
           if (is_over()) return;
           decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
@@ -108,14 +116,22 @@ class Decider {
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
       const MovedPair& pair = v_.moved_pairs[item.at];
+      if (kMoves && is_decided_by_table(pair.table, pair.position)) return;
       return record(pair.position, item, moved_pair(pair, item.at));
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
-    if (v_.position[cell] > hit_) return;
+    if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
+    if (kMoves && is_decided_by_table(v_.table[cell], v_.position[cell])) return;
     record(v_.position[cell], item,
            against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
   }
 
+  /// Of a span.
+  bool is_decided_by_table(std::uint32_t table, std::uint64_t position) {
+    const Verdict verdict = tables_.in_span(table, span_->positions, span_->reach);
+    if (verdict == Verdict::kHit) record(position, {}, kHit);
+    return verdict != Verdict::kUnresolved;
+  }
   Bits against_obstacle(std::uint32_t body, const Obstacle& obstacle, float grow, float shrink) {
     const DecidedBody& b = v_.bodies[body];
     if (b.root_packets == 0) return kOpen;
@@ -159,17 +175,23 @@ class Decider {
   }
 
   void decide_moved_pairs() {
-    for (std::uint32_t k = 0; k < v_.moved_pair_count; ++k) {
-      const MovedPair& pair = v_.moved_pairs[k];
-      const float d = placed_.distance_of_roots(pair.a, pair.b);
-      float reach = v_.moved_root_outer[pair.a] + v_.moved_root_outer[pair.b] + pair.grow;
-      if constexpr (kMoves) reach += placed_.root_way(pair.a) + placed_.root_way(pair.b);
-      if (d > reach) continue;
-      if (is_over()) return;
-      if (pair.position > hit_) continue;
-      const bool in = d < v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
-      record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
+    for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
+      const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
+      Eight bound = Eight::load(v_.moved_reach + begin);
+      if constexpr (kMoves) bound = bound + placed_.ways_of_roots(a, b);
+      for (Bits open = ~greater(placed_.distances_of_roots(a, b), bound) & 0xff; open; open &= open - 1) {
+        const std::uint32_t k = begin + static_cast<std::uint32_t>(lowest(open));
+        if (is_over()) return;
+        if (k < v_.moved_pair_count && !tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
+      }
     }
+  }
+  void decide_moved_pair(std::uint32_t k) {
+    const MovedPair& pair = v_.moved_pairs[k];
+    if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) return;
+    const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
+    const bool in = placed_.distance_of_roots(pair.a, pair.b) < inner;
+    record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
   }
 
   Bits moved_pair(const MovedPair& pair, std::uint32_t index) {
@@ -243,6 +265,7 @@ class Decider {
 
   const DecisionView& v_;
   PlacedBalls placed_;
+  TableLookup tables_;
   const SpanBatch* span_ = nullptr;
   SpanPair pair_span_{};
   bool any_hit_ = true, overflow_ = false;
@@ -259,8 +282,9 @@ inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
     Decision& decision = room.decisions[k];
     decision = {};
     if (batch.usable[k])
-      decision =
-          decider.decide(batch.poses + k * batch.stride, batch.any_hit, room.open + used, room.capacity - used);
+      decision = decider.decide(batch.poses + k * batch.stride,
+                                batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
+                                room.open + used, room.capacity - used);
     decision.open_begin = used;
     decision.open_end += used;
     used = decision.open_end;

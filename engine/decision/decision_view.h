@@ -7,6 +7,7 @@
 
 #include "engine/cover/cover.h"
 #include "engine/cover/obstacle.h"
+#include "engine/decision/joint_table.h"
 #include "engine/pose/pose.h"
 #include "wire/types.h"
 
@@ -35,7 +36,20 @@ struct MovedPair {
   std::uint32_t a, b;
   std::uint64_t position;  ///< in the plan
   float grow, shrink;      ///< as in DecisionView
+  std::uint8_t table;      ///< index in DecisionView::tabled, or kNoTable
 };
+
+/// A pair of links of one robot with a joint table.
+struct TabledPair {
+  TableCells table;
+  std::uint32_t at[2];  ///< index of the column in a row of positions, or kNone: it stays at `fixed`
+  double fixed[2];
+  std::int32_t free_above, hit_below;  ///< the pair is beyond its margin if TableCell::low exceeds `free_above`, and
+                                       ///< within its margin if `high` is less than `hit_below`
+  std::uint64_t position;              ///< in the plan
+};
+inline constexpr std::uint32_t kMostTabledPairs = 64;
+inline constexpr std::uint8_t kNoTable = 255;
 
 /// Constants of a query. Bodies are in columns of a multiple of 8; `grow` and `shrink`, by (obstacle, body), are added
 /// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
@@ -43,7 +57,7 @@ struct MovedPair {
 struct DecisionView {
   const DecidedBody* bodies;
   std::uint32_t body_count, columns;
-  const float *root_x, *root_y, *root_z;         ///< (columns,) centres of the roots, in the bodies' frames
+  const float *root_x, *root_y, *root_z;             ///< (columns,) centres of the roots, in the bodies' frames
   const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
   const Obstacle* obstacles;
   std::uint32_t obstacle_count;
@@ -51,7 +65,12 @@ struct DecisionView {
   const float *grow, *shrink;            ///< (obstacles, columns)
   const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
   const MovedPair* moved_pairs;
+  const std::int32_t *moved_a, *moved_b;  ///< (moved_pairs,) and more, up to a multiple of 8: their bodies
+  const float* moved_reach;               ///< likewise: their roots' outer radii with grow
   std::uint32_t moved_pair_count;
+  const std::uint8_t* table;  ///< (obstacles, columns) index in `tabled`, or kNoTable
+  const TabledPair* tabled;
+  std::uint32_t tabled_count;  ///< up to kMostTabledPairs
 };
 inline constexpr std::uint32_t kMostDecidedBodies = 64;
 
@@ -60,8 +79,10 @@ struct DecisionBatch {
   const DecisionView* view;
   const Pose* poses;  ///< (states, stride)
   std::size_t stride, states;
-  const std::uint8_t* usable;  ///< (states,) 0: unresolved without a look; its open pairs are not listed
-  bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
+  const std::uint8_t* usable;         ///< (states,) 0: unresolved without a look; its open pairs are not listed
+  bool any_hit;                       ///< one pair within its margin suffices; otherwise the first one is requested
+  const double* positions = nullptr;  ///< (states, position_stride) of joints, for tables; null: they are not used
+  std::size_t position_stride = 0;
 };
 
 /// Result of one state. The open pairs are those before the first hit, ascending but with repeats.
@@ -74,8 +95,8 @@ struct Decision {
 
 /// Receives decisions and open pairs: arrays that the caller owns.
 struct DecisionRoom {
-  Decision* decisions;  ///< (states,)
-  std::uint64_t* open;  ///< positions
+  Decision* decisions;     ///< (states,)
+  std::uint64_t* open;     ///< positions
   std::uint32_t capacity;  ///< of `open`, at least the pairs of one state for each state
 };
 
@@ -113,6 +134,8 @@ struct SpanBatch {
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order
   std::size_t capacity;
+  const double* positions = nullptr;  ///< of joints in the middle, for tables; null: they are not used
+  const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {
   Verdict verdict = Verdict::kUnresolved;

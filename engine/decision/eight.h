@@ -33,6 +33,13 @@ struct Eight {
     for (int i = 0; i < kParts; ++i) e.part[i] = hn::LoadU(Tag(), from + i * kLanes);
     return e;
   }
+  /// from[index[i]]
+  HWY_INLINE static Eight gather(const float* from, const std::int32_t* index) {
+    const hn::RebindToSigned<Tag> ints;
+    Eight e;
+    for (int i = 0; i < kParts; ++i) e.part[i] = hn::GatherIndex(Tag(), from, hn::LoadU(ints, index + i * kLanes));
+    return e;
+  }
   HWY_INLINE void store(float* to) const {
     for (int i = 0; i < kParts; ++i) hn::StoreU(part[i], Tag(), to + i * kLanes);
   }

@@ -35,6 +35,7 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   twists_.resize(columns);
   origins_.resize(columns);
   bodies_.resize(columns);
+  reach_.resize(plan.joints.size());
   link_twists_.resize(links_of_span_);
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -70,6 +71,7 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
   int decided = 0;
   for (; !spans_.empty(); half *= 0.5) {
+    for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
     next_.clear();
     next_items_.clear();
     for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
@@ -82,7 +84,8 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
         if (decision.verdict == Verdict::kFree) continue;
         if (decision.open == 0 || half <= kLeastSpan || ++decided > kMostSpans) return Verdict::kUnresolved;
         const std::size_t begin = next_items_.size();
-        next_items_.insert(next_items_.end(), open_.begin(), open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
+        next_items_.insert(next_items_.end(), open_.begin(),
+                           open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
         for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
       }
     }
@@ -120,7 +123,7 @@ SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half)
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size()});
+                           open_.data(), open_.size(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.
@@ -137,7 +140,8 @@ void MotionDecider::take_twists(std::size_t k, double half) {
     if (body.carrier != kNone) {  // fixed to its carrier
       const Pose& X = poses_[k * plan_.bodies.size() + view.bodies[body.carrier].pose];
       const Vec3d offset = turned_by(X, body.constant.translation);
-      twists_[b] = {twists_[body.carrier].turn, twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
+      twists_[b] = {twists_[body.carrier].turn,
+                    twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
       origins_[b] = origins_[body.carrier] + offset;
     } else if (body.pose != kNone) {
       const CoverPlan::LinkOf& of = covers_.link_of(b);

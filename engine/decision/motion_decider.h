@@ -22,10 +22,10 @@ class MotionDecider {
   Verdict decide(std::uint64_t motion);
 
  private:
-  static constexpr std::size_t kTogether = 8;       // spans placed at once
-  static constexpr int kMostSpans = 96;             // of a motion
-  static constexpr double kRootSpan = 0.3;          // radians and metres that joints move until a span's end, at first
-  static constexpr double kLeastSpan = 0x1p-9;      // half length below which spans are not divided
+  static constexpr std::size_t kTogether = 8;   // spans placed at once
+  static constexpr int kMostSpans = 20;         // of a motion
+  static constexpr double kRootSpan = 0.3;      // radians and metres that joints move until a span's end, at first
+  static constexpr double kLeastSpan = 0x1p-7;  // half length below which spans are not divided
   /// A span [middle - half, middle + half], with the items left open by the one that it is half of.
   struct Span {
     double middle;
@@ -42,22 +42,22 @@ class MotionDecider {
   const CoverPlan& covers_;
   const Plan& plan_;
   const DecisionKernel& kernel_;
-  std::vector<LinkTwists> robots_;              // for each of Plan::motions
-  std::span<const double> start_, end_;         // positions
+  std::vector<LinkTwists> robots_;                   // for each of Plan::motions
+  std::span<const double> start_, end_;              // positions
   std::vector<std::vector<double>> along_, change_;  // by robot and column
-  double total_ = 0;                            // sum of the changes
-  std::vector<SpanRates::Rates> rates_;         // by body
-  std::vector<double> rows_;
-  std::vector<Pose> poses_, links_;             // (spans, Plan::bodies); (spans, links) of each robot in turn
-  std::vector<std::size_t> links_begin_;        // by robot: in links_, per span
+  double total_ = 0;                                 // sum of the changes
+  std::vector<SpanRates::Rates> rates_;              // by body
+  std::vector<double> rows_, reach_;                 // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<Pose> poses_, links_;                  // (spans, Plan::bodies); (spans, links) of each robot in turn
+  std::vector<std::size_t> links_begin_;             // by robot: in links_, per span
   std::size_t links_of_span_ = 0;
   std::vector<std::uint8_t> facts_;
   LinkMotion::LinkScratch scratch_;
   std::vector<Twist> link_twists_;
-  std::vector<Twist> twists_;                   // by body, in the common frame
-  std::vector<Vec3d> origins_;                  // likewise
+  std::vector<Twist> twists_;   // by body, in the common frame
+  std::vector<Vec3d> origins_;  // likewise
   std::vector<SpanBody> bodies_;
-  double half_ = 0;                             // of the span under way
+  double half_ = 0;  // of the span under way
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
 };

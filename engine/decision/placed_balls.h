@@ -1,6 +1,7 @@
 // Balls of covers, placed in a query's common frame, for the kernel of decisions (decide_kernel.h).
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 
@@ -35,9 +36,6 @@ HWY_INLINE Eight distances(const EightPoints& c, float x, float y, float z) {
 struct Frame64 {
   double R[9], t[3];
 };
-struct Frame32 {
-  float R[9], t[3];
-};
 
 /// R and t of a unit quaternion's pose.
 HWY_INLINE Frame64 frame_of(const Pose& X) {
@@ -61,37 +59,39 @@ HWY_INLINE Frame64 product(const Frame64& a, const Frame64& b) {
 class PlacedBalls {
  public:
   explicit PlacedBalls(const DecisionView& view) : v_(view) {
-    for (std::uint32_t b = v_.body_count; b < v_.columns; ++b) root_.x[b] = root_.y[b] = root_.z[b] = root_.way[b] = 0;
+    for (std::uint32_t b = 0; b < v_.columns; ++b) {
+      q_[0][b] = 1;
+      for (int k = 1; k < 4; ++k) q_[k][b] = 0;
+      for (auto& t : t_) t[b] = 0;
+      root_.way[b] = 0;
+    }
   }
 
   /// Returns false for a pose beyond what the bounds hold for.
   bool place(const Pose* poses) {
+    bool all_direct = true;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
       const DecidedBody& body = v_.bodies[b];
-      Frame64 f = frame_of(body.pose == kNone ? body.constant : poses[body.pose]);
-      if (!body.is_direct) {
-        if (body.pose != kNone) f = product(frame_of(body.constant), f);
-        if (body.carrier != kNone) f = product(frames_[body.carrier], f);
-      }
-      frames_[b] = f;
-      const auto is_near = [&](double t) { return -body.farthest <= t && t <= body.farthest; };
-      if (!(is_near(f.t[0]) && is_near(f.t[1]) && is_near(f.t[2])) || !(f.R[0] == f.R[0])) return false;
-      for (int k = 0; k < 9; ++k) placed_[b].R[k] = static_cast<float>(f.R[k]);
-      for (int k = 0; k < 3; ++k) placed_[b].t[k] = static_cast<float>(f.t[k]);
-      const float *R = placed_[b].R, *t = placed_[b].t, x = v_.root_x[b], y = v_.root_y[b], z = v_.root_z[b];
-      root_.x[b] = t[0] + (R[0] * x + R[1] * y + R[2] * z);
-      root_.y[b] = t[1] + (R[3] * x + R[4] * y + R[5] * z);
-      root_.z[b] = t[2] + (R[6] * x + R[7] * y + R[8] * z);
-      has_children_[b] = false;
+      all_direct &= body.is_direct;
+      if (!body.is_direct) continue;
+      const Pose& X = poses[body.pose];
+      if (!is_near(X.translation.x, X.translation.y, X.translation.z, body.farthest)) return false;
+      const double parts[7] = {X.qw, X.qx, X.qy, X.qz, X.translation.x, X.translation.y, X.translation.z};
+      for (int k = 0; k < 4; ++k) q_[k][b] = static_cast<float>(parts[k]);
+      for (int k = 0; k < 3; ++k) t_[k][b] = static_cast<float>(parts[4 + k]);
     }
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) rotate(begin);
+    if (!all_direct && !place_carried(poses)) return false;
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) place_roots(begin);
+    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = false;
     return true;
   }
   /// \param spans (columns,) of the bodies
   void take_spans(const SpanBody* spans) {
     spans_ = spans;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
-      const float *t = placed_[b].t, *w = spans[b].twist.turn, *v = spans[b].twist.shift;
-      const float x = root_.x[b] - t[0], y = root_.y[b] - t[1], z = root_.z[b] - t[2];
+      const float *w = spans[b].twist.turn, *v = spans[b].twist.shift;
+      const float x = root_.x[b] - t_[0][b], y = root_.y[b] - t_[1][b], z = root_.z[b] - t_[2][b];
       const float u = v[0] + (w[1] * z - w[2] * y), s = v[1] + (w[2] * x - w[0] * z), r = v[2] + (w[0] * y - w[1] * x);
       const float along = __builtin_sqrtf(u * u + s * s + r * r) + spans[b].bend;
       root_.way[b] = along < spans[b].way ? along : spans[b].way;
@@ -104,7 +104,19 @@ class PlacedBalls {
                reinterpret_cast<Row>(root_.z[begin]), gaps);
   }
   HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
-  HWY_INLINE float root_way(std::uint32_t body) const { return root_.way[body]; }
+  /// Whether all roots of eight columns are beyond their bounds from a ball.
+  HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
+    const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
+    return greater(distances(c, centre[0], centre[1], centre[2]), bound) == 0xff;
+  }
+  /// Distances of the roots of eight pairs of bodies, and how far both move.
+  HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {
+    const auto difference = [&](const float* of) { return Eight::gather(of, a) - Eight::gather(of, b); };
+    return length({difference(root_.x), difference(root_.y), difference(root_.z)});
+  }
+  HWY_INLINE Eight ways_of_roots(const std::int32_t* a, const std::int32_t* b) const {
+    return Eight::gather(root_.way, a) + Eight::gather(root_.way, b);
+  }
   HWY_INLINE float distance_of_roots(std::uint32_t a, std::uint32_t b) const {
     const float dx = root_.x[a] - root_.x[b], dy = root_.y[a] - root_.y[b], dz = root_.z[a] - root_.z[b];
     return __builtin_sqrtf(dx * dx + dy * dy + dz * dz);
@@ -112,10 +124,10 @@ class PlacedBalls {
 
   template <bool kMoves>
   HWY_INLINE void centres(const BallPacket& packet, std::uint32_t body, Centres& c) const {
-    const float *R = placed_[body].R, *t = placed_[body].t;
     const Eight x = Eight::load(packet.x), y = Eight::load(packet.y), z = Eight::load(packet.z);
     const auto coordinate = [&](int k) {
-      return Eight(t[k]) + (Eight(R[3 * k]) * x + Eight(R[3 * k + 1]) * y + Eight(R[3 * k + 2]) * z);
+      return Eight(t_[k][body]) +
+             (Eight(R_[3 * k][body]) * x + Eight(R_[3 * k + 1][body]) * y + Eight(R_[3 * k + 2][body]) * z);
     };
     const EightPoints points{coordinate(0), coordinate(1), coordinate(2)};
     points.x.store(c.x);
@@ -128,8 +140,8 @@ class PlacedBalls {
   }
   /// |shift + turn x r| of each ball, r from its body's origin.
   HWY_INLINE Eight movement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
-    const float *t = placed_[body].t, *w = twist.turn, *v = twist.shift;
-    const EightPoints r = c - EightPoints{Eight(t[0]), Eight(t[1]), Eight(t[2])};
+    const float *w = twist.turn, *v = twist.shift;
+    const EightPoints r = c - EightPoints{Eight(t_[0][body]), Eight(t_[1][body]), Eight(t_[2][body])};
     return length({Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
                    Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
                    Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)});
@@ -151,10 +163,56 @@ class PlacedBalls {
   }
 
  private:
+  static bool is_near(double x, double y, double z, double farthest) {
+    const auto is_within = [&](double t) { return -farthest <= t && t <= farthest; };
+    return is_within(x) && is_within(y) && is_within(z);
+  }
+  /// Rotations of the quaternions of eight columns.
+  HWY_INLINE void rotate(std::uint32_t begin) {
+    const Eight w = Eight::load(q_[0] + begin), x = Eight::load(q_[1] + begin), y = Eight::load(q_[2] + begin),
+                z = Eight::load(q_[3] + begin), one(1), two(2);
+    const auto store = [&](int k, const Eight& value) { value.store(R_[k] + begin); };
+    store(0, one - two * (y * y + z * z));
+    store(1, two * (x * y - w * z));
+    store(2, two * (x * z + w * y));
+    store(3, two * (x * y + w * z));
+    store(4, one - two * (x * x + z * z));
+    store(5, two * (y * z - w * x));
+    store(6, two * (x * z - w * y));
+    store(7, two * (y * z + w * x));
+    store(8, one - two * (x * x + y * y));
+  }
+  HWY_INLINE void place_roots(std::uint32_t begin) {
+    const Eight x = Eight::load(v_.root_x + begin), y = Eight::load(v_.root_y + begin),
+                z = Eight::load(v_.root_z + begin);
+    const auto coordinate = [&](int k) {
+      return Eight::load(t_[k] + begin) + (Eight::load(R_[3 * k] + begin) * x + Eight::load(R_[3 * k + 1] + begin) * y +
+                                           Eight::load(R_[3 * k + 2] + begin) * z);
+    };
+    coordinate(0).store(root_.x + begin);
+    coordinate(1).store(root_.y + begin);
+    coordinate(2).store(root_.z + begin);
+  }
+  /// Bodies that others carry, in float64.
+  bool place_carried(const Pose* poses) {
+    for (std::uint32_t b = 0; b < v_.body_count; ++b) {
+      const DecidedBody& body = v_.bodies[b];
+      Frame64 f = frame_of(body.pose == kNone ? body.constant : poses[body.pose]);
+      if (!body.is_direct && body.pose != kNone) f = product(frame_of(body.constant), f);
+      if (body.carrier != kNone) f = product(frames_[body.carrier], f);
+      frames_[b] = f;
+      if (body.is_direct) continue;
+      if (!is_near(f.t[0], f.t[1], f.t[2], body.farthest)) return false;
+      for (int k = 0; k < 9; ++k) R_[k][b] = static_cast<float>(f.R[k]);
+      for (int k = 0; k < 3; ++k) t_[k][b] = static_cast<float>(f.t[k]);
+    }
+    return true;
+  }
+
   const DecisionView& v_;
   const SpanBody* spans_ = nullptr;
+  alignas(32) float q_[4][kMostDecidedBodies], R_[9][kMostDecidedBodies], t_[3][kMostDecidedBodies];
   Frame64 frames_[kMostDecidedBodies];
-  Frame32 placed_[kMostDecidedBodies];
   struct Roots {
     alignas(32) float x[kMostDecidedBodies], y[kMostDecidedBodies], z[kMostDecidedBodies], way[kMostDecidedBodies];
   } root_;

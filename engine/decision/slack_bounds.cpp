@@ -42,7 +42,8 @@ double most_travel(const RobotColumn& column) {
   return most < SlackBounds::kMostTravel ? most : SlackBounds::kMostTravel;
 }
 
-SlackBounds::SlackBounds(const engine::Scene& scene, const Plan& plan) : plan_(plan), slot_(scene.bodies().size(), kNone) {
+SlackBounds::SlackBounds(const engine::Scene& scene, const Plan& plan)
+    : plan_(plan), slot_(scene.bodies().size(), kNone) {
   const PoseSnapshot& snapshot = *plan.snapshot;
   std::vector<std::vector<double>> travels;
   for (const auto& robot : scene.robots()) travels.push_back(greatest_travels(*robot));
@@ -58,8 +59,7 @@ SlackBounds::SlackBounds(const engine::Scene& scene, const Plan& plan) : plan_(p
     farthest_.push_back((own + (is_carried ? farthest_[slot_[parent]] : 0)) * kUp);
     if (plan.uncertainties.empty()) continue;
     const bool is_placed = std::find(plan.bodies.begin(), plan.bodies.end(), b) != plan.bodies.end();
-    const double age_s =
-        is_placed ? points_age_s(snapshot, b, plan.begun_ns) : pose_age_s(snapshot, b, plan.begun_ns);
+    const double age_s = is_placed ? points_age_s(snapshot, b, plan.begun_ns) : pose_age_s(snapshot, b, plan.begun_ns);
     double from_world = farthest_.back();
     for (std::uint32_t on = parent; on != kNone; on = snapshot.parent[on])
       if (slot_[on] == kNone) {

@@ -26,9 +26,9 @@ class SlackBounds {
   const PoseUncertainty& uncertainty(std::uint32_t body) const;
 
   const Plan& plan_;
-  std::vector<std::uint32_t> slot_;              // by body: index in Plan::moved, or kNone
-  std::vector<double> farthest_;                 // by moved body
-  std::vector<PoseUncertainty> uncertainties_;   // likewise; empty if all bodies are exact
+  std::vector<std::uint32_t> slot_;             // by body: index in Plan::moved, or kNone
+  std::vector<double> farthest_;                // by moved body
+  std::vector<PoseUncertainty> uncertainties_;  // likewise; empty if all bodies are exact
 };
 
 /// Limit on the position of a column that slides: that of the joint, or kMostTravel.

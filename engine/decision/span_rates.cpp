@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kUp = kMotionSlack;
 constexpr double kFloatUnit = 0x1p-24;
-constexpr double kTwistRounding = 0x1p-40;  // of a twist in float64, relative to the speed of points
+constexpr double kTwistRounding = 0x1p-40;     // of a twist in float64, relative to the speed of points
 constexpr double kTimeRounding = 6 * 0x1p-53;  // of q0 + t (q1 - q0), relative to the larger position
 
 double greatest_travel(const SceneRobot& robot) {
@@ -57,8 +57,7 @@ double SpanRates::rounding(const Plan& plan, const Source& source) {
   const double by = kTimeRounding * kMostPosition * kUp, travel = greatest_travel(robot);
   const MotionPath path(robot.kinematics, source.link, source.ball);
   double sum = 0;
-  for (const Mover& mover : path.movers())
-    sum += way_of_mover(mover, travel) * by;
+  for (const Mover& mover : path.movers()) sum += way_of_mover(mover, travel) * by;
   return sum * kUp;
 }
 
@@ -71,10 +70,10 @@ MotionRates SpanRates::rates(const Path& path, std::span<const std::vector<doubl
 SpanRates::Rates SpanRates::of(std::uint32_t body, std::span<const std::vector<double>> change) const {
   const Body& b = bodies_[body];
   Rates result{rates(b.path, change), 0};
-  result.twist_error = ((kTwistRounding + 4 * b.turn_error + 64 * kFloatUnit) *
-                            (result.motion.speed + result.motion.turn * b.reach) +
-                        4 * result.motion.turn * b.error) *
-                       kUp;
+  result.twist_error =
+      ((kTwistRounding + 4 * b.turn_error + 64 * kFloatUnit) * (result.motion.speed + result.motion.turn * b.reach) +
+       4 * result.motion.turn * b.error) *
+      kUp;
   return result;
 }
 

@@ -60,6 +60,7 @@ SceneEditor::Change SceneEditor::change(const Edit& edit) {
     edit.apply(*now, parts);
     engine::Engine::Options options = options_;
     options.cover_store = now->cover_store();
+    options.joint_table_store = now->joint_table_store();
     next = std::make_shared<engine::Engine>(parts.whole(), options);
   } catch (const engine::SceneError& error) {
     throw engine::QueryError(QueryErrorCode::kBadQuery, error.what());

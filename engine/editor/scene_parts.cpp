@@ -2,6 +2,9 @@
 
 #include <algorithm>
 
+#include "engine/scene/body_checks.h"
+#include "wire/api/unknown_name.h"
+
 namespace clearance {
 
 namespace {
@@ -11,7 +14,7 @@ void append(engine::Scene& scene, const AddedBody& added) {
   if (!added.parent.empty()) {
     body.parent = scene.find_body(added.parent);
     if (body.parent == kNone)
-      throw engine::SceneError("body \"" + body.name + "\": parent: there is no body \"" + added.parent + "\"");
+      throw engine::SceneError("body \"" + body.name + "\": parent: " + no_body(scene, added.parent));
   }
   scene.add_body(std::move(body));
 }
@@ -87,15 +90,22 @@ engine::Scene SceneParts::whole_as_far_as_possible(std::string& dropped) {
   return scene;
 }
 
+bool SceneParts::was_added(std::string_view name) const {
+  return std::any_of(added.begin(), added.end(), [&](const AddedBody& of) { return of.body.name == name; });
+}
+
+void SceneParts::check_added(const std::string& name, const std::string& who, const char* why) const {
+  if (was_added(name)) return;
+  if (loaded->find_body(name) != kNone)
+    throw engine::SceneError(who + in_quotes(name) + " was loaded with the scene: " + why);
+  std::vector<std::string_view> names = all_names(loaded->bodies());
+  for (const AddedBody& other : added) names.push_back(other.body.name);
+  throw engine::SceneError(who + in_quotes(name) + " is not in the scene" + did_you_mean(name, names));
+}
+
 void SceneParts::remove(const std::string& name) {
-  const auto found =
-      std::find_if(added.begin(), added.end(), [&](const AddedBody& of) { return of.body.name == name; });
-  if (found == added.end())
-    throw engine::SceneError("remove_body: \"" + name + "\" " +
-                             (loaded->find_body(name) == kNone
-                                  ? "is not in the scene"
-                                  : "was loaded with the scene: only added bodies can be removed"));
-  added.erase(found);
+  check_added(name, "remove_body: ", "only added bodies can be removed");
+  std::erase_if(added, [&](const AddedBody& of) { return of.body.name == name; });
   std::erase_if(reshaped, [&](const auto& of) { return of.first == name; });
   for (AddedBody& other : added)  // former children, detached since: see why_not_removed()
     if (other.parent == name) {

@@ -44,6 +44,10 @@ struct SceneParts {
   /// Returns the loaded scene with the changes that still fit it, and drops the others.
   /// \param dropped receives their reasons
   engine::Scene whole_as_far_as_possible(std::string& dropped);
+  bool was_added(std::string_view name) const;
+  /// Throws SceneError unless a body was added.
+  /// \param why that is required, for a body of the loaded scene
+  void check_added(const std::string& name, const std::string& who, const char* why) const;
   /// Removes an added body. Bodies that followed it become free, without a pose until they receive one.
   void remove(const std::string& name);
   /// Replaces the shape of a body. Its padding and uncertainty grow the new shape, too.

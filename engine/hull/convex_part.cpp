@@ -10,6 +10,7 @@
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
 #include "engine/hull/direction_table.h"
+#include "engine/hull/hull.h"
 #include "engine/hull/measure.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
@@ -50,14 +51,9 @@ ConvexPartPtr make_convex_part(std::vector<Vec3d> vertices, double radius, std::
                                std::uint64_t digest, std::shared_ptr<const DirectionTable> table,
                                std::shared_ptr<const Surface> surface) {
   const FpEnvironment environment;
-  if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
+  check_vertices(vertices);
   if (!(radius >= 0 && radius <= kMaxCoordinate))
     throw std::invalid_argument("radius must be a number of metres >= 0, got " + std::to_string(radius));
-  for (std::size_t i = 0; i < vertices.size(); ++i)
-    for (int k = 0; k < 3; ++k)
-      if (!(std::abs(vertices[i][k]) <= kMaxCoordinate))
-        throw std::invalid_argument("vertex " + std::to_string(i) + " has the coordinate " +
-                                    std::to_string(vertices[i][k]) + "; expected a finite number up to 1e60 m");
 
   auto part = std::make_shared<ConvexPart>();
   part->radius = radius;

@@ -197,7 +197,7 @@ std::vector<Vec3d> without_inner_points(std::vector<Vec3d> points) {
 }  // namespace
 
 void check_vertices(std::span<const Vec3d> vertices) {
-  if (vertices.empty()) throw std::invalid_argument("a piece needs at least one vertex");
+  if (vertices.empty()) throw std::invalid_argument("a part needs at least one vertex");
   for (std::size_t i = 0; i < vertices.size(); ++i)
     for (int k = 0; k < 3; ++k)
       if (!(std::abs(vertices[i][k]) <= kMaxCoordinate))

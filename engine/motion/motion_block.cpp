@@ -13,9 +13,9 @@ constexpr double kFiner = 0.125;  // share of the tolerance that a single pair m
 constexpr std::uint64_t kMostMotions = 64;
 constexpr std::uint64_t kMostPairs = 1u << 16;  // pairs times motions of a block
 constexpr std::uint64_t kMostPlaces = 64;       // configurations that are placed together
-constexpr std::size_t kTogether = 2;            // spans of one motion
+constexpr std::uint64_t kTogether = 2;          // spans of one motion
 constexpr std::uint64_t kBlocksPerWorker = 4;   // minimum, if there are several workers
-constexpr std::uint64_t kBodiesPerUnit = 16;    // bodies placed per unit of work
+constexpr std::uint64_t kBodiesPerUnit = 2;     // bodies placed per unit of work
 constexpr std::uint64_t kPairsPerUnit = 32;     // pairs bounded per unit of work
 
 }  // namespace
@@ -46,7 +46,8 @@ MotionBlock::MotionBlock(const MotionQuery& motion_query, const EvaluateOptions&
     rough_.emplace(motion_query.scene, rough);
   }
   for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(motion_query);
-  const std::uint64_t places = std::min(kMostPlaces, BodyPoses::most(motion_query.scene, motion_query.plan));
+  const std::uint64_t places =
+      std::min({kMostPlaces, kTogether * most, BodyPoses::most(motion_query.scene, motion_query.plan)});
   for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(motion_query.scene, motion_query.plan, boxes);
   places_.resize(places);
 }
@@ -107,7 +108,7 @@ bool MotionBlock::refine() {
 bool MotionBlock::collect_pairs(WorkMeter& meter) {
   used_ = 0;
   instants_.clear();
-  const std::size_t together = std::min(kTogether, places_.size());
+  const std::size_t together = std::min<std::size_t>(kTogether, places_.size());
   for (std::size_t i = 0; i < count_ && used_ + together <= places_.size(); ++i, ++turn_) {
     MotionSearch& search = searches_[turn_ % count_];
     for (std::size_t k = 0; k < together && !search.is_done() && search.next(places_[used_].node); ++k) {

@@ -55,7 +55,7 @@ class MotionJob final : public ParallelJob {
   void rewind() override {
     first_ = next_ = written_ = 0;
     evaluated_ = 0;
-    if (context_.covers && covers_revision_ != context_.covers->revision()) take_covers();
+    if (context_.covers && covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
   }
 
  private:
@@ -96,8 +96,8 @@ class MotionJob final : public ParallelJob {
     deciders_.clear();
     constexpr std::uint32_t kDecided = kFieldVerdict | kFieldConfiguration;
     if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kDecided) != 0) return;
-    covers_revision_ = context_.covers->revision();
-    covers_ = CoverPlan::make(scene(), plan_, *context_.covers);
+    covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
+    covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
     if (!covers_ || !covers_->rates() || !covers_->unknown().empty()) return;
     for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
   }
@@ -111,10 +111,10 @@ class MotionJob final : public ParallelJob {
 
   MotionBounds bounds_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
-  std::vector<MotionBlock> blocks_;           // one per worker
+  std::vector<MotionBlock> blocks_;  // one per worker
   std::unique_ptr<const CoverPlan> covers_;
-  std::vector<MotionDecider> deciders_;            // one per worker; none without covers
-  std::vector<std::vector<std::uint64_t>> left_;   // motions that they leave open; one per worker
+  std::vector<MotionDecider> deciders_;           // one per worker; none without covers
+  std::vector<std::vector<std::uint64_t>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;

@@ -76,6 +76,15 @@ double MotionSearch::target_of(std::uint64_t position, const Goal& goal, double 
   return std::min(query.max_distance, std::max(required_distance, 0.0));
 }
 
+// Lower bound at which a pair leaves while its margin decides: the margin or, after a time that is unproved, the bound
+// that excludes a contact. Both slacks separate the two.
+double MotionSearch::target_of_margin(std::uint64_t position, const Goal& goal, const Node& node,
+                                      const Slack& slack) const {
+  const double margin = motion_query_.plan.margins.of(position);
+  if (!seeks_contact_ || !(goal.unproved <= node.begin)) return margin;
+  return difference_below(difference_below(margin, slack.inner), slack.outer);
+}
+
 void MotionSearch::leave(Goal& goal, std::uint64_t position, double low, double begin) {
   Lowest& lowest = seeks_contact_ && !any() ? goal.lowest_of_contact : goal.lowest;
   if (low < lowest.low || (low == lowest.low && position < lowest.pair)) lowest = {low, position};
@@ -124,7 +133,7 @@ void MotionSearch::give_up() {
   for (const Node& node : spans_)
     for (std::size_t i = 0; i < node.open.size(); ++i) {
       Goal& goal = goal_of(node.open[i]);
-      if (!decides()) goal.forced |= !goal.decided && !is_proved(node.open[i], goal, node.low[i], 0);
+      if (!decides()) goal.forced |= !goal.decided && !is_proved(node.low[i], target_of(node.open[i], goal, 0));
       leave(goal, node.open[i], node.low[i], node.begin);
     }
   spans_.clear();
@@ -139,7 +148,8 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
   const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
   node.seeds = seed < node.open.size();
   const auto request_about = [&](BodyPair pair, const PairRequest& q) {
-    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), decides() ? q.target : -kInf});
+    const double stop_below = decides() ? motion_query_.plan.margins.of(node.open[q.open]) : -kInf;
+    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), stop_below});
     requests.push_back(q);
   };
   if (node.seeds) {
@@ -181,7 +191,7 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& no
   const HalfSpans gaps = half_spans(pair, request.rates, n, 0, moment, node.half(), true);
   const double low = std::min(gaps.before, gaps.after);
   Goal& goal = goal_of(node.open[request.open]);
-  if (!(low > target_of(node.open[request.open], goal, 0))) return false;
+  if (!(low > (decides() ? request.target : target_of(node.open[request.open], goal, 0)))) return false;
   leave(goal, node.open[request.open], std::max(low, node.low[request.open]), node.begin);
   return true;
 }
@@ -190,12 +200,15 @@ MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& n
                                                     const BodyPoses& placed) {
   const std::uint64_t position = node.open[i];
   PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
+  Slack slack;
   if (!is_unusable(motion_query_.scene, placed, pair)) {
     request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
     request.way = way_of_pair(request.rates, node.half());
-    request.inner = pair_slack(placed, pair).inner;
+    slack = pair_slack(placed, pair);
+    request.inner = slack.inner;
   }
-  request.target = target_of(position, goal_of(position), request.inner);
+  const Goal& goal = goal_of(position);
+  request.target = decides() ? target_of_margin(position, goal, node, slack) : target_of(position, goal, slack.inner);
   return request;
 }
 
@@ -229,11 +242,6 @@ void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const Pa
   goal.decided = any() ? within : answer.upper <= 0;
 }
 
-bool MotionSearch::is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const {
-  const double target = target_of(position, goal, slack);
-  return decides() ? low > target : low >= target;
-}
-
 // Lower bounds in either half, along a direction that separates the pair in the middle.
 // \param of_boxes uses the bodies' boxes, which include their uncertainty
 HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
@@ -252,21 +260,23 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
                           Half (&halves)[2]) {
   const std::uint64_t position = node.open[request.open];
   Goal& goal = goal_of(position);
-  const double inner = request.inner;
+  const double inner = request.inner, target = decides() ? request.target : target_of(position, goal, inner);
   const double by_speed = difference_below(answer.lower, request.way);
   double low = std::max(node.low[request.open], by_speed);
   const bool beyond = answer.status == Status::kBeyond;
   if (beyond) low = std::max(low, std::nextafter(request.target, kInf));
   HalfSpans gaps{low, low, -kInf};
   const Vec3d& n = answer.normal;
-  const bool has_normal = answer.lower > 0 && std::isfinite(n.x + n.y + n.z);
-  if (!beyond && !is_proved(position, goal, low, inner) && request.way > 0 && has_normal)
+  const bool has_normal = answer.lower > std::min(target, 0.0) && std::isfinite(n.x + n.y + n.z);
+  if (!beyond && !is_proved(low, target) && request.way > 0 && has_normal)
     gaps = half_spans(motion_query_.plan.pairs.at(position), request.rates, n, inner, moment, node.half(), false);
-  const double target = target_of(position, goal, inner);
+  // Shorter spans would not bring the proof past a middle that cannot be proved.
+  const bool ends_here = node.half() <= kLeastHalf || (seeks_contact_ && node.half() <= 0.5 * kContactTime && !beyond &&
+                                                       answer.lower <= motion_query_.plan.margins.of(position));
   for (Half& half : halves) {
     const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
-    const bool proved = beyond || is_proved(position, goal, gap, inner);
-    if (proved || request.way == 0 || node.half() <= kLeastHalf) {
+    const bool proved = beyond || is_proved(gap, target);
+    if (proved || request.way == 0 || ends_here) {
       goal.forced |= !proved && !decides();
       leave(goal, position, gap, half.node.begin);
     } else {

@@ -139,7 +139,8 @@ class MotionSearch {
   double target_of(std::uint64_t position, const Goal& goal, double slack) const;
   void leave(Goal& goal, std::uint64_t position, double low, double begin);
   void see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer, const BodyPoses& placed);
-  bool is_proved(std::uint64_t position, const Goal& goal, double low, double slack) const;
+  double target_of_margin(std::uint64_t position, const Goal& goal, const Node& node, const Slack& slack) const;
+  bool is_proved(double low, double target) const { return decides() ? low > target : low >= target; }
   void divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
   void push_rest(Half& half, double middle);

@@ -1,4 +1,4 @@
-// Queries from device memory to device memory, for clearance/_device_plan.py.
+// Queries from device memory to device memory, for clearance/_device/plan.py.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -17,9 +17,9 @@ constexpr const char* kShapes[] = {"vertices",   "box",  "sphere",    "capsule",
                                    "half_space", "cone", "ellipsoid", "points"};
 
 template <class T, class Rows>
-std::vector<T> rows_of(const Rows& rows) {
-  const auto* const begin = reinterpret_cast<const T*>(rows.data());
-  return {begin, begin + rows.shape(0)};
+std::vector<T> copied(const Rows& rows) {
+  const std::span<const T> all = copied<T>(rows);
+  return {all.begin(), all.end()};
 }
 
 NewShape new_shape(const std::string& shape, const PyEditor::VertexRows& numbers,
@@ -28,12 +28,12 @@ NewShape new_shape(const std::string& shape, const PyEditor::VertexRows& numbers
   if (kind == std::end(kShapes)) throw std::invalid_argument("shape: unknown shape " + shape);
   NewShape made{static_cast<wire::BodyShape>(kind - kShapes)};
   if (made.kind == wire::BodyShape::kHull)
-    made.vertices = rows_of<Vec3d>(numbers);
+    made.vertices = copied<Vec3d>(numbers);
   else if (numbers.shape(0) > 0)
     made.size = {numbers.data()[0], numbers.data()[1], numbers.data()[2]};
-  made.triangles = rows_of<Triangle>(triangles);
+  made.triangles = copied<Triangle>(triangles);
   made.mesh_as = static_cast<MeshAs>(mesh_as);
-  made.points = rows_of<CloudPoint>(cloud);
+  made.points = copied<CloudPoint>(cloud);
   return made;
 }
 

@@ -16,8 +16,8 @@
 #include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
-#include "engine/python/editor_binding.h"
 #include "engine/python/scene_bindings.h"
+#include "engine/python/update_binding.h"
 
 namespace clearance::python {
 namespace {
@@ -125,7 +125,7 @@ BlockPool& pinned_blocks() {
 
 using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
-class PyEngine : public PyEditor {
+class PyEngine : public PyUpdates {
  public:
   PyEngine(const engine::Scene& scene, const std::string& backend, int threads, std::uint64_t max_rows,
            std::uint64_t device_memory, bool device_fallback, const std::vector<int>& devices,
@@ -192,6 +192,16 @@ class PyEngine : public PyEditor {
     return std::make_unique<PyDevicePlan>(engine, guard_, engine->plan_on_device(view));
   }
 
+  /// Throws QueryError for a query that is invalid with any inputs, by one configuration or motion.
+  void check(const Query& query) const {
+    QueryView view = view_of(query);
+    if (query.bodies || query.joints) view.configuration_count = query.max_evaluations ? 2 : 1;
+    const GilRelease release;
+    const std::shared_ptr<engine::Engine> engine = use();
+    check_query_ids(*engine, query.scene_revision, view);
+    engine->size(view);
+  }
+
   nb::object pairs(const Query& query) const {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
@@ -212,91 +222,6 @@ class PyEngine : public PyEditor {
     check_query_ids(*engine, query.scene_revision, view);
     if (rows) return engine->certificate(view, std::span(rows->data(), rows->shape(0)));
     return engine->certificate(view);
-  }
-
-  // Updates. `revision` is the scene revision of their body ids.
-
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence,
-                      std::uint64_t revision) const {
-    if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
-    std::vector<BodyPose> batch(ids.shape(0));
-    for (std::size_t i = 0; i < batch.size(); ++i) {
-      batch[i].body = ids.data()[i];
-      batch[i].pose = pose_from(poses.data() + 7 * i);
-    }
-    return update([&](engine::Engine& engine) {
-      check_ids(engine, revision, {ids.data(), ids.shape(0)}, true);
-      return engine.set_poses(batch, stamp_ns, sequence);
-    });
-  }
-
-  nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
-                       std::int64_t sequence) const {
-    if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
-    std::vector<JointPosition> batch(ids.shape(0));
-    for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
-    return update([&](engine::Engine& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
-  }
-
-  nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
-                       std::int64_t stamp_ns, std::int64_t sequence, std::uint64_t revision) const {
-    const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(xyz.data()), xyz.shape(0));
-    return update([&](engine::Engine& engine) {
-      check_ids(engine, revision, {&body, 1});
-      return engine.set_points(body, points, radius, stamp_ns, sequence);
-    });
-  }
-
-  /// See Client.joints().
-  nb::tuple joints() const {
-    const std::shared_ptr<engine::Engine> engine = use();
-    const engine::Scene& scene = engine->scene();
-    const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-    nb::list joints, groups;
-    for (std::uint32_t j = 0; j < scene.joints().size(); ++j) {
-      const SceneJoint& joint = scene.joints()[j];
-      const JointState s = engine->joint_state(j);
-      joints.append(nb::make_tuple(joint.name, joint.lower, joint.upper, s.position, static_cast<int>(s.status),
-                                   s.beyond_limits, s.stamp_ns, s.receipt_ns ? now - s.receipt_ns : -1));
-    }
-    for (const JointGroup& group : scene.joint_groups()) groups.append(nb::make_tuple(group.name, group.joints));
-    return nb::make_tuple(joints, groups);
-  }
-
-  nb::tuple attach(std::uint32_t child, std::uint32_t parent, const std::optional<PoseRows>& pose,
-                   const BodiesArray& allow, std::uint64_t revision) const {
-    Pose X_pc;
-    if (pose) {
-      if (pose->shape(0) != 1) throw nb::value_error("pose: expected one pose");
-      X_pc = pose_from(pose->data());
-    }
-    const std::span<const std::uint32_t> allowed(allow.data(), allow.shape(0));
-    return update([&](engine::Engine& engine) {
-      check_ids(engine, revision, {&child, 1});
-      if (parent != kNone) check_ids(engine, revision, {&parent, 1});
-      check_ids(engine, revision, allowed);
-      return engine.attach(child, parent, pose ? &X_pc : nullptr, allowed);
-    });
-  }
-
-  nb::tuple allow(std::uint32_t a, std::uint32_t b, bool allow, std::uint64_t revision) const {
-    return update([&](engine::Engine& engine) {
-      check_ids(engine, revision, std::array{a, b});
-      return engine.allow(a, b, allow);
-    });
-  }
-
-  nb::list body_states() const {
-    nb::list states;
-    const std::shared_ptr<engine::Engine> engine = use();
-    const std::size_t count = engine->scene().bodies().size();
-    const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
-    for (std::size_t i = 0; i < count; ++i) {
-      const BodyState s = engine->body_state(static_cast<std::uint32_t>(i));
-      states.append(nb::make_tuple(tuple_of(s.X_wb), static_cast<int>(s.status), s.parent, s.stamp_ns,
-                                   s.receipt_ns ? now - s.receipt_ns : -1));
-    }
-    return states;
   }
 
  private:
@@ -364,6 +289,7 @@ NB_MODULE(_engine, m) {
 
   nb::class_<PyEngine> engine(m, "Engine");
   bind_scene_changes(engine);
+  bind_updates(engine);
   engine
       .def(nb::init<const engine::Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
                     const std::vector<int>&, const std::string&>(),
@@ -378,21 +304,11 @@ NB_MODULE(_engine, m) {
            nb::arg("positions").noconvert().none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
+      .def("check", &PyEngine::check, nb::arg("query"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("poses").none(),
            nb::arg("positions").none(), nb::arg("rows").none())
-      .def("set_poses", &PyEngine::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
-           nb::arg("sequence"), nb::arg("revision"))
-      .def("set_points", &PyEngine::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
-           nb::arg("stamp_ns"), nb::arg("sequence"), nb::arg("revision"))
-      .def("set_joints", &PyEngine::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
-           nb::arg("sequence"))
-      .def("joints", &PyEngine::joints)
-      .def("attach", &PyEngine::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(), nb::arg("allow"),
-           nb::arg("revision"))
-      .def("allow", &PyEngine::allow, nb::arg("a"), nb::arg("b"), nb::arg("allow"), nb::arg("revision"))
-      .def("body_states", &PyEngine::body_states)
       .def("wait_covers", &PyEngine::wait_covers, nb::arg("timeout_s"))
       .def("stats", [](const PyEngine& e) { return e.use()->stats(); });
 }

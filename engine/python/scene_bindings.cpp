@@ -1,4 +1,4 @@
-// The class _engine.Scene, wrapped by clearance/_scene.py.
+// The class _engine.Scene, wrapped by clearance/_scene/scene.py.
 #include "engine/python/scene_bindings.h"
 
 #include <nanobind/ndarray.h>
@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <functional>
 #include <utility>
 
 #include "client/python/bindings/answer.h"
@@ -30,13 +31,12 @@ using PoseRow = nb::ndarray<const double, nb::shape<7>, nb::c_contig, nb::device
 
 using BodyUncertainty = std::array<double, 4>;  // uncertainty of position and angle, padding, max_speed
 
-engine::Scene::BodyOptions options(double radius, const std::optional<std::string>& parent, bool is_static,
+engine::Scene::BodyOptions options(const std::optional<std::string>& parent, bool is_static,
                                    const std::optional<PoseRow>& pose, const BodyUncertainty& uncertainties) {
   engine::Scene::BodyOptions o;
   o.uncertainty = {uncertainties[0], uncertainties[1]};
   o.padding = uncertainties[2];
   o.max_speed = uncertainties[3];
-  o.radius = radius;
   o.parent = parent.value_or("");
   o.is_static = is_static;
   if (pose) o.pose = pose_from(pose->data());
@@ -92,113 +92,84 @@ nb::object display(const engine::Scene& scene, std::uint32_t id) {
 
 namespace {
 
+using Options = engine::Scene::BodyOptions;
+
+// Binds a function that adds a body: `add` takes the scene, the name, its own arguments and the options.
+template <class... Own, class Add, class... Names>
+void bind_shape(nb::class_<engine::Scene>& scene, const char* function, Add add, Names... names) {
+  static_assert(sizeof...(Own) == sizeof...(Names));
+  scene.def(
+      function,
+      [add](engine::Scene& s, const std::string& name, Own... own, const std::optional<std::string>& parent,
+            bool is_static, const std::optional<PoseRow>& pose, const BodyUncertainty& uncertainties) {
+        return std::invoke(add, s, name, own..., options(parent, is_static, pose, uncertainties));
+      },
+      nb::arg("name"), nb::arg(names)..., nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
+      nb::arg("uncertainties"));
+}
+
+// The same with the radius by which the parts are grown, which is the last of its own arguments in Python.
+template <class... Own, class Add, class... Names>
+void bind_grown(nb::class_<engine::Scene>& scene, const char* function, Add add, Names... names) {
+  bind_shape<Own..., double>(
+      scene, function,
+      [add](engine::Scene& s, const std::string& name, Own... own, double radius, Options o) {
+        o.radius = radius;
+        return std::invoke(add, s, name, own..., o);
+      },
+      names...);
+}
+
 // Binds the functions that add bodies.
 void bind_shapes(nb::class_<engine::Scene>& scene) {
-  using Parent = std::optional<std::string>;
-  using P = std::optional<PoseRow>;
-  scene
-      .def(
-          "add_hull",
-          [](engine::Scene& s, const std::string& name, const VertexRows& v, double radius, const Parent& parent,
-             bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
-            return s.add_hull(name, vertices, options(radius, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("vertices"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_mesh",
-          [](engine::Scene& s, const std::string& name, const std::string& path, double sx, double sy, double sz,
-             int mesh_as, bool y_up, double radius, const Parent& parent, bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) {
-            const engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
-            const GilRelease release;
-            return s.add_mesh(name, path, {sx, sy, sz}, static_cast<MeshAs>(mesh_as), o,
-                              y_up ? UpAxis::kY : UpAxis::kZ);
-          },
-          nb::arg("name"), nb::arg("path"), nb::arg("sx"), nb::arg("sy"), nb::arg("sz"), nb::arg("mesh_as"),
-          nb::arg("y_up"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("uncertainties"))
-      .def(
-          "add_mesh_of",
-          [](engine::Scene& s, const std::string& name, const VertexRows& v, const TriangleRows& t, int mesh_as,
-             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            const std::span<const Vec3d> vertices(reinterpret_cast<const Vec3d*>(v.data()), v.shape(0));
-            const std::span<const Triangle> triangles(reinterpret_cast<const Triangle*>(t.data()), t.shape(0));
-            const engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
-            const GilRelease release;
-            return s.add_mesh(name, vertices, triangles, static_cast<MeshAs>(mesh_as), o);
-          },
-          nb::arg("name"), nb::arg("vertices"), nb::arg("triangles"), nb::arg("mesh_as"), nb::arg("radius"),
-          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_points",
-          [](engine::Scene& s, const std::string& name, const CloudRows& v, double voxel, bool requires_pose,
-             double radius, const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            const std::span<const CloudPoint> points(reinterpret_cast<const CloudPoint*>(v.data()), v.shape(0));
-            engine::Scene::BodyOptions o = options(radius, parent, fixed, pose, uncertainties);
-            o.requires_pose = requires_pose;
-            const GilRelease release;
-            return s.add_points(name, points, voxel, o);
-          },
-          nb::arg("name"), nb::arg("points"), nb::arg("voxel"), nb::arg("requires_pose"), nb::arg("radius"),
-          nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_box",
-          [](engine::Scene& s, const std::string& name, double x, double y, double z, double radius,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            return s.add_box(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_sphere",
-          [](engine::Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) {
-            return s.add_sphere(name, radius, options(0, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("uncertainties"))
-      .def(
-          "add_capsule",
-          [](engine::Scene& s, const std::string& name, double radius, double length, const Parent& parent, bool fixed,
-             const P& pose, const BodyUncertainty& uncertainties) {
-            return s.add_capsule(name, radius, length, options(0, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("parent").none(), nb::arg("static"),
-          nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_cone",
-          [](engine::Scene& s, const std::string& name, double radius, double length, double grown,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            return s.add_cone(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_ellipsoid",
-          [](engine::Scene& s, const std::string& name, double x, double y, double z, double radius,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            return s.add_ellipsoid(name, {x, y, z}, options(radius, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("x"), nb::arg("y"), nb::arg("z"), nb::arg("radius"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"))
-      .def(
-          "add_half_space",
-          [](engine::Scene& s, const std::string& name, double radius, const Parent& parent, bool fixed, const P& pose,
-             const BodyUncertainty& uncertainties) {
-            return s.add_half_space(name, options(radius, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("parent").none(), nb::arg("static"), nb::arg("pose").none(),
-          nb::arg("uncertainties"))
-      .def(
-          "add_cylinder",
-          [](engine::Scene& s, const std::string& name, double radius, double length, double grown,
-             const Parent& parent, bool fixed, const P& pose, const BodyUncertainty& uncertainties) {
-            return s.add_cylinder(name, radius, length, options(grown, parent, fixed, pose, uncertainties));
-          },
-          nb::arg("name"), nb::arg("radius"), nb::arg("length"), nb::arg("grown"), nb::arg("parent").none(),
-          nb::arg("static"), nb::arg("pose").none(), nb::arg("uncertainties"));
+  using S = engine::Scene;
+  using Name = std::string;
+  bind_grown<const VertexRows&>(
+      scene, "add_hull",
+      [](S& s, const Name& name, const VertexRows& v, const Options& o) {
+        return s.add_hull(name, rows_of<Vec3d>(v), o);
+      },
+      "vertices", "radius");
+  bind_grown<const std::string&, double, double, double, int, bool>(
+      scene, "add_mesh",
+      [](S& s, const Name& name, const std::string& path, double sx, double sy, double sz, int mesh_as, bool y_up,
+         const Options& o) {
+        const GilRelease release;
+        return s.add_mesh(name, path, {sx, sy, sz}, static_cast<MeshAs>(mesh_as), o, y_up ? UpAxis::kY : UpAxis::kZ);
+      },
+      "path", "sx", "sy", "sz", "mesh_as", "y_up", "radius");
+  bind_grown<const VertexRows&, const TriangleRows&, int>(
+      scene, "add_mesh_of",
+      [](S& s, const Name& name, const VertexRows& v, const TriangleRows& t, int mesh_as, const Options& o) {
+        const GilRelease release;
+        return s.add_mesh(name, rows_of<Vec3d>(v), rows_of<Triangle>(t), static_cast<MeshAs>(mesh_as), o);
+      },
+      "vertices", "triangles", "mesh_as", "radius");
+  bind_grown<const CloudRows&, double, bool>(
+      scene, "add_points",
+      [](S& s, const Name& name, const CloudRows& v, double voxel, bool requires_pose, Options o) {
+        o.requires_pose = requires_pose;
+        const GilRelease release;
+        return s.add_points(name, rows_of<CloudPoint>(v), voxel, o);
+      },
+      "points", "voxel", "requires_pose", "radius");
+  bind_grown<double, double, double>(
+      scene, "add_box",
+      [](S& s, const Name& name, double x, double y, double z, const Options& o) {
+        return s.add_box(name, {x, y, z}, o);
+      },
+      "x", "y", "z", "radius");
+  bind_grown<double, double, double>(
+      scene, "add_ellipsoid",
+      [](S& s, const Name& name, double x, double y, double z, const Options& o) {
+        return s.add_ellipsoid(name, {x, y, z}, o);
+      },
+      "x", "y", "z", "radius");
+  bind_shape<double>(scene, "add_sphere", &S::add_sphere, "radius");
+  bind_shape<double, double>(scene, "add_capsule", &S::add_capsule, "radius", "length");
+  bind_grown<double, double>(scene, "add_cone", &S::add_cone, "radius", "length", "grown");
+  bind_grown<double, double>(scene, "add_cylinder", &S::add_cylinder, "radius", "length", "grown");
+  bind_grown<>(scene, "add_half_space", &S::add_half_space, "radius");
 }
 
 }  // namespace

@@ -2,6 +2,8 @@
 
 #include <nanobind/nanobind.h>
 
+#include <span>
+
 #include "engine/pose/pose.h"
 
 namespace clearance::python {
@@ -12,6 +14,12 @@ void bind_scene(nanobind::module_& m);
 /// A pose from seven numbers in a row.
 inline Pose pose_from(const double* p) {
   return {{p[0], p[1], p[2]}, p[3], p[4], p[5], p[6]};
+}
+
+/// Rows of an array.
+template <class Row, class Rows>
+std::span<const Row> rows_of(const Rows& rows) {
+  return {reinterpret_cast<const Row*>(rows.data()), rows.shape(0)};
 }
 
 inline nanobind::tuple tuple_of(const Pose& X) {

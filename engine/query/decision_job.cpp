@@ -28,7 +28,6 @@ class DecisionJob final : public ParallelJob {
     take_covers();
   }
 
-
   bool go_on(WorkMeter& slice) override {
     const bool done = run_units(
         next_, (plan_.size.configurations + block_ - 1) / block_, slice,
@@ -42,13 +41,13 @@ class DecisionJob final : public ParallelJob {
 
   void rewind() override {
     next_ = evaluated_ = 0;
-    if (covers_revision_ != context_.covers->revision()) take_covers();
+    if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
   }
 
  private:
   void take_covers() {
-    covers_revision_ = context_.covers->revision();
-    covers_ = CoverPlan::make(scene(), plan_, *context_.covers);
+    covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
+    covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
   }
 
   /// A worker's states.
@@ -99,12 +98,15 @@ class DecisionJob final : public ParallelJob {
     }
     share.decisions.resize(count);
     share.open.resize(count * kMostOpen);
-    decision_kernels()[0].run({&covers_->view(), given.poses.data(), stride, count, share.usable.data(), any_hit_},
-                              {share.decisions.data(), share.open.data(), static_cast<std::uint32_t>(share.open.size())});
+    decision_kernels()[0].run(
+        {&covers_->view(), given.poses.data(), stride, count, share.usable.data(), any_hit_,
+         plan_.positions.data() + begin * joints, joints},
+        {share.decisions.data(), share.open.data(), static_cast<std::uint32_t>(share.open.size())});
     share.left.clear();
     for (std::uint64_t k = 0; k < count; ++k)
       if (!write_decided(share.decisions[k], begin + k)) leave(share, share.decisions[k], begin + k);
-    share.left_spans.assign(share.left_open.begin(), share.left_open.begin() + static_cast<std::ptrdiff_t>(share.left.size()));
+    share.left_spans.assign(share.left_open.begin(),
+                            share.left_open.begin() + static_cast<std::ptrdiff_t>(share.left.size()));
   }
 
   // Writes the row of a state that needs no exact evaluation.

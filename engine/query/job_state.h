@@ -21,6 +21,7 @@ class DeviceBackend;  // engine/device/device_job.h
 
 class CoverStore;  // engine/cover/cover_store.h
 class JobCache;
+class JointTableStore;  // engine/decision/joint_table_store.h
 
 /// Resources of the engine that a job uses.
 struct JobContext {
@@ -37,6 +38,7 @@ struct JobContext {
   JobCache* job_cache = nullptr;                ///< keeps jobs that may be reused
   std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
   const CoverStore* covers = nullptr;           ///< null if the engine has none
+  const JointTableStore* tables = nullptr;      ///< likewise
 };
 
 struct Job::State {

@@ -47,9 +47,9 @@ class ConfigurationBlock {
   Evaluator evaluator_;
   std::vector<Reduction> reductions_;
   std::span<const BodyPoses> placed_;
-  std::vector<std::uint64_t> configurations_;           // of placed_
-  std::vector<std::span<const std::uint64_t>> open_;    // likewise, or empty for all pairs
-  std::span<const double> gaps_;  // (configurations, pairs)
+  std::vector<std::uint64_t> configurations_;         // of placed_
+  std::vector<std::span<const std::uint64_t>> open_;  // likewise, or empty for all pairs
+  std::span<const double> gaps_;                      // (configurations, pairs)
   std::vector<BodyPair> pairs_;
   bool is_evaluating_ = false;
   std::vector<PlacedBodies> to_evaluate_;

@@ -97,6 +97,9 @@ class PairSearch {
   std::vector<SignedBounds> evaluate(const std::vector<double>& positions) {
     std::vector<SignedBounds> bounds(moves_.empty() ? 1 : positions.size() / moves_.size());
     distances_(positions, bounds);
+    if (options_.margin > 0)
+      for (SignedBounds& b : bounds)
+        b = {std::nextafter(b.lower - options_.margin, -HUGE_VAL), std::nextafter(b.upper - options_.margin, HUGE_VAL)};
     return bounds;
   }
 

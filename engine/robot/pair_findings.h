@@ -42,6 +42,7 @@ struct FindingOptions {
   std::uint32_t samples = 1000;      ///< random configurations for each pair
   std::uint32_t most_steps = 20000;  ///< maximum evaluations of a proof
   std::uint64_t seed = 1;
+  double margin = 0;  ///< metres: pairs within it count as touching
 };
 
 struct Found {

@@ -6,11 +6,16 @@
 
 #include "engine/bvh/surface.h"
 #include "engine/hull/primitive.h"
+#include "wire/api/unknown_name.h"
 
 namespace clearance {
 
 std::string in_quotes(const std::string& name) {
   return '"' + name + '"';
+}
+
+std::string no_body(const engine::Scene& scene, const std::string& name) {
+  return "there is no body " + in_quotes(name) + did_you_mean(name, all_names(scene.bodies()));
 }
 
 std::string number_text(double x) {

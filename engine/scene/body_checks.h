@@ -13,6 +13,9 @@ std::string in_quotes(const std::string& name);
 /// The number with as many digits as identify it.
 std::string number_text(double x);
 
+/// Error text for a name that no body has, with similar names.
+std::string no_body(const engine::Scene& scene, const std::string& name);
+
 /// \param what kind of the name, such as "body"
 void check_name(const std::string& name, const char* what);
 /// \param name of the body

@@ -6,6 +6,7 @@
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
 #include "engine/scene/body_checks.h"
+#include "wire/api/unknown_name.h"
 
 namespace clearance::engine {
 
@@ -68,7 +69,7 @@ std::uint32_t Scene::insert_body(Body body) {
 void Scene::replace_shape(const std::string& name, const Geometry& shape) {
   const FpEnvironment environment;
   const std::uint32_t id = find_body(name);
-  if (id == kNone) throw SceneError("there is no body " + in_quotes(name));
+  if (id == kNone) throw SceneError(no_body(*this, name));
   Body next = bodies_[id];
   const std::string who = "body " + in_quotes(name) + ": ";
   // The bounds on a link's pose contain its size (LinkErrors).
@@ -90,9 +91,9 @@ void Scene::replace_shape(const std::string& name, const Geometry& shape) {
 
 void Scene::set_parent(const std::string& child, const std::string& parent) {
   const std::uint32_t c = find_body(child), p = find_body(parent);
-  if (c == kNone) throw SceneError("there is no body " + in_quotes(child));
+  if (c == kNone) throw SceneError(no_body(*this, child));
   const std::string who = "body " + in_quotes(child) + ": ";
-  if (p == kNone) throw SceneError(who + "parent: there is no body " + in_quotes(parent));
+  if (p == kNone) throw SceneError(who + "parent: " + no_body(*this, parent));
   if (bodies_[c].robot != kNone) throw SceneError(who + "parent: " + placed_by_joints(bodies_[c]));
   if (is_plane(bodies_[c])) throw SceneError(who + "parent: " + kPlaneStands);
   if (bodies_[c].is_static && !bodies_[p].is_static)
@@ -105,7 +106,7 @@ void Scene::set_parent(const std::string& child, const std::string& parent) {
 
 void Scene::set_requires_pose(const std::string& body) {
   const std::uint32_t id = find_body(body);
-  if (id == kNone) throw SceneError("there is no body " + in_quotes(body));
+  if (id == kNone) throw SceneError(no_body(*this, body));
   check_may_require_pose(bodies_[id]);
   bodies_[id].requires_pose = true;
 }
@@ -115,8 +116,7 @@ void Scene::add_group(const std::string& name, std::span<const std::string> bodi
   Group group{name, {}};
   for (const std::string& body : bodies) {
     group.bodies.push_back(find_body(body));
-    if (group.bodies.back() == kNone)
-      throw SceneError("group " + in_quotes(name) + ": there is no body " + in_quotes(body));
+    if (group.bodies.back() == kNone) throw SceneError("group " + in_quotes(name) + ": " + no_body(*this, body));
   }
   insert_group(std::move(group));
 }
@@ -132,7 +132,9 @@ std::vector<std::uint32_t> Scene::resolve(const std::string& body_or_group) cons
   // A robot's name is that of a group and of a frame, which has no pairs.
   if (const std::uint32_t id = find_group(body_or_group); id != kNone) return groups_[id].bodies;
   if (const std::uint32_t id = find_body(body_or_group); id != kNone) return {id};
-  if (body_or_group != "*") throw SceneError("there is no body or group " + in_quotes(body_or_group));
+  if (body_or_group != "*")
+    throw SceneError("there is no body or group " + in_quotes(body_or_group) +
+                     did_you_mean(body_or_group, all_names(groups_, all_names(bodies_))));
   std::vector<std::uint32_t> every(bodies_.size());
   for (std::uint32_t i = 0; i < every.size(); ++i) every[i] = i;
   return every;

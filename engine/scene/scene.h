@@ -69,8 +69,23 @@ struct Group {
 
 namespace engine {
 
+/// Content of a scene, without caches for adding bodies.
+class SceneContent {
+ protected:
+  std::vector<Body> bodies_;
+  bool has_uncertainties_ = false, has_surfaces_ = false, has_proxies_ = false;
+  std::vector<Group> groups_;
+  std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
+  std::vector<std::shared_ptr<const SceneRobot>> robots_;
+  std::vector<SceneJoint> joints_;
+  std::vector<JointGroup> joint_groups_;
+  std::unordered_map<std::string, std::uint32_t> joint_ids_;
+  std::unordered_map<std::string, std::uint32_t> body_ids_;
+  std::unordered_map<std::string, std::uint32_t> group_ids_;
+};
+
 /// Bodies, whose ids are their order of insertion, groups, and ignored pairs.
-class Scene {
+class Scene : SceneContent {
  public:
   /// Options of the add_* functions. Without a pose, a body that is static or has a parent is placed at the identity.
   struct BodyOptions {
@@ -193,19 +208,13 @@ class Scene {
   friend class clearance::RobotAdder;
 
   void grow(Body& body, bool shares_parts = true);
-  Scene without_memory() const;
+  Scene without_memory() const {
+    Scene next;
+    static_cast<SceneContent&>(next) = *this;
+    return next;
+  }
 
-  std::vector<Body> bodies_;
-  bool has_uncertainties_ = false, has_surfaces_ = false, has_proxies_ = false;
-  std::vector<Group> groups_;
-  std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
-  std::vector<std::shared_ptr<const SceneRobot>> robots_;
-  std::vector<SceneJoint> joints_;
-  std::vector<JointGroup> joint_groups_;
   std::vector<std::string> warnings_;
-  std::unordered_map<std::string, std::uint32_t> joint_ids_;
-  std::unordered_map<std::string, std::uint32_t> body_ids_;
-  std::unordered_map<std::string, std::uint32_t> group_ids_;
   std::unordered_multimap<std::uint64_t, ConvexPartPtr> parts_;  ///< by digest
   /// Geometries made before: meshes by file and options, shapes by their vertices.
   std::unordered_map<std::string, std::shared_ptr<const Geometry>> geometries_;

@@ -45,24 +45,6 @@ Body body_by_parts(const Body& body) {
 
 }  // namespace
 
-// A copy without the caches for adding bodies.
-engine::Scene engine::Scene::without_memory() const {
-  engine::Scene next;
-  next.bodies_ = bodies_;
-  next.groups_ = groups_;
-  next.ignored_ = ignored_;
-  next.robots_ = robots_;
-  next.joints_ = joints_;
-  next.joint_groups_ = joint_groups_;
-  next.joint_ids_ = joint_ids_;
-  next.body_ids_ = body_ids_;
-  next.group_ids_ = group_ids_;
-  next.has_uncertainties_ = has_uncertainties_;
-  next.has_surfaces_ = has_surfaces_;
-  next.has_proxies_ = has_proxies_;
-  return next;
-}
-
 void engine::Scene::find_proxies() {
   by_parts_ = nullptr;
   if (std::ranges::none_of(bodies_, has_proxies_of_its_own)) return;

@@ -83,8 +83,7 @@ class RobotAdder {
     base.source = "robot base";
     scene_.check_free(name_, "robot");
     if (!options_.parent.empty() && (base.parent = scene_.find_body(options_.parent)) == kNone)
-      throw engine::SceneError("robot " + in_quotes(name_) + ": parent: there is no body " +
-                               in_quotes(options_.parent));
+      throw engine::SceneError("robot " + in_quotes(name_) + ": parent: " + no_body(scene_, options_.parent));
     robot_->base = scene_.insert_body(std::move(base));
   }
 

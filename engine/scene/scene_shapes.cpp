@@ -19,7 +19,7 @@ constexpr std::size_t kRememberedVertices = 5'000;  // of shapes whose geometry 
 
 // Key of a file, which changes when the file is replaced or rewritten.
 std::string file_key(const std::string& path) {
-  struct stat info{};
+  struct stat info {};
   if (::stat(path.c_str(), &info) != 0) return path + "|";
   return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';
@@ -32,6 +32,11 @@ void put_points(Body& body, const ConvexPartPtr& cloud) {
   body.model_error = body.model_inner = cloud ? cloud->surface->rounding() : 0;
   body.reach = 0;
   body.is_grown = false;
+}
+
+// Makes the geometry of a primitive.
+auto primitive(const Primitive& shape, const char* source, const Scene::BodyOptions& options) {
+  return [=, radius = options.radius] { return geometry_of_primitive(shape, radius, source); };
 }
 
 }  // namespace
@@ -49,7 +54,7 @@ Body Scene::body_from(const std::string& name, const BodyOptions& options) const
   if (!options.parent.empty()) {
     body.parent = find_body(options.parent);
     if (body.parent == kNone)
-      throw SceneError("body " + in_quotes(name) + ": parent: there is no body " + in_quotes(options.parent));
+      throw SceneError("body " + in_quotes(name) + ": parent: " + no_body(*this, options.parent));
   }
   return body;
 }
@@ -155,31 +160,25 @@ std::uint32_t Scene::add_cylinder(const std::string& name, double radius, double
   const FpEnvironment environment;
   check_positive(name, "cylinder radius", radius);
   check_positive(name, "cylinder length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cylinder_of(radius, length), options.radius, "cylinder"); });
+  return add_geometry(name, options, primitive(cylinder_of(radius, length), "cylinder", options));
 }
 
 std::uint32_t Scene::add_cone(const std::string& name, double radius, double length, const BodyOptions& options) {
   const FpEnvironment environment;
   check_positive(name, "cone radius", radius);
   check_positive(name, "cone length", length);
-  return add_geometry(name, options,
-                      [&] { return geometry_of_primitive(cone_of(radius, length), options.radius, "cone"); });
+  return add_geometry(name, options, primitive(cone_of(radius, length), "cone", options));
 }
 
 std::uint32_t Scene::add_ellipsoid(const std::string& name, Vec3d radii, const BodyOptions& options) {
   const FpEnvironment environment;
   for (int k = 0; k < 3; ++k) check_positive(name, "ellipsoid half axis", radii[k]);
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kEllipsoid, radii}, options.radius, "ellipsoid");
-  });
+  return add_geometry(name, options, primitive({Primitive::Kind::kEllipsoid, radii}, "ellipsoid", options));
 }
 
 std::uint32_t Scene::add_half_space(const std::string& name, const BodyOptions& options) {
   const FpEnvironment environment;
-  return add_geometry(name, options, [&] {
-    return geometry_of_primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, options.radius, "half_space");
-  });
+  return add_geometry(name, options, primitive({Primitive::Kind::kHalfSpace, {0, 0, 0}}, "half_space", options));
 }
 
 std::uint32_t Scene::add_points(const std::string& name, std::span<const CloudPoint> points, double voxel,

@@ -6,6 +6,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/hull/shapes.h"
+#include "engine/scene/body_checks.h"
 #include "engine/scene/scene.h"
 #include "engine/scene_io/geometry_yaml.h"
 #include "engine/scene_io/robot_yaml.h"
@@ -153,7 +154,7 @@ class SceneReader {
     std::vector<std::string> names;
     for (const YamlValue& member : (members ? *members : group).list("a list of bodies")) {
       names.push_back(member.text("the name of a body"));
-      if (scene.find_body(names.back()) == kNone) member.fail("there is no body \"" + names.back() + "\"");
+      if (scene.find_body(names.back()) == kNone) member.fail(no_body(scene, names.back()));
     }
     placed(group, [&] {
       scene.add_group(name, names);

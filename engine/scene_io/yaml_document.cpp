@@ -7,6 +7,7 @@
 
 #include "engine/pose/pose_order.h"
 #include "engine/scene_io/yaml_tree.h"
+#include "wire/api/unknown_name.h"
 
 namespace clearance {
 
@@ -20,22 +21,6 @@ std::string cut(const std::string& text) {
   std::string out;
   for (const char c : text.substr(0, 60)) out += static_cast<unsigned char>(c) < 0x20 || c == 0x7f ? '?' : c;
   return text.size() > 60 ? out + "..." : out;
-}
-
-// Number of edits (insert, delete, replace, swap neighbours) from a to b.
-std::size_t edit_distance(const std::string& a, const std::string& b) {
-  std::vector<std::vector<std::size_t>> d(a.size() + 1, std::vector<std::size_t>(b.size() + 1));
-  for (std::size_t i = 0; i <= a.size(); ++i)
-    for (std::size_t j = 0; j <= b.size(); ++j) {
-      if (i == 0 || j == 0) {
-        d[i][j] = i + j;
-        continue;
-      }
-      d[i][j] = std::min({d[i - 1][j] + 1, d[i][j - 1] + 1, d[i - 1][j - 1] + (a[i - 1] != b[j - 1])});
-      if (i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1])
-        d[i][j] = std::min(d[i][j], d[i - 2][j - 2] + 1);
-    }
-  return d[a.size()][b.size()];
 }
 
 // Parses all of the text as a decimal number; no hexadecimal, inf or nan.
@@ -239,19 +224,11 @@ std::unique_ptr<YamlValue> YamlValue::find(const std::string& key) const {
 void YamlValue::check_keys(std::initializer_list<const char*> known) const {
   for (const auto& [key, value] : map("a map")) {
     if (std::find(known.begin(), known.end(), key) != known.end()) continue;
-    std::string nearest, all;
-    std::size_t best = std::max<std::size_t>(2, key.size() / 3) + 1;
-    for (const char* k : known) {
-      all += std::string(all.empty() ? "" : ", ") + k;
-      const std::size_t d = key.size() > 64 ? best : edit_distance(key, k);
-      if (d < best) {
-        best = d;
-        nearest = k;
-      }
-    }
+    const std::string near = did_you_mean(key, {known.begin(), known.end()});
+    std::string all;
+    for (const char* k : known) all += std::string(all.empty() ? "; known: " : ", ") + k;
     const YamlValue at_key(tree_, value.node_, value.line_, place_);
-    at_key.fail("unknown key \"" + cut(key) + "\"; " +
-                (nearest.empty() ? "known: " + all : "did you mean \"" + nearest + "\"?"));
+    at_key.fail("unknown key \"" + cut(key) + "\"" + (near.empty() ? all : near));
   }
 }
 

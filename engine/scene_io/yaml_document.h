@@ -54,7 +54,7 @@ class YamlValue {
 
   /// The value of a key, or null; of a map only.
   std::unique_ptr<YamlValue> find(const std::string& key) const;
-  /// Fails for an unknown key, and suggests the nearest known one.
+  /// Fails for an unknown key, and suggests the nearest known ones.
   void check_keys(std::initializer_list<const char*> known) const;
 
  private:

@@ -94,13 +94,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
     moved.insert(moved.end(), links.begin(), links.end());
     begin = end;
   }
-  if (!changed.empty()) {
-    std::vector<std::uint32_t> placed = next->with_followers(moved);
-    next->place_again(placed);
-    ++next->revision;
-    record_changes(std::move(placed));
-    publish(next);
-  }
+  if (!changed.empty()) publish_moved(next, moved);
   result.revision = next->revision;
   result.copied_bytes = std::exchange(copied_bytes_, 0);
   return result;

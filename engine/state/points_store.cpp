@@ -52,12 +52,7 @@ PoseUpdateResult PoseStore::set_points(std::uint32_t body, std::span<const Cloud
   const std::shared_ptr<PoseSnapshot> next = copy();
   next->scene = std::move(scene);
   note_points(*next, {body, std::move(cloud), points.size(), stamp_ns, monotonic_ns(), sequence});
-  const std::uint32_t changed[] = {body};
-  std::vector<std::uint32_t> placed = next->with_followers(changed);
-  next->place_again(placed);
-  ++next->revision;
-  record_changes(std::move(placed));
-  publish(next);
+  publish_moved(next, std::span(&body, 1));
   PoseUpdateResult result;
   result.revision = next->revision;
   result.applied = static_cast<std::uint32_t>(points.size());

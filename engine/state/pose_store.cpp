@@ -287,16 +287,18 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     moved.push_back(p.body);
     ++(check(p.pose) == PoseQuality::kBad ? result.bad : result.applied);
   }
-  if (!moved.empty()) {
-    std::vector<std::uint32_t> changed = next->with_followers(moved);
-    next->place_again(changed);
-    ++next->revision;
-    record_changes(std::move(changed));
-    publish(next);
-  }
+  if (!moved.empty()) publish_moved(next, moved);
   result.revision = next->revision;
   result.copied_bytes = std::exchange(copied_bytes_, 0);
   return result;
+}
+
+void PoseStore::publish_moved(const std::shared_ptr<PoseSnapshot>& next, std::span<const std::uint32_t> moved) {
+  std::vector<std::uint32_t> placed = next->with_followers(moved);
+  next->place_again(placed);
+  ++next->revision;
+  record_changes(std::move(placed));
+  publish(next);
 }
 
 std::unique_lock<std::mutex> PoseStore::lock_for_update() {

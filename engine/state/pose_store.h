@@ -130,6 +130,8 @@ class PoseStore {
   void record_changes(std::vector<std::uint32_t> changed);
   void enable_pairs(PoseSnapshot& snapshot) const;  // enables the pairs that its parents imply
   void publish(std::shared_ptr<PoseSnapshot> next);
+  /// Places the moved bodies and those that follow them, and publishes the next revision.
+  void publish_moved(const std::shared_ptr<PoseSnapshot>& next, std::span<const std::uint32_t> moved);
   void check_not_late(const StampMarks& marks, std::uint32_t id, const std::string& name, std::int64_t stamp_ns,
                       std::uint64_t publisher);
   void take_over_points(const PoseStore& old_store, PoseSnapshot& next, std::string_view reshaped);

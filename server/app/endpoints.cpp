@@ -8,6 +8,7 @@
 #include "server/access/fd_filter_proxy.h"
 #include "server/base/log.h"
 #include "server/shm/shm_transport.h"
+#include "wire/api/unknown_name.h"
 #include "wire/default_socket.h"
 
 namespace clearance {
@@ -75,7 +76,8 @@ LcmPoses lcm_poses_of(const DaemonOptions& options, const engine::Scene& scene) 
   if (names == Words{"off"}) return {false, {}};
   for (const std::string& name : names)
     if (scene.find_body(name) == kNone && scene.find_group(name) == kNone)
-      throw std::invalid_argument("--lcm-poses: the scene has no body or group \"" + name + "\"");
+      throw std::invalid_argument("--lcm-poses: the scene has no body or group \"" + name + "\"" +
+                                  did_you_mean(name, all_names(scene.groups(), all_names(scene.bodies()))));
   return {false, names};
 }
 

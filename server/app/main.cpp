@@ -223,6 +223,7 @@ int serve(DaemonOptions options) {
   loop_options.on_tick = [&supervisor] { supervisor.alive(); };
   Loop loop(engine, loop_options);
   engine_options.cover_store = engine->cover_store();
+  engine_options.joint_table_store = engine->joint_table_store();
   const auto build = [engine_options](engine::Scene scene_to_serve) {
     return std::make_unique<engine::Engine>(std::move(scene_to_serve), engine_options);
   };

@@ -122,8 +122,7 @@ void add_backend(CLI::App& app, DaemonOptions& o) {
                "reject queries that the device cannot answer, instead of using the CPU");
   app.add_option(
          "--covers", o.covers,
-         "when covers are made, which make decisions faster: background (at lowest priority, once the daemon is\n"
-         "ready), off")
+         "make covers, which speed up decisions: background (at the lowest priority, once the daemon is ready), off")
       ->check(quiet(CLI::IsMember({"background", "off"})))
       ->type_name("WHEN")
       ->capture_default_str();

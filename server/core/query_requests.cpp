@@ -14,6 +14,11 @@ constexpr auto kPairCost = std::chrono::microseconds(1);
 /// Size of a query that the loop itself begins, on one thread.
 constexpr std::uint64_t kSmallPairs = 256, kSmallPartPairs = 8192, kSmallLists = 8192, kSmallLinks = 4096;
 
+/// Most motions need fewer evaluations, which the loop makes in its slice.
+constexpr std::uint32_t kMotionEvaluations = 16;
+/// Pairs times moved links of a motion, whose bounds are made before its slice.
+constexpr std::uint64_t kSmallPairLinks = 8192;
+
 QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {
   return begun + kPairCost * std::min<std::uint64_t>(pairs, 1u << 30);
 }
@@ -51,7 +56,7 @@ void QueryRequests::start(Request& request) {
   if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
     return begin(request, parts);
   const QueryView query = view_of(parts, header.scene_revision);
-  if (is_small(engine.cost(query))) engine.size(query);  // throws for a bad query before it waits
+  if (is_small(engine.cost(query), options)) engine.size(query);  // throws for a bad query before it waits
   defer(header, context_.class_for(*request.sink, header), options, request.take_payload()(), request.sink,
         request.received);
 }
@@ -60,8 +65,8 @@ void QueryRequests::start(Request& request) {
 void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
   const QueryCost cost = context_.engine->cost(view_of(parts, request.header.scene_revision));
   // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
-  const bool is_here =
-      is_small(cost) && !context_.has_pose_updates(request.sink->client()) && !(parts.options.fields & kFieldFreeScale);
+  const bool is_here = is_small(cost, parts.options) && !context_.has_pose_updates(request.sink->client()) &&
+                       !(parts.options.fields & kFieldFreeScale);
   // Counted from now for queries on a worker, so that one ends before the next one of the client.
   auto query = new_query(request, context_.class_for(*request.sink, request.header),
                          due(is_here ? request.received : Clock::now(), cost.pairs));
@@ -82,9 +87,15 @@ std::unique_ptr<QueryTask> QueryRequests::new_query(const Request& request, Serv
                                      request.received, due);
 }
 
-bool QueryRequests::is_small(const QueryCost& cost) const {
-  return cost.pairs < kSmallPairs && cost.part_pairs <= kSmallPartPairs && cost.listed <= kSmallLists &&
-         cost.links <= kSmallLinks && context_.engine->has_cpu();
+/// A motion counts as one evaluation of its pairs: its slice on the loop may end before the others. Placing the links
+/// of an evaluation is not divided.
+bool QueryRequests::is_small(const QueryCost& cost, const QueryOptions& options) const {
+  const std::uint64_t evaluations = std::max(options.max_evaluations, 1u),
+                      few = std::min<std::uint64_t>(evaluations, kMotionEvaluations);
+  const std::uint64_t pairs = cost.pairs / evaluations, links = cost.links / evaluations;
+  return pairs < kSmallPairs && cost.part_pairs / evaluations <= kSmallPartPairs && cost.listed <= kSmallLists &&
+         links <= kSmallLinks / few && (options.max_evaluations == 0 || pairs * links <= kSmallPairLinks) &&
+         context_.engine->has_cpu();
 }
 
 bool QueryRequests::work() {

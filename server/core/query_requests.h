@@ -33,7 +33,7 @@ class QueryRequests {
   void drop_gone();
 
  private:
-  bool is_small(const QueryCost& cost) const;
+  bool is_small(const QueryCost& cost, const QueryOptions& options) const;
   bool defer(const wire::FrameHeader& header, ServiceClass service, const QueryOptions& options,
              const OwnPayload& payload, std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_one_deferred(DeferredQuery query);

@@ -59,9 +59,13 @@ Reloader::Edit addition(const wire::NewBodyParts& parts, std::string parent, std
   };
 }
 
-Reloader::Edit reshaping(const wire::NewBodyParts& parts) {
-  return [name = wire::name_of(parts.record.name), shape = shape_of(parts),
-          radius = parts.record.radius](SceneParts& scene) { scene.reshape(name, shape, radius); };
+/// \param may_any whether the client may replace bodies of the scene file
+Reloader::Edit reshaping(const wire::NewBodyParts& parts, bool may_any) {
+  return [name = wire::name_of(parts.record.name), shape = shape_of(parts), radius = parts.record.radius,
+          may_any](SceneParts& scene) {
+    if (!may_any) scene.check_added(name, "replace: ", "replacing it needs the right \"admin\"");
+    scene.reshape(name, shape, radius);
+  };
 }
 
 }  // namespace
@@ -108,9 +112,12 @@ void SceneChanges::add_body(Request& request) {
   check_size(parts);
   const std::string name = wire::name_of(parts.record.name);
   if (parts.replaces) {
-    check_may_replace(request, name);
-    check_scene(*engine_, request.header, std::array{engine_->scene().find_body(name)});
-    return begin_edit(request, name, Change::kReshape, reshaping(parts));
+    const std::uint32_t body = engine_->scene().find_body(name);
+    const bool may_any = request.sink->rights() & kMayAdmin;
+    if (body != kNone && !may_any && !parts_.was_added(name))
+      throw RejectedRequest{ErrorCode::kForbidden, "replacing a body of the scene file needs the right \"admin\""};
+    check_scene(*engine_, request.header, std::array{body});
+    return begin_edit(request, name, Change::kReshape, reshaping(parts, may_any));
   }
   const std::uint32_t parent = parts.record.parent;
   if (parent != kNone) check_scene(*engine_, request.header, std::array{parent});
@@ -120,13 +127,6 @@ void SceneChanges::add_body(Request& request) {
                           "add_body: the parent, body " + std::to_string(parent) + ", is not in the scene"};
   begin_edit(request, name, Change::kAdd,
              addition(parts, parent == kNone ? "" : bodies[parent].name, limits_.max_added_bodies));
-}
-
-/// Throws RejectedRequest for a body of the scene file without the right to change that.
-void SceneChanges::check_may_replace(const Request& request, const std::string& name) const {
-  const auto has_name = [&](const AddedBody& added) { return added.body.name == name; };
-  if (std::ranges::any_of(parts_.added, has_name) || (request.sink->rights() & kMayAdmin)) return;
-  throw RejectedRequest{ErrorCode::kForbidden, "replacing a body of the scene file needs the right \"admin\""};
 }
 
 void SceneChanges::check_size(const wire::NewBodyParts& parts) const {

@@ -59,7 +59,6 @@ class SceneChanges {
     std::string name;                  ///< of the body
     Change change = Change::kAdd;      ///< of an edit
   };
-  void check_may_replace(const Request& request, const std::string& name) const;
   void check_size(const wire::NewBodyParts& parts) const;
   void begin_edit(Request& request, const std::string& name, Change change, Reloader::Edit edit);
   void let_wait(Request& request, Waiter waiter);

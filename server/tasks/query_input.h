@@ -23,8 +23,8 @@ struct QueryLimits {
   std::uint64_t max_part_pairs = 10'000'000'000'000;  ///< pairs of convex parts, likewise
   /// Of the one slice on the loop. Counted in work, not time, so that the machine's load does not matter.
   WorkBudget on_loop{.units = 4096, .pair_units = 1024};
-  /// The same for a query of the class planning where clients of the class control exist.
-  WorkBudget on_loop_with_control{.units = 512, .pair_units = 256};
+  /// The same for motions, and for a query of the class planning where clients of the class control exist.
+  WorkBudget on_loop_briefly{.units = 512, .pair_units = 256};
   bool has_control = false;  ///< clients may have that class
 
   /// Throw RejectedRequest (kTooLarge): before pairs are listed, and afterwards.

@@ -218,7 +218,9 @@ void QueryTask::start() {
 void QueryTask::run(std::chrono::nanoseconds budget) {
   if (!job_) start();
   const bool shares_with_control = daemon_.limits.has_control && service_class() != ServiceClass::kControl;
-  const WorkBudget& on_loop = shares_with_control ? daemon_.limits.on_loop_with_control : daemon_.limits.on_loop;
+  const bool is_motion = options_.max_evaluations > 0;  // it may need any number of evaluations, and mostly needs few
+  const WorkBudget& on_loop =
+      shares_with_control || is_motion ? daemon_.limits.on_loop_briefly : daemon_.limits.on_loop;
   const bool done = job_->advance(on_loop_ ? on_loop : WorkBudget{.time = budget});
   units_ = job_->units();
   if (!done) return;

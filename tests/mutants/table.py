@@ -135,6 +135,47 @@ MUTANTS = [
         ),
         ("dropped", "reduce/reduction_rows.cpp", "@i < none@; ++i", "i + 1 < none"),
     ),
+    # Covers: trees of balls with two radii.
+    *mutants_of(
+        "covers",
+        ("cover_outer", "cover/cover.cpp", "node.ball.outer = up(@outer * kCoverUp@)", "outer * kCoverUp - 5e-4"),
+        (
+            "cover_inner",
+            "cover/cover.cpp",
+            "node.ball.inner = down(@shape.inside(centre)@)",
+            "shape.inside(centre) + 5e-4",
+        ),
+        ("cover_rounding", "cover/cover.cpp", "return @rounded < value@ ?", "false"),
+        (
+            "cover_packets",
+            "cover/cover.cpp",
+            "children[parent.lane] = static_cast<std::uint32_t>(@cover.packets.size()@)",
+            "cover.packets.size() - 1",
+        ),
+        (
+            "cover_share",
+            "cover/cover_simplices.cpp",
+            "i < @pieces.size()@; ++i) { result.shares",
+            "pieces.size() / 16 * 15",
+        ),
+        ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
+        ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
+        ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
+        ("cover_planes", "cover/hull_planes.cpp", "i < @height_.size()@; ++i) depth", "height_.size() - 1"),
+        (
+            "cover_cylinder",
+            "cover/cover_shape.cpp",
+            "std::min(size.x - across, @size.z - std::abs(c.z)@)",
+            "size.x - across",
+        ),
+        ("cover_cone", "cover/cover_shape.cpp", "std::min(side, @size.z + c.z@)", "side"),
+        (
+            "cover_ellipsoid",
+            "cover/cover_shape.cpp",
+            "* @std::min({size.x, size.y, size.z})@",
+            "std::max({size.x, size.y, size.z})",
+        ),
+    ),
     # Meshes and point clouds: the search through elements, and containment.
     *mutants_of(
         "surfaces",
@@ -432,6 +473,31 @@ MUTANTS = [
             "a_holds ? of_a_ : of_b_",
         ),
         ("mesh_held", "cuda/mesh/mesh_search.cuh", "!winding.is_sure || @winding.number == 0@", "winding.number <= 0"),
+    ),
+    # Joint tables.
+    *mutants_of(
+        "tables",
+        (
+            "table_way",
+            "decision/joint_table_maker.cpp",
+            "std::min(least, @path.way(change, travel_)@)",
+            "0.5 * path.way(change, travel_)",
+        ),
+        (
+            "table_low",
+            "decision/joint_table_maker.cpp",
+            "low = @std::floor(lower / JointTable::kUnit - kRounding)@",
+            "std::ceil(lower / JointTable::kUnit)",
+        ),
+        (
+            "table_high",
+            "decision/joint_table_maker.cpp",
+            "high = @std::ceil(upper / JointTable::kUnit + kRounding)@",
+            "std::floor(upper / JointTable::kUnit)",
+        ),
+        ("table_union", "decision/joint_table_maker.cpp", "bounds = {@std::min(bounds.lower, lower)@", "lower"),
+        ("table_column", "decision/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
+        ("table_levels", "decision/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),
     # Kernels that evaluate motions.
     *mutants_of(

@@ -43,7 +43,8 @@ Bench::Bench(std::span<const Case> cases, const std::string& backend, int thread
   engine::Engine::Options options;
   options.backend = backend;
   options.threads = threads;
-  options.self_test = false;  // the oracle also tests wrong builds
+  options.covers = engine::Covers::kOff;  // rows need none
+  options.self_test = false;              // the oracle also tests wrong builds
   engine_ = std::make_unique<engine::Engine>(std::move(scene), options);
 }
 Bench::~Bench() = default;

@@ -73,7 +73,8 @@ PYTHON_ONLY = {
         "compact": "a format",
         **dict.fromkeys(("names", "pair_names", "to_pandas"), "pandas"),
     },
-    "Check": {"result": "its columns are members"},
+    "Check": {"result": "its columns are members", "pair_names": "as of a Result"},
+    "PathCheck": {"pair_names": "as of a Result"},
     "Joints": {"lower": "in `limits`", "upper": "in `limits`"},
 }
 

@@ -11,7 +11,7 @@ from test_inspect import CLEARANCE
 
 SCENE = """
 bodies:
-  - {name: ball, sphere: 0.1, pose: [0, 0, 1, 1, 0, 0, 0]}
+  - {name: crate, box: [0.3, 0.2, 0.1], pose: [0, 0, 1, 1, 0, 0, 0]}
   - {name: table, box: [1, 1, 0.1], static: true}
 """
 
@@ -67,11 +67,11 @@ def test_inspect_reports_them_and_fills_the_cache(scene_file, tmp_path, monkeypa
         assert done.returncode == 0, done.stderr
         return done.stdout
 
-    (ball,) = json.loads(run("--json"))["covers"]
-    assert ball["body"] == "ball" and ball["balls"] > 100 and ball["KiB"] > 1 and ball["build_s"] > 0
-    assert 0 < ball["mean_m_0"] <= ball["greatest_m_0"] and ball["mean_m_3"] < ball["mean_m_1"]
+    (crate,) = json.loads(run("--json"))["covers"]
+    assert crate["body"] == "crate" and crate["balls"] > 100 and crate["KiB"] > 1 and crate["build_s"] > 0
+    assert 0 < crate["mean_m_0"] <= crate["greatest_m_0"] and crate["mean_m_3"] < crate["mean_m_1"]
     assert len(list((tmp_path / "cache").glob("cover-*"))) == 1
     lines = run().splitlines()
     row = lines[lines.index("Covers of bodies that may move, by levels 0 to 3") + 2].split()
-    assert row[:2] == ["ball", str(ball["balls"])] and float(row[3]) == pytest.approx(ball["build_s"], rel=0.1)
+    assert row[:2] == ["crate", str(crate["balls"])] and float(row[3]) == pytest.approx(crate["build_s"], rel=0.1)
     assert json.loads(run("--json", "--no-covers"))["covers"] == []

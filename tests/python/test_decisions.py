@@ -192,3 +192,16 @@ def test_the_command_line(start_daemon, scene):
     code, text = run("set-pose", "ball", "1.9", "0", "0", "--parent", "cup", "--allow", "rigid")
     assert code == 0, text
     assert run("query", "--reduce", "any")[1].count("beyond") == 1
+
+
+def test_pairs_that_are_not_free_have_names(front):
+    check = front.check(PLACES, 0.06, bodies=["ball"])
+    assert check.pair_names.tolist() == [[None, None], ["ball", "wall"], ["ball", "cup"]]
+    assert repr(check) == "<clearance.Check: 1 of 3 free; configuration 1: 'ball' hits 'wall'>"
+    assert repr(front.check(PLACES[:1], bodies=["ball"])) == "<clearance.Check: 1 of 1 free>"
+    touching = front.check(np.array([[at(1, 0.2)]], float), bodies=["ball"])
+    assert repr(touching) == "<clearance.Check: 0 of 1 free; configuration 0: 'ball' and 'cup' not proved free>"
+    stopped = front.check_path(PLACES, bodies=["ball"])
+    assert stopped.hit and stopped.pair_names == ("ball", "cup") and "pair_names=('ball', 'cup')" in repr(stopped)
+    assert stopped.pair == tuple(map(front.body_id, stopped.pair_names))
+    assert front.check_path(np.array([[at(0)], [at(0.5)]], float), bodies=["ball"]).pair_names is None

@@ -11,7 +11,7 @@ import pytest
 
 import clearance
 from clearance import _engine
-from clearance._device_plan import DeviceArray, DevicePlan
+from clearance._device.plan import DeviceArray, DevicePlan
 from clearance._words import COLUMNS, Field
 from robots import arm_scene, rows_of
 

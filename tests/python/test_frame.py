@@ -27,7 +27,7 @@ class Frame(dict):
 @pytest.fixture(params=["fake", "pandas"])
 def pandas(request, monkeypatch):
     """pandas, and a fake of it that every machine has."""
-    monkeypatch.delitem(sys.modules, "clearance._frame", raising=False)
+    monkeypatch.delitem(sys.modules, "clearance._query.frame", raising=False)
     if request.param == "pandas":
         return pytest.importorskip("pandas")
     codes = types.SimpleNamespace(from_codes=lambda codes, labels: np.array(labels)[codes])
@@ -110,7 +110,7 @@ def test_names(engine):
 
 def test_pandas_is_imported_by_the_call_alone(engine, monkeypatch):
     monkeypatch.setitem(sys.modules, "pandas", None)
-    monkeypatch.delitem(sys.modules, "clearance._frame", raising=False)
+    monkeypatch.delitem(sys.modules, "clearance._query.frame", raising=False)
     result = engine.distances()
     with pytest.raises(ImportError):
         result.to_pandas()

@@ -17,8 +17,9 @@ import jax.numpy as jnp  # noqa: E402
 
 import clearance  # noqa: E402
 import clearance.jax  # noqa: E402
-from clearance import _engine, _xla_ffi  # noqa: E402
-from clearance._device_plan import DevicePlan  # noqa: E402
+from clearance import _engine  # noqa: E402
+from clearance._device import xla_ffi  # noqa: E402
+from clearance._device.plan import DevicePlan  # noqa: E402
 from clearance._words import COLUMNS, Field  # noqa: E402
 
 K, BODIES = 5, ["s1", "s4"]
@@ -138,7 +139,7 @@ def test_what_the_plan_says_no_to_is_raised(engine: clearance.Engine, plan: Devi
 def test_a_plan_that_is_gone_is_named(engine: clearance.Engine, plan: DevicePlan) -> None:
     other = DevicePlan(_engine, FakeDevice(engine, plan.pairs), plan.bodies, plan.pairs)
     rows = clearance.jax.Rows(other, platform="cpu")
-    del _xla_ffi._plans[rows._number]
+    del xla_ffi._plans[rows._number]
     with pytest.raises(Exception, match="the plan was deleted"):
         jax.block_until_ready(rows(jnp.asarray(poses())))
 

@@ -379,8 +379,10 @@ def test_a_path_says_where_joints_leave_their_limits(one):
     assert "beyond its" not in str(path) and "limit_violations=(LimitViolation(configuration=2" in repr(path)
     good = one.check_path([HOME, [*HOME[:7], 0.04]], joints="arm", pairs=pairs)
     assert good and good.ok and not good.beyond_limits and good.limit_violations == ()
-    hit = one.check_path([HOME, there], joints="arm", pairs=pairs, margin=9.0)
-    assert not hit.free and not hit and hit.limit_violations[0].joint == "arm/grip"
+    for before in (1, 2, 8, 20):  # waypoints behind the first motion, where the search ends, in one query or in several
+        hit = one.check_path([*[HOME] * before, there], joints="arm", pairs=pairs, margin=9.0)
+        assert not hit.free and not hit and hit.index == 0
+        assert [(v.configuration, v.joint) for v in hit.limit_violations] == [(before, "arm/grip")]
     assert one.check_path([[at(0.4, 0.3, 0.5)], [at(0.4, 0.3, 0.6)]], bodies=["cup"], pairs=pairs)
 
 

@@ -1,4 +1,4 @@
-"""model="pieces": bodies answered by convex parts alone, in process and through a daemon over every transport."""
+"""`model="pieces"`: bodies answered by convex parts alone, in process and through a daemon over every transport."""
 
 import subprocess
 from types import SimpleNamespace

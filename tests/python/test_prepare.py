@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import clearance
-from clearance._query import NO_ARGUMENTS
+from clearance._query.query import NO_ARGUMENTS
+from clearance.wire import ErrorCode
 from conftest import PATIENCE_S
 from robots import rows_of
 from scenes import at, random_poses, same_bits
@@ -169,6 +170,37 @@ def test_wrong_inputs_are_named(front, arguments, inputs, error, text):
 def test_wrong_arguments_are_named_at_once(front, arguments, error, text):
     with pytest.raises(error, match=text):
         front.prepare(**arguments)
+
+
+@pytest.mark.parametrize("arguments, name", [
+    ({"call": "check", "margin": -1}, "margin"),
+    ({"call": "check", "joints": "arm", "margin": -1}, "margin"),
+    ({"call": "check_path", "bodies": ["cup"], "margin": np.inf}, "margin"),
+    ({"call": "motions", "joints": "arm", "abs_tol": np.inf}, "abs_tol"),
+    ({"call": "free_scale", "joints": "arm", "margin": -1e-9}, "margin"),
+    ({"max_distance": -1.0}, "max_distance"),
+    ({"bodies": ["cup"], "abs_tol": -1.0}, "abs_tol"),
+    ({"max_pose_age_ns": -1}, "max_pose_age_ns"),
+])  # fmt: skip
+def test_values_out_of_range_are_rejected_at_once(front, arguments, name):
+    with pytest.raises(clearance.QueryError, match=name) as info:
+        front.prepare(**arguments)
+    assert info.value.code == ErrorCode.BAD_QUERY
+    front.prepare(**{key: value for key, value in arguments.items() if key != name})
+
+
+@pytest.mark.parametrize("arguments, text", [
+    ({"call": "check", "max_distance": 1.0}, "max_distance: reduce any uses its margins instead"),
+    ({"joints": "arm", "margin": 0.1}, "margin: only for reduce any and motions"),
+    ({"fields": "gradient_joints"}, "fields: gradient_joints is for a query with joints"),
+    ({"bodies": ["table"]}, "bodies.0.: 'table' is static and cannot be moved"),
+    ({"bodies": [999]}, "bodies.0.: unknown body 999"),
+    ({"call": "motions", "joints": "arm", "reduce": "any", "fields": "gradient"}, "fields: motions have no gradient"),
+    ({"call": "check", "bodies": ["cup"], "margin": np.zeros(7)}, "pair_margins: expected one for each of"),
+])  # fmt: skip
+def test_an_engine_rejects_contradictions_at_once(arm_engine, arguments, text):
+    with pytest.raises(clearance.QueryError, match=text):
+        arm_engine.prepare(**arguments)
 
 
 def test_options_of_prepared_queries_alone(front):

@@ -14,8 +14,8 @@ import pytest
 
 import clearance
 import test_device_plan
-from clearance._cuda_driver import Driver, _load
-from clearance._remote_plan import RemotePlan
+from clearance._device.cuda_driver import Driver, _load
+from clearance._device.remote_plan import RemotePlan
 from clearance._words import COLUMNS
 from patience import PATIENCE_S, wait_until
 from robots import ARM_YAML, rows_of
@@ -231,7 +231,7 @@ def test_a_gpu_that_this_process_does_not_see() -> None:
 
 
 def test_without_a_driver(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("clearance._cuda_driver._LIBRARIES", ("libno-such-driver.so.1",))
+    monkeypatch.setattr("clearance._device.cuda_driver._LIBRARIES", ("libno-such-driver.so.1",))
     with pytest.raises(
         clearance.ConnectionError, match=r"the CUDA driver.* cannot be loaded: libno-such-driver\.so\.1"
     ):

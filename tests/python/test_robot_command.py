@@ -155,6 +155,26 @@ def test_pairs_says_what_is_proved_and_writes_an_srdf_that_is_read_again(tmp_pat
     assert f"{disabled} disabled pairs" in again.stdout
 
 
+def test_pairs_within_a_margin(tmp_path):
+    srdf = tmp_path / "arm.srdf"
+    answers = {}
+    for margin in (0, 0.05):
+        answer = run("pairs", ARM, "--samples", 200, "--steps", 2000, "--margin", margin, "--write", srdf, "--csv")
+        assert answer.returncode == 0, answer.stderr
+        rows = csv.DictReader(io.StringIO(answer.stdout))
+        answers[margin] = {(r["link_a"], r["link_b"]): r["finding"] for r in rows}
+    nearer = {pair for pair, finding in answers[0].items() if finding == "never" and answers[0.05][pair] != "never"}
+    assert nearer, "the margin matters"
+    assert {pair for pair, finding in answers[0.05].items() if finding == "never"} < {
+        pair for pair, finding in answers[0].items() if finding in ("never", "never_seen")
+    }
+    always = {pair for pair, finding in answers[0.05].items() if finding == "always"}
+    written = srdf.read_text()
+    assert always and not [f for f in always if f'link1="{f[0]}" link2="{f[1]}"' in written]
+    assert 'reason="Never: proved, within 0.05 m"' in written and "Always" not in written
+    assert run("pairs", ARM, "--margin", -1).returncode == 2
+
+
 def test_pairs_refuses_what_slides_without_end(tmp_path):
     urdf = tmp_path / "cart.urdf"
     urdf.write_text(

@@ -174,6 +174,8 @@ def test_what_makes_no_sense_is_rejected_and_changes_nothing(front):
         (lambda: front.add_body("odd", mesh=(TETRAHEDRON[0], [[0, 1, 9]])), "names the vertex 9, and there are 4"),
         (lambda: front.remove_body("cup"), '"cup" was loaded with the scene: only added bodies can be removed'),
         (lambda: front.remove_body("ghost"), '"ghost" is not in the scene'),
+        (lambda: front.remove_body("crate "), '"crate " is not in the scene; did you mean "crate"\\?'),
+        (lambda: front.replace("cup ", sphere=0.1), 'there is no body "cup "; did you mean "cup"\\?'),
         (lambda: front.remove_body("crate"), '"lid" follows "crate": detach it first'),
         (lambda: front.replace("ghost", sphere=0.1), 'there is no body "ghost"'),
         (lambda: front.replace("arm", sphere=0.1), 'body "arm": '),

@@ -149,15 +149,15 @@ def test_a_command_that_is_rejected_changes_nothing(daemon):
             (["set-pose", "table", 0, 0, 0], 1, '"table" is static'),
             (["set-pose", "arm/fore", 0, 0, 0], 1, "is a link placed by joints"),
             (["set-pose", "cup", 0, 0, "inf", "--parent", "arm/palm"], 2, "POSE: expected finite numbers"),
-            (["points", "cloud", "-"], 2, "standard input:2: expected 3 numbers, metres, with white space between "
-                                         'them, got "0,4,0"'),
+            (["scene", "points", "cloud", "-"], 2,
+             'standard input:2: expected 3 numbers, metres, with white space between them, got "0,4,0"'),
         ]:  # fmt: skip
             said = run(daemon, *words, text="1 0 0\n0,4,0\n")
             assert said[0] == code and text in said[1], (words, said)
             assert state_of(client) == before, words
-        code, text = run(daemon, "points", "cloud", "-", text="1 0 0\nnan 0 0\n")
+        code, text = run(daemon, "scene", "points", "cloud", "-", text="1 0 0\nnan 0 0\n")
         assert code == 2 and 'got "nan"' in text and "radians" not in text and state_of(client) == before
-        assert run(daemon, "points", "cloud", "-", text="\ufeff1 0 0\r\n")[0] == 0
+        assert run(daemon, "scene", "points", "cloud", "-", text="\ufeff1 0 0\r\n")[0] == 0
         assert run(daemon, "joints", "--set", good)[0] == 0
         assert client.joint_states()[0].position == 0.5
 

@@ -51,7 +51,7 @@ def test_a_name_that_is_no_struct():
 
 def test_the_page_has_every_option(root):
     rows = []
-    for name, (tag, kind, default, words, unit, text, _) in _client.OPTIONS.items():
+    for name, (tag, kind, default, words, unit, text, *_) in _client.OPTIONS.items():
         takes = words if kind == "word" else f"{kind}, {unit}" if unit else kind
         value = words.split()[default] if kind == "word" else str(default).lower()
         rows.append(f"| `{name}` | {f'record {tag}' if tag else 'header'} | {takes} | {value} | {text} |")

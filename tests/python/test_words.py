@@ -89,7 +89,8 @@ def test_type_checkers_know_the_words(literal, table):
 
 @pytest.mark.parametrize("call, argument, literal", [
     ("Client.distances", "reduce", "ReduceWord"), ("Engine.submit", "reduce", "ReduceWord"),
-    ("Engine.__init__", "backend", "BackendWord"), ("Engine.__init__", "covers", "CoversWord"), ("Scene.add_mesh", "mesh_as", "MeshAsWord"),
+    ("Engine.__init__", "backend", "BackendWord"), ("Engine.__init__", "covers", "CoversWord"),
+    ("Scene.add_mesh", "mesh_as", "MeshAsWord"),
 ])  # fmt: skip
 def test_arguments_are_typed_by_their_words(call, argument, literal):
     kind, _, method = call.partition(".")

@@ -1,7 +1,6 @@
 // Requests of tests that add and remove bodies.
 #pragma once
 
-#include <cstring>
 #include <optional>
 #include <span>
 #include <string>
@@ -23,17 +22,12 @@ inline std::vector<std::byte> box_frame(const std::string& name, std::uint32_t p
   record.pose[3] = 1;
   return simple_frame(wire::FrameType::kAddBody, 1, std::as_bytes(std::span(&record, 1)));
 }
-/// The same with a record.
+/// The same with a record by tag.
 inline std::vector<std::byte> box_frame_with(const std::string& name, std::uint16_t tag,
                                              std::span<const std::byte> content) {
-  std::vector<std::byte> frame = box_frame(name), records;
+  std::vector<std::byte> records;
   wire::append_record(records, tag, wire::kRecordRequired, content);
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  header = wire::with_records(header, records.size());
-  std::memcpy(frame.data(), &header, sizeof header);
-  frame.insert(frame.end(), records.begin(), records.end());
-  return frame;
+  return extended(box_frame(name), records);
 }
 /// The same with a record of the body's uncertainty.
 template <class UncertaintyRecord>
@@ -58,13 +52,7 @@ inline std::vector<std::byte> mesh_frame(const std::string& name, std::span<cons
   wire::append_bytes(payload, corners, record.vertex_count * sizeof corners[0]);
   if (!triangles.empty()) wire::append_record(records, 21, wire::kRecordRequired, std::as_bytes(triangles));
   if (mesh_as) wire::append_record(records, 22, wire::kRecordRequired, std::as_bytes(std::span(&*mesh_as, 1)));
-  std::vector<std::byte> frame = simple_frame(wire::FrameType::kAddBody, 1, payload);
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
-  header = wire::with_records(header, records.size());
-  std::memcpy(frame.data(), &header, sizeof header);
-  frame.insert(frame.end(), records.begin(), records.end());
-  return frame;
+  return extended(simple_frame(wire::FrameType::kAddBody, 1, payload), records);
 }
 inline constexpr wire::TriangleRecord kTetrahedron[] = {{{0, 2, 1}}, {{0, 1, 3}}, {{1, 2, 3}}, {{0, 3, 2}}};
 

@@ -1,60 +1,14 @@
 // Bodies that are added and removed while the daemon serves.
-#include <gtest/gtest.h>
-#include <signal.h>
-
-#include <atomic>
 #include <random>
-#include <sstream>
-#include <thread>
 
-#include "client/client.h"
 #include "engine/bvh/surface.h"
-#include "tests/patience.h"
-#include "tests/server/body_frames.h"
-#include "tests/server/core/loop_fixture.h"
-#include "tests/server/daemon_fixture.h"
+#include "tests/server/bodies_fixture.h"
 
 namespace clearance {
 namespace {
 
 using wire::ErrorCode;
 using wire::FrameType;
-
-class Bodies : public LoopTest {
- protected:
-  void start_editable(engine::Scene scene, Loop::Options options = {}) {
-    start(std::move(scene), options);
-    loop_->reload_by([] { return std::make_unique<engine::Engine>(small_scene()); },
-                     [this](engine::Scene next) {
-                       ++built_;
-                       while (hold_) std::this_thread::yield();
-                       return std::make_unique<engine::Engine>(std::move(next), engine::Engine::Options{.threads = 1});
-                     });
-  }
-  std::unique_ptr<MemoryFrame> request_scene(MemoryClient& client, std::vector<std::byte> frame) {
-    transport_->send(client, std::move(frame));
-    while (client.replies.empty()) loop_->turn();
-    return take(client);
-  }
-  wire::SceneChange change(std::vector<std::byte> frame) {
-    const auto reply = request_scene(a_, std::move(frame));
-    EXPECT_EQ(reply->type(), FrameType::kSceneChanged);
-    if (reply->type() != FrameType::kSceneChanged) return {};
-    return wire::parse_scene_changed(wire::split_payload(reply->header(), reply->payload()).body);
-  }
-  /// The rejection's message; checks that the scene is unchanged.
-  std::string rejection(std::vector<std::byte> frame, ErrorCode code = ErrorCode::kBadQuery) {
-    const std::uint64_t before = loop_->engine().scene_revision();
-    const auto error = error_of(request_scene(a_, std::move(frame)));
-    EXPECT_EQ(static_cast<ErrorCode>(error.header.code), code) << error.text;
-    EXPECT_EQ(loop_->engine().scene_revision(), before);
-    return error.text;
-  }
-  const std::vector<Body>& bodies() { return loop_->engine().scene().bodies(); }
-
-  std::atomic<int> built_{0};
-  std::atomic<bool> hold_{false};
-};
 
 TEST_F(Bodies, AnAddedOneIsAnsweredAsIfItHadAlwaysBeenThere) {
   start_editable(small_scene());
@@ -117,7 +71,7 @@ TEST_F(Bodies, OnlyAddedOnesAreRemovedAndNoneThatIsFollowed) {
   change(box_frame("lid", 4));
   EXPECT_EQ(rejection(remove_frame("cup")),
             "remove_body: \"cup\" was loaded with the scene: only added bodies can be removed");
-  EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene");
+  EXPECT_EQ(rejection(remove_frame("cups")), "remove_body: \"cups\" is not in the scene; did you mean \"cup\"?");
   EXPECT_EQ(rejection(remove_frame("crate")), "remove_body: \"lid\" follows \"crate\": detach it first");
   loop_->engine().attach(5, kNone);
   const Pose free = loop_->engine().body_state(5).X_wb;
@@ -139,57 +93,18 @@ TEST_F(Bodies, AReplacedOneKeepsItsPlace) {
   EXPECT_EQ(change(replacing("cup")).body, 1u);
   EXPECT_EQ(bodies()[1].source, "box");
   EXPECT_EQ(loop_->engine().body_state(1).X_wb.translation.z, 0.7);
-  EXPECT_EQ(rejection(replacing("cups")), "there is no body \"cups\"");
+  EXPECT_EQ(rejection(replacing("cups")), "there is no body \"cups\"; did you mean \"cup\"?");
   EXPECT_EQ(rejection(replacing("cup", std::as_bytes(std::span("x"))), ErrorCode::kBadFrame),
             "new body: replace (record 24) has 2 bytes, expected 0");
   change(box_frame("crate"));
   a_.rights = kMayQuery | kMayPose;
   EXPECT_EQ(rejection(replacing("cup"), ErrorCode::kForbidden),
             "replacing a body of the scene file needs the right \"admin\"");
+  EXPECT_EQ(rejection(replacing("crates")), "replace: \"crates\" is not in the scene; did you mean \"crate\"?");
   EXPECT_EQ(change(replacing("crate")).body, 4u);
   a_.rights = kAllRights;
   change(simple_frame(FrameType::kReload, 3));
   EXPECT_EQ(bodies()[1].source, "box") << "also after a reload";
-}
-
-TEST_F(Bodies, WhatCannotBeAddedIsRejectedAndChangesNothing) {
-  Loop::Options options;
-  options.max_added_bodies = 2;
-  options.max_added_vertices = 8;
-  start_editable(small_scene(), options);
-  EXPECT_NE(rejection(box_frame("cup")).find("is already that of a body"), std::string::npos);
-  EXPECT_NE(rejection(box_frame("arm")).find("is already that of a group"), std::string::npos);
-  EXPECT_NE(rejection(box_frame("")).find("name is empty"), std::string::npos);
-  EXPECT_EQ(rejection(box_frame("x", 99)), "add_body: the parent, body 99, is not in the scene");
-  const auto odd = [](auto spoil, std::size_t vertices = 0) {
-    wire::NewBodyRecord record;
-    wire::set_name(record.name, "odd");
-    record.vertex_count = vertices;
-    spoil(record);
-    std::vector<std::byte> payload;
-    wire::append(payload, record);
-    payload.resize(payload.size() + vertices * sizeof(wire::VertexRecord));
-    return simple_frame(FrameType::kAddBody, 1, payload);
-  };
-  EXPECT_NE(rejection(odd([](auto&) {})).find("body \"odd\""), std::string::npos) << "the hull of nothing";
-  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = -1; })).find("sphere radius: expected"),
-            std::string::npos);
-  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = NAN; })).find("sphere radius: expected"),
-            std::string::npos);
-  EXPECT_NE(rejection(odd([](auto& r) { r.shape = 2, r.size[0] = 1, r.has_pose = 1; })).find("pose: expected"),
-            std::string::npos)
-      << "a quaternion of zeros";
-  EXPECT_EQ(rejection(odd([](auto& r) { r.shape = 9; })), "new body: shape 9 is not one of 0 to 8");
-  EXPECT_EQ(rejection(odd([](auto& r) { r.shape = 1; }, 1)), "new body: vertices are only for a hull");
-  EXPECT_EQ(rejection(odd([](auto&) {}, 9), ErrorCode::kTooLarge),
-            "add_body: 9 vertices are more than the 8 that an added body may have (limit max-added-vertices)");
-  EXPECT_EQ(change(odd([](auto&) {}, 8)).body, 4u) << "eight times the origin: a point";
-  change(box_frame("crate"));
-  EXPECT_EQ(rejection(box_frame("one more")),
-            "add_body: 2 bodies were added already, the maximum (limit max-added-bodies)");
-  change(remove_frame("odd"));
-  EXPECT_EQ(change(box_frame("one more")).body, 5u);
-  EXPECT_EQ(a_.sinks, 0);
 }
 
 TEST_F(Bodies, WhatIsNotKnownOfAnAddedOneCountsOnce) {
@@ -250,81 +165,6 @@ TEST_F(Bodies, AnAddedMeshIsWhatItsClientSays) {
   says(6, 0, false);
 }
 
-TEST_F(Bodies, AMeshThatMakesNoSenseIsRejected) {
-  Loop::Options options;
-  options.max_added_triangles = 4;
-  start_editable(small_scene(), options);
-  const auto open = std::span(kTetrahedron).first(3);
-  EXPECT_EQ(rejection(mesh_frame("m", open, 4)),
-            "body \"m\": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle "
-            "0 belongs to no other triangle: the mesh is open there");
-  const wire::TriangleRecord beyond[] = {{{0, 1, 4}}};
-  for (const std::uint8_t how : {0, 3, 4})
-    EXPECT_EQ(rejection(mesh_frame("m", beyond, how)), "body \"m\": triangle 0 names the vertex 4, and there are 4");
-  EXPECT_NE(rejection(mesh_frame("m", open, 2)).find("mesh_as: decompose: only for a mesh file"), std::string::npos);
-  EXPECT_EQ(rejection(mesh_frame("m", open, 6)), "new body: mesh_as 6 is not one of 0 to 5");
-  EXPECT_EQ(rejection(mesh_frame("m", {}, 4)), "new body: mesh_as is for a mesh, and there are no triangles");
-  EXPECT_EQ(rejection(mesh_frame("m", open, 3, wire::BodyShape::kBox)), "new body: triangles are only for vertices");
-  const std::vector<wire::TriangleRecord> many(5, kTetrahedron[0]);
-  EXPECT_EQ(rejection(mesh_frame("m", many, 3), ErrorCode::kTooLarge),
-            "add_body: 5 triangles are more than the 4 that an added body may have (limit max-added-triangles)");
-  EXPECT_EQ(rejection(uncertain_frame("crate", std::uint64_t{0}, 21), ErrorCode::kBadFrame),
-            "new body: triangles (record 21) have 8 bytes, expected 12 for each, and one at least");
-  EXPECT_EQ(rejection(uncertain_frame("crate", std::uint16_t{0}, 22), ErrorCode::kBadFrame),
-            "new body: mesh_as (record 22) has 2 bytes, expected 1");
-  EXPECT_EQ(change(mesh_frame("m", kTetrahedron, 4)).body, 4u);
-}
-
-TEST_F(Bodies, ACloudThatMakesNoSenseIsRejected) {
-  Loop::Options options;
-  options.max_added_points = 2;
-  start_editable(small_scene(), options);
-  const auto cloud = [](std::span<const float> xyz, wire::BodyShape shape = wire::BodyShape::kCloud, double voxel = 0) {
-    wire::NewBodyRecord record;
-    wire::set_name(record.name, "cloud");
-    record.shape = static_cast<std::uint8_t>(shape);
-    record.size[0] = voxel;
-    std::vector<std::byte> payload, records;
-    wire::append(payload, record);
-    wire::append_record(records, 23, wire::kRecordRequired, std::as_bytes(xyz));
-    std::vector<std::byte> frame = simple_frame(FrameType::kAddBody, 1, payload);
-    wire::FrameHeader header;
-    std::memcpy(&header, frame.data(), sizeof header);
-    header = wire::with_records(header, records.size());
-    std::memcpy(frame.data(), &header, sizeof header);
-    frame.insert(frame.end(), records.begin(), records.end());
-    return frame;
-  };
-  const float two[] = {0, 0, 1, 2, 3, 4}, far[] = {0, NAN, 0}, three[9] = {};
-  EXPECT_EQ(rejection(cloud(std::span(two).first(2)), ErrorCode::kBadFrame),
-            "new body: points (record 23) have 8 bytes, expected 12 for each");
-  EXPECT_EQ(rejection(cloud(two, wire::BodyShape::kBox)), "new body: points are only for a cloud");
-  EXPECT_EQ(rejection(cloud(three), ErrorCode::kTooLarge),
-            "add_body: 3 points are more than the 2 that an added body may have (limit max-added-points)");
-  EXPECT_NE(rejection(cloud(far)).find("body \"cloud\""), std::string::npos);
-  EXPECT_NE(rejection(cloud(two, wire::BodyShape::kCloud, NAN)).find("voxel"), std::string::npos);
-  const std::uint32_t body = change(cloud(two)).body;
-  EXPECT_EQ(body, 4u);
-  EXPECT_TRUE(is_cloud(loop_->engine().scene().bodies()[body]));
-}
-
-TEST_F(Bodies, UncertaintiesThatMakeNoSenseAreRejected) {
-  start_editable(small_scene());
-  const auto rejected = [&](const wire::BodyUncertaintyRecord& uncertainties, const std::string& text) {
-    EXPECT_NE(rejection(uncertain_frame("crate", uncertainties)).find(text), std::string::npos) << text;
-  };
-  rejected({-1, 0, 0, 0}, "body \"crate\": uncertainty.position: expected a number of metres >= 0, got -1");
-  rejected({NAN, 0, 0, 0}, "uncertainty.position: expected a number of metres >= 0, got nan");
-  rejected({0, 4, 0, 0}, "uncertainty.angle: expected 0 to 3.2 radians, got 4");
-  rejected({0, 0, INFINITY, 0}, "padding: expected a number of metres >= 0, got inf");
-  rejected({0, 0, 0, -0.5}, "max_speed: expected a number of metres a second >= 0, got -0.5");
-  EXPECT_EQ(rejection(uncertain_frame("crate", 1.0), ErrorCode::kBadFrame),
-            "new body: uncertainty (record 20) has 8 bytes, expected 32");
-  EXPECT_EQ(rejection(uncertain_frame("crate", wire::BodyUncertaintyRecord{}, 19), ErrorCode::kNotSupported),
-            "new body: record 19 is required but unknown to this side");
-  EXPECT_EQ(change(uncertain_frame("crate", wire::BodyUncertaintyRecord{})).body, 4u);
-}
-
 TEST_F(Bodies, StayThroughAReloadIfTheyFit) {
   start_editable(small_scene());
   change(box_frame("crate"));
@@ -375,141 +215,6 @@ TEST_F(Bodies, QueriesOfOthersAreAnsweredWhileTheyComeAndGo) {
     look();
   }
   EXPECT_EQ(rejected, 40) << "all pairs were never those of the beginning";
-}
-
-TEST_F(Bodies, WhereNoneCanBeMadeTheyAreRejected) {
-  start(small_scene());
-  EXPECT_EQ(rejection(box_frame("crate"), ErrorCode::kNotSupported), "bodies can be neither added nor removed here");
-}
-
-TEST(ClearancedBodies, TheirNamesStayWithinTheirLineOfTheLog) {
-  const TestFolder folder;
-  Daemon daemon(
-      {"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--log-level", "debug"});
-  Client client = connect(daemon.url());
-  const std::string name = "x\n\x1b[2J\" event=reloaded";
-  EXPECT_THROW(client.remove_body(name), RequestError);
-  EXPECT_THROW(client.remove_body(name + "\r"), RequestError);
-  const std::string log = daemon.log();
-  int failures = 0;
-  std::istringstream lines(log);
-  for (std::string line; std::getline(lines, line);) {
-    EXPECT_EQ(line.rfind("time=", 0), 0u) << line;
-    failures +=
-        line.find(R"(x\n\x1b[2J)") != std::string::npos && line.find(R"(\" event=reloaded)") != std::string::npos;
-  }
-  EXPECT_GE(failures, 2) << log;
-  EXPECT_EQ(log.find('\x1b'), std::string::npos);
-}
-
-// A client that continues after a rejection with its old ids gets no answer about other bodies.
-TEST(ClearancedBodies, OldIdsAreNeverAnsweredForOtherBodies) {
-  const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
-                 "ipc://" + (folder / "c.ipc")});
-  Client other = patient(daemon.url());
-  const auto ball = [](const char* name, double x) {
-    return NewBody{.name = name, .sphere = 0.1, .pose = Pose7{x, 0, 2, 1, 0, 0, 0}};
-  };
-  other.add_body(ball("near", 0));
-  other.add_body(ball("far", 50));
-  for (const std::string& url : daemon.urls()) {
-    Client client = patient(url);
-    const IdPair pair{client.body("near"), client.body("far")};
-    Query query;
-    query.pairs = std::span(&pair, 1);
-    EXPECT_NEAR(client.distances(query).distance()[0], 49.8, 1e-4);
-    other.remove_body("near");
-    other.add_body(ball("near", 0));
-    ASSERT_EQ(other.body("near"), pair[1]) << "the ids have changed places";
-    other.remove_body("far");
-    other.add_body(ball("third", 7));
-    const auto rejected = [&](const auto& call) {
-      try {
-        call();
-      } catch (const RequestError& error) {
-        return error.code == static_cast<std::uint16_t>(ErrorCode::kWrongScene);
-      }
-      return false;
-    };
-    const Pose7 elsewhere{0, 0, 9, 1, 0, 0, 0};
-    EXPECT_EQ(client.set_poses(std::array{std::pair{1u, elsewhere}}).applied, 1u) << "the cup is the cup still";
-    for (int i = 0; i < 3; ++i) {
-      EXPECT_TRUE(rejected([&] { client.distances(query); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.submit(query).get(); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.pairs(query); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.attach(pair[0], pair[1]); })) << url << ", time " << i;
-      EXPECT_TRUE(rejected([&] { client.set_poses(std::array{std::pair{pair[1], elsewhere}}); }))
-          << url << ", time " << i;
-    }
-    EXPECT_EQ(client.scene().bodies[pair[1]].name, "third");
-    EXPECT_NEAR(client.distances(query).distance()[0], 6.8, 1e-5) << "now it knows";
-    other.remove_body("near");
-    other.remove_body("third");
-    other.add_body(ball("near", 0));
-    other.add_body(ball("far", 50));
-  }
-}
-
-TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
-  const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock"});
-  Client client = patient(daemon.url());
-  const IdPair pair{client.body("table"), client.body("cup")};
-  Query query;
-  query.pairs = std::span(&pair, 1);
-  for (const char* name : {"one", "two"}) {
-    client.add_body({.name = name, .sphere = 0.1, .pose = Pose7{5, 0, 2, 1, 0, 0, 0}});
-    EXPECT_EQ(client.distances(query).rows(), 1u);
-  }
-  const std::uint32_t two = client.body("two");
-  client.attach(two, pair[1]);
-  const IdPair with_two{0, two};
-  query.pairs = std::span(&with_two, 1);
-  EXPECT_EQ(client.distances(query).rows(), 1u);
-  client.attach(two, kNone);
-  client.remove_body("one");  // `two` now has its id
-  EXPECT_THROW(client.distances(query), RequestError);
-  EXPECT_EQ(client.body("two"), two - 1);
-  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody);
-  client.remove_body("two");
-  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody) << "nobody else has its id";
-}
-
-TEST(ClearancedBodies, AreQueriedByEveryClient) {
-  const TestFolder folder;
-  Daemon daemon({"--scene", folder.write("scene.yaml", kSmallSceneYaml), "--shm", folder / "c.sock", "--zmq",
-                 "ipc://" + (folder / "c.ipc")});
-  Client one = patient(daemon.urls()[0]), other = patient(daemon.urls()[1]);
-  other.scene();
-  NewBody ball{.name = "ball", .sphere = 0.25, .pose = Pose7{0, 0, 2, 1, 0, 0, 0}};
-  const SceneChanged added = one.add_body(ball);
-  EXPECT_EQ(added.body, one.body("ball"));
-  const IdPair pair{0, added.body};
-  Query query;
-  query.pairs = std::span(&pair, 1);
-  EXPECT_NEAR(one.distances(query).distance()[0], 2 - 0.05 - 0.25, 2e-6);
-  EXPECT_THROW(other.distances(query), RequestError) << "the scene that it knows is gone";
-  other.scene();
-  EXPECT_EQ(other.distances(query).rows(), 1u);
-
-  const std::array<double, 3> corners[] = {{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  one.add_body({.name = "wedge", .vertices = corners, .parent = one.body("ball"), .pose = Pose7{0, 0, 1, 1, 0, 0, 0}});
-  EXPECT_EQ(one.scene().bodies[5].parent, 4u);
-  const std::array<std::uint32_t, 3> faces[] = {{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  one.add_body({.name = "solid", .vertices = corners, .triangles = faces, .mesh_as = MeshAs::kSolid});
-  EXPECT_EQ(one.scene().bodies[6].triangle_count, 4u);
-  EXPECT_TRUE(one.scene().bodies[6].is_solid);
-  EXPECT_EQ(one.scene().bodies[5].triangle_count, 0u);
-  one.remove_body("solid");
-  EXPECT_THROW(one.add_body({.name = "m", .vertices = corners, .mesh_as = MeshAs::kSolid}), std::invalid_argument);
-  EXPECT_THROW(one.add_body({.name = "m", .sphere = 1.0, .triangles = faces}), std::invalid_argument);
-  EXPECT_THROW(one.add_body({.name = "nothing"}), std::invalid_argument);
-  EXPECT_THROW(one.add_body({.name = std::string(64, 'x'), .sphere = 1.0}), std::invalid_argument);
-  EXPECT_THROW(one.remove_body("table"), RequestError);
-  one.remove_body("wedge");
-  EXPECT_EQ(one.remove_body("ball").body_count, 4u);
-  EXPECT_EQ(daemon.stop(SIGTERM), 0);
 }
 
 }  // namespace

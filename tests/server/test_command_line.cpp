@@ -229,6 +229,7 @@ TEST_F(Clearanced, ACheckOfAClientSaysWhichJointsAreBeyondTheirLimits) {
   query.positions = positions;
   const Check check = client.check(query);
   EXPECT_EQ(check.free, (std::vector<bool>{true, true, true, true}));
+  EXPECT_EQ(check.verdict, std::vector(4, Status::kBeyond));
   EXPECT_EQ(check.beyond_limits, (std::vector<bool>{true, true, false, false}));
   EXPECT_FALSE(check);
   EXPECT_TRUE(check.ok(2));
@@ -237,6 +238,12 @@ TEST_F(Clearanced, ACheckOfAClientSaysWhichJointsAreBeyondTheirLimits) {
   EXPECT_EQ(check.limit_violations[0].excess(), 0.05 - 0.04);
   EXPECT_EQ(check.limit_violations[1].configuration, 1u);
   EXPECT_EQ(check.limit_violations[1].excess(), 3 - 2.9);
+
+  query.margin = 9;
+  const Check near = client.check(query);
+  EXPECT_EQ(near.verdict, std::vector(4, Status::kOk));
+  EXPECT_EQ(near.pair[3], pairs[0]);
+  EXPECT_TRUE(near.hit(3));
 
   Query now;
   now.pairs = pairs;

@@ -61,17 +61,10 @@ TEST_F(Records, OfUnknownTagsAreRejectedIfRequiredElsePassedOver) {
 }
 
 TEST_F(Records, OfOtherRequestsFollowTheSameRule) {
-  const auto with = [](const Bytes& frame, const Bytes& records) {
-    const auto header = wire::with_records(header_of(frame), records.size());
-    return wire::FrameBuilder(header)
-        .add_bytes(frame.data() + sizeof header, frame.size() - sizeof header)
-        .add_bytes(records.data(), records.size())
-        .take();
-  };
   const Bytes describe = simple_frame(FrameType::kDescribe, 1);
-  EXPECT_EQ(rejection_of(with(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
+  EXPECT_EQ(rejection_of(extended(describe, record(500, wire::kRecordRequired)), ErrorCode::kNotSupported),
             "kDescribe: record 500 is required but unknown to this side");
-  const auto scene = evaluate(a_, with(describe, record(500, 0)));
+  const auto scene = evaluate(a_, extended(describe, record(500, 0)));
   EXPECT_EQ(scene->type(), FrameType::kScene);
   TestQuery query = small_query();
   query.records = record(500, 0);

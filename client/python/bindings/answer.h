@@ -1,7 +1,7 @@
 // Answers for the Python modules of the engine and of the client.
 //
 // An Answer is memory with columns, exposed through the buffer protocol. Python creates numpy arrays over it
-// (client/python/clearance/_result.py), which keep it alive as their base.
+// (client/python/clearance/_query/result.py), which keep it alive as their base.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -9,6 +9,7 @@
 #include <cstdint>
 #include <optional>
 #include <span>
+#include <string>
 #include <type_traits>
 #include <utility>
 
@@ -120,12 +121,12 @@ inline void bind_query(nb::module_& m) {
 }
 
 /// Returns the rows of query_options.h that are members of Requested: {name: (tag, kind, default, words, unit, text,
-/// bytes in a record)}.
+/// bytes in a record, least, most, text of these)}, whose last three are 0, 0 and empty for an option without a range.
 template <class Requested>
 nb::dict query_options() {
   nb::dict rows;
   for_each_query_option([&rows](const QueryOption& option, auto member) {
-    if constexpr (requires(Requested& requested) { member(requested); }) {
+    if constexpr (requires(Requested & requested) { member(requested); }) {
       using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
       const bool is_word = option.legal.kind == Legal::Kind::kWord;
       const char* kind = std::is_same_v<T, bool>       ? "bool"
@@ -133,9 +134,16 @@ nb::dict query_options() {
                          : std::is_floating_point_v<T> ? "number"
                          : std::is_signed_v<T>         ? "integer"
                                                        : "count";
-      rows[option.name] =
-          nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
-                         is_word ? option.legal.text : "", option.unit, option.text, sizeof(OptionOnWire<T>));
+      const Legal& legal = option.legal;
+      const bool has_range = legal.kind == Legal::Kind::kRange;
+      const std::string ends =
+          std::to_string(std::int64_t(legal.least)) + " to " + std::to_string(std::int64_t(legal.most));
+      rows[option.name] = nb::make_tuple(option.tag, kind, static_cast<OptionInPython<T>>(member(kDefaultOptions)),
+                                         is_word ? legal.text : "", option.unit, option.text, sizeof(OptionOnWire<T>),
+                                         has_range ? legal.least : 0.0, has_range ? legal.most : 0.0,
+                                         !has_range   ? std::string()
+                                         : legal.text ? legal.text
+                                                      : ends);
     }
   });
   return rows;

@@ -1,4 +1,4 @@
-// Plans in the memory of a daemon's GPU, for _remote_plan.py.
+// Plans in the memory of a daemon's GPU, for _device/remote_plan.py.
 #pragma once
 
 #include <nanobind/nanobind.h>

@@ -18,8 +18,6 @@ import importlib.util
 from typing import TYPE_CHECKING, Any
 
 from . import wire
-from ._certificate import Certificate
-from ._check import Check
 from ._errors import (
     ClearanceError,
     ConnectionError,
@@ -36,14 +34,16 @@ from ._errors import (
     TimeoutError,
 )
 from ._front import BodyState
-from ._future import Future
 from ._joints import Joints, JointState
 from ._limits import LimitViolation
 from ._names import BodyInfo
-from ._path import PathCheck
 from ._poses import pose7_from_matrix
-from ._prepared import Prepared
-from ._result import Result
+from ._query.certificate import Certificate
+from ._query.check import Check
+from ._query.future import Future
+from ._query.path import PathCheck
+from ._query.prepared import Prepared
+from ._query.result import Result
 from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
 from ._version import __version__
@@ -52,10 +52,10 @@ from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status
 if TYPE_CHECKING:
     from ._client_front import Client, connect
     from ._coal import from_coal, from_pinocchio
-    from ._device_plan import DeviceArray, DevicePlan, DeviceRows
+    from ._device.plan import DeviceArray, DevicePlan, DeviceRows
+    from ._device.remote_plan import RemotePlan
     from ._engine_front import Engine
-    from ._remote_plan import RemotePlan
-    from ._scene import Scene
+    from ._scene.scene import Scene
 
 __all__ = [
     "BodyInfo",
@@ -113,12 +113,12 @@ _LAZY = {
     "connect": "._client_front",
     "from_coal": "._coal",
     "from_pinocchio": "._coal",
-    "DeviceArray": "._device_plan",
-    "DevicePlan": "._device_plan",
-    "DeviceRows": "._device_plan",
+    "DeviceArray": "._device.plan",
+    "DevicePlan": "._device.plan",
+    "DeviceRows": "._device.plan",
     "Engine": "._engine_front",
-    "RemotePlan": "._remote_plan",
-    "Scene": "._scene",
+    "RemotePlan": "._device.remote_plan",
+    "Scene": "._scene.scene",
 }
 _NEED_ENGINE = ("DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio")
 

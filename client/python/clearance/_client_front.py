@@ -10,35 +10,14 @@ from typing import Any, Optional, Union
 import numpy as np
 
 from . import _client
-from ._arguments import (
-    ShapeArgument,
-    to_count,
-    to_number,
-    to_number_from_0,
-    to_path,
-    to_text,
-    to_word,
-)
-from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import BodyState, Front
-from ._future import Future, Task, Worker
-from ._names import BodyInfo, BodyRef, NameTable
-from ._query import Query, Run
-from ._remote_plan import RemotePlan
-from ._scene_changes import NewBody, SceneChanged
-from ._updates import UpdateResult
-from ._words import (
-    DEFAULT_FIELDS,
-    DEFAULT_POINTS_ROWS,
-    EVERY_BODY,
-    FIELD_MASKS,
-    NONE,
-    SERVICE_CLASSES,
-    Reduce,
-    ServiceWord,
-    Status,
-)
-from .wire import ErrorCode
+from ._arguments import to_count, to_number, to_number_from_0, to_path, to_text, to_word
+from ._errors import TimeoutError
+from ._front import BodyState
+from ._names import BodyRef
+from ._query.future import Worker
+from ._remote_front import RemoteFront
+from ._scene_changes import SceneChanged
+from ._words import EVERY_BODY, NONE, SERVICE_CLASSES, ServiceWord, Status
 
 
 def connect(
@@ -71,7 +50,7 @@ def connect(
     return Client(url, timeout_s, server_key=server_key, key=key, hang_s=hang_s, service_class=service_class)
 
 
-class Client(Front):
+class Client(RemoteFront):
     """A connection to the daemon, with the methods of clearance.Engine.
 
     Thread-safe, but runs one call at a time; a client for each thread is faster. A forked child cannot use it
@@ -151,7 +130,7 @@ class Client(Front):
 
         Calls adopt a changed scene by themselves, as long as their ids mean the same; otherwise they raise StaleQuery.
         """
-        self._names_cache = self._fetch_names(True)
+        self._refresh_names()
 
     def reload(self, timeout_s: float = 600.0) -> SceneChanged:
         """Makes the daemon reload its scene file, and waits for the new scene. Queries of other clients continue.
@@ -229,133 +208,3 @@ class Client(Front):
 
     def __repr__(self) -> str:
         return f"<clearance.Client {self._url}{'' if self._connection is not None else ' (closed)'}>"
-
-    # ---- required by Front ----------------------------------------------------------------------------------------
-
-    def _use(self) -> Any:
-        if self._connection is None:
-            raise ConnectionError(f"{self._url}: this client is closed")
-        return self._connection
-
-    def _fetch_names(self, refresh: bool) -> NameTable:
-        revision, self._backend, self._pair_count, bodies, groups = self._use().scene(refresh)
-        infos = [
-            BodyInfo(name, i, None if parent == NONE else parent, *rest)
-            for i, (name, parent, *rest) in enumerate(bodies)
-        ]
-        return NameTable(revision, infos, {name: np.array(ids, dtype=np.uint32) for name, ids in groups})
-
-    def _load_names(self) -> NameTable:
-        return self._fetch_names(False)
-
-    def _scene_revision(self) -> int:
-        return self._names.revision
-
-    def _fetch_pairs(self, raw: Any) -> np.ndarray:
-        return self._guarded(self._use().pairs, raw)
-
-    def _refresh_names(self) -> None:
-        self.refresh()
-
-    def _certify(
-        self, rows: Optional[np.ndarray], run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]
-    ) -> str:
-        return self._guarded(self._use().certificate, run.raw, poses, positions, rows)
-
-    def _default_fields(self, query: Query, moves: bool, count: int) -> int:
-        rows = count
-        if query.reduce not in (Reduce.MIN, Reduce.ANY):
-            each = query.rows_each.get(moves)
-            if each is None:
-                each = query.rows_each[moves] = self._rows_each(query, moves)
-            rows *= each
-        if query.reduce == Reduce.WITHIN:
-            rows = min(rows, query.max_results)
-        few = rows <= DEFAULT_POINTS_ROWS
-        return DEFAULT_FIELDS | (FIELD_MASKS["points"] | FIELD_MASKS["normal"] if few else 0)
-
-    def _rows_each(self, query: Query, moves: bool) -> int:
-        if query.reduce == Reduce.NEAREST:
-            return len(self._names.bodies)
-        if query.pairs is None and not moves:
-            return self._pair_count
-        if query.pairs is not None and not query.selects:
-            return len(query.pairs)
-        return len(self._table(query.pairs, *query.moved(moves)))
-
-    def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
-        connection = self._use()
-        timeout = connection.timeout_s if run.timeout_s is None else run.timeout_s
-        answer = self._guarded(connection.ask, run.raw, poses, positions, run.copy, timeout)
-        if answer is None:
-            raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
-        return answer
-
-    def _open_plan(self, configurations: int, run: Run, *no_input: None) -> RemotePlan:
-        table = self._table(run.pairs, run.bodies, run.joints)
-        plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
-        return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.reduce != 0)
-
-    def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
-        seconds = self._use().timeout_s if timeout_s is None else timeout_s
-        return self._worker.add(Future(self._worker, task, seconds, is_driven_by_caller=True))
-
-    def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
-        return self._guarded(self._use().submit, run.raw, poses, positions, run.copy)
-
-    def _poll(self, job: Any, seconds: float) -> bool:
-        return job.wait(seconds)
-
-    def _take(self, job: Any) -> Any:
-        return self._guarded(job.answer)
-
-    def _abandon(self, job: Any) -> None:
-        job.cancel()
-
-    # The connection sends the scene revision of its own copy of the scene, and needs none of these.
-
-    def _send_poses(
-        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
-    ) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
-
-    def _load_joints(self) -> tuple[list[Any], list[Any]]:
-        return self._use().joints()
-
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
-
-    def _send_points(
-        self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int
-    ) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().set_points, body, xyz, radius, stamp_ns, sequence))
-
-    def _send_attach(
-        self, child: int, parent: int, pose: Optional[np.ndarray], allow: np.ndarray, revision: int
-    ) -> UpdateResult:
-        return UpdateResult(
-            *self._guarded(self._use().attach, child, parent, None if pose is None else pose.reshape(1, 7), allow)
-        )
-
-    def _send_allow(self, a: int, b: int, allow: bool, revision: int) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().allow, a, b, allow))
-
-    def _send_body(self, body: NewBody, revision: int) -> tuple[int, int, int, float]:
-        return self._guarded(self._use().add_body, *body, False)
-
-    def _send_shape(self, name: str, shape: ShapeArgument, radius: float) -> tuple[int, int, int, float]:
-        kind, numbers, triangles, mesh_as, cloud = shape
-        rest = NONE, False, None, (0.0, 0.0, 0.0, 0.0)
-        return self._guarded(self._use().add_body, name, kind, numbers, radius, *rest, triangles, mesh_as, cloud, True)
-
-    def _send_removal(self, name: str) -> tuple[int, int, int, float]:
-        return self._guarded(self._use().remove_body, name)
-
-    def _guarded(self, call: Any, *args: Any) -> Any:
-        """Calls, and discards the cached names if the daemon rejects the request for its scene."""
-        try:
-            return call(*args)
-        except QueryError as error:
-            if error.code == ErrorCode.WRONG_SCENE:
-                self._names_cache = None
-            raise

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 if TYPE_CHECKING:
-    from ._scene import Scene
+    from ._scene.scene import Scene
 
 
 def from_coal(geometry: Any) -> dict[str, Any]:
@@ -58,7 +58,7 @@ def from_pinocchio(model: Any) -> Scene:
 
     Raises TypeError or SceneError, naming the object, for an unsupported shape or a repeated name.
     """
-    from ._scene import Scene
+    from ._scene.scene import Scene
 
     scene = Scene()
     names = []

@@ -11,13 +11,13 @@ import numpy as np
 import clearance._engine as _engine
 
 from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_number_from_0, to_word
-from ._device_plan import DevicePlan
+from ._device.plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import BodyState, Front
-from ._future import Future, Task, Worker
 from ._names import NameTable
-from ._query import POINTS_BY_DEFAULT, Query, Run
-from ._scene import Scene, name_table
+from ._query.future import Future, Task, Worker
+from ._query.query import POINTS_BY_DEFAULT, Query, Run
+from ._scene.scene import Scene, name_table
 from ._scene_changes import NewBody
 from ._updates import UpdateResult
 from ._words import BACKENDS, COVERS, DEFAULT_FIELDS, NONE, BackendWord, CoversWord, Status
@@ -155,6 +155,9 @@ class Engine(Front):
 
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         return self._worker.add(Future(self._worker, task, timeout_s, is_driven_by_caller=False))
+
+    def _check(self, run: Run, *no_input: None) -> None:
+        self._engine.check(run.raw)
 
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         return self._engine.start(run.raw, poses, positions)

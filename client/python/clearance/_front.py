@@ -14,13 +14,13 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._future import Future, Task
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._limits import Beyond, beyond_limits
 from ._names import BodyInfo, BodyRef, NameTable, Pairs
-from ._queries import Queries
-from ._query import Query, Run
-from ._result import Result
+from ._query.future import Future, Task
+from ._query.queries import Queries
+from ._query.query import Query, Run
+from ._query.result import Result
 from ._scene_changes import SceneChanges
 from ._updates import Updates
 from ._words import Status
@@ -73,6 +73,10 @@ class Front(Queries, Updates, SceneChanges):
         raise NotImplementedError
 
     def _answer(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
+        raise NotImplementedError
+
+    def _check(self, run: Run, *no_input: None) -> None:
+        """Raises QueryError for a query that is wrong with any configurations."""
         raise NotImplementedError
 
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:

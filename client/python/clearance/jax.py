@@ -31,10 +31,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from . import _xla_ffi
 from ._arguments import did_you_mean
-from ._device_plan import DevicePlan
-from ._pose_gradient import check_joint_plan, moving_sides, pose_gradient
+from ._device import xla_ffi
+from ._device.plan import DevicePlan
+from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
 __all__ = ["Distances", "JointDistances", "Rows"]
 
@@ -50,9 +50,9 @@ class Rows:
     """
 
     def __init__(self, plan: DevicePlan, fields: Optional[Iterable[str]] = None, *, platform: str = "CUDA"):
-        _xla_ffi.register(platform)
+        xla_ffi.register(platform)
         self.plan = plan
-        self._number = _xla_ffi.number_of(plan)
+        self._number = xla_ffi.number_of(plan)
         self._names = list(plan.fields if fields is None else fields)
         self._columns = []
         for name in self._names:
@@ -76,7 +76,7 @@ class Rows:
                     + ("" if jax.config.jax_enable_x64 else " (jax_enable_x64 is off)")
                 )
             given.append(array)
-        call = jax.ffi.ffi_call(_xla_ffi.TARGET, [self._row_type(column) for column in self._columns])
+        call = jax.ffi.ffi_call(xla_ffi.TARGET, [self._row_type(column) for column in self._columns])
         rows = call(*given, columns=np.array([c.bit for c in self._columns], np.int64), plan=np.int64(self._number))
         return dict(zip(self._names, rows))
 

@@ -23,8 +23,8 @@ from typing import Any
 
 import torch
 
-from ._device_plan import DevicePlan
-from ._pose_gradient import check_joint_plan, moving_sides, pose_gradient
+from ._device.plan import DevicePlan
+from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
 __all__ = ["Distances", "JointDistances"]
 

@@ -9,8 +9,9 @@ from typing import Any, Optional
 import numpy as np
 
 CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
-#: {name: (tag, kind, default, words, unit, text, bytes in a record)}: the rows of wire/query_options.h.
-OPTIONS: dict[str, tuple[int, str, Any, str, str, str, int]] = {
+#: {name: (tag, kind, default, words, unit, text, bytes in a record, least, most, text of these)}: the rows of
+#: wire/query_options.h.
+OPTIONS: dict[str, tuple[int, str, Any, str, str, str, int, float, float, str]] = {
     name: tuple(row)  # type: ignore[misc]
     for name, row in CONTRACT["options"].items()
 }

@@ -87,24 +87,26 @@ class QuerySide : public Interface {
     all_chunks_ = s.chunks;
     pair_limits_ = s.pair_limits;
     fields_ = s.fields;
-    joints_ = s.joints;
-    given_count_ = s.given_count;
+    joints_ = s.moved.robots.joints;
+    given_count_ = s.moved.given_count;
     setup_.clear();
-    find_moved_parts(s.moved_body);
-    const std::size_t moved_body = setup_.add(s.moved_body),
+    find_moved_parts(s.moved.bodies);
+    const MovedSetup& m = s.moved;
+    const UncertaintySetup& u = s.uncertainty;
+    const std::size_t moved_body = setup_.add(m.bodies),
                       parts = setup_.add(std::span<const std::uint32_t>(moved_part_begin_)),
-                      source = setup_.add(s.source), begin = setup_.add(s.chain_begin), chain = setup_.add(s.chain),
-                      own = setup_.add(s.own), base = setup_.add(s.base), has_base = setup_.add(s.has_base),
-                      slot_state = setup_.add(s.slot_state), margins = setup_.add(s.margins),
-                      steps = setup_.add(s.steps), columns = setup_.add(s.columns), robots = setup_.add(s.robots),
-                      fixed_slack = setup_.add(s.fixed_slack), links = setup_.add(s.links),
-                      link_pairs = setup_.add(s.link_pairs), uncertainty_steps = setup_.add(s.uncertainty_steps),
-                      base_uncertainty = setup_.add(s.base_uncertainty), movers = setup_.add(s.movers),
-                      mover_of_body = setup_.add(s.mover_of_body);
+                      source = setup_.add(m.source), begin = setup_.add(m.chain_begin), chain = setup_.add(m.chain),
+                      own = setup_.add(m.own), base = setup_.add(m.base), has_base = setup_.add(m.has_base),
+                      slot_state = setup_.add(m.slot_state), margins = setup_.add(s.margins),
+                      steps = setup_.add(m.robots.steps), columns = setup_.add(m.robots.columns),
+                      robots = setup_.add(m.robots.robots), fixed_slack = setup_.add(u.fixed_slack),
+                      links = setup_.add(u.links), link_pairs = setup_.add(u.link_pairs),
+                      uncertainty_steps = setup_.add(u.steps), base_uncertainty = setup_.add(u.base),
+                      movers = setup_.add(s.movers.movers), mover_of_body = setup_.add(s.movers.of_body);
     const cudaStream_t stream = slots_[0]->stream;
     setup_.send(stream);
     UncertaintyView uncertainties{};
-    if (!s.fixed_slack.empty())
+    if (!u.fixed_slack.empty())
       uncertainties = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
                        setup_.at<LinkPairError>(link_pairs)};
     send_bodies(s, uncertainties, stream);
@@ -113,9 +115,9 @@ class QuerySide : public Interface {
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
     bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
     bodies_.moved_part_begin = setup_.at<std::uint32_t>(parts);
-    bodies_.moved_count = static_cast<std::uint32_t>(s.moved_body.size());
+    bodies_.moved_count = static_cast<std::uint32_t>(m.bodies.size());
     moves_ = {nullptr,
-              s.given_count,
+              m.given_count,
               setup_.at<std::uint32_t>(source),
               setup_.at<Pose>(own),
               setup_.at<std::uint32_t>(begin),
@@ -124,10 +126,10 @@ class QuerySide : public Interface {
               setup_.at<std::uint8_t>(has_base),
               setup_.at<std::uint8_t>(slot_state),
               {setup_.at<KinematicStep>(steps), setup_.at<JointColumn>(columns), setup_.at<JointRobot>(robots),
-               static_cast<std::uint32_t>(s.robots.size()), s.joints, nullptr, nullptr, nullptr, nullptr},
+               static_cast<std::uint32_t>(m.robots.robots.size()), joints_, nullptr, nullptr, nullptr, nullptr},
               setup_.at<UncertaintyStep>(uncertainty_steps),
               setup_.at<PlacedUncertainty>(base_uncertainty)};
-    frames_ = s.frames;
+    frames_ = m.robots.frames;
     movers_ = {setup_.at<JointMover>(movers), setup_.at<std::uint32_t>(mover_of_body)};
     margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
     pairs_ = static_cast<const CudaPairs*>(s.pairs);

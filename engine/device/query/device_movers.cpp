@@ -15,9 +15,8 @@ DeviceMovers::DeviceMovers(const JointGradient& gradient, const Plan& plan)
   }
 }
 
-void DeviceMovers::fill(QuerySetup& setup) const {
-  setup.movers = movers_;
-  setup.mover_of_body = of_body_;
+MoversSetup DeviceMovers::setup() const {
+  return {movers_, of_body_};
 }
 
 }  // namespace clearance::cuda

@@ -13,8 +13,8 @@ namespace clearance::cuda {
 class DeviceMovers {
  public:
   DeviceMovers(const JointGradient& gradient, const Plan& plan);
-  /// Points a setup to the arrays.
-  void fill(QuerySetup& setup) const;
+  /// Views of the arrays.
+  MoversSetup setup() const;
 
  private:
   std::vector<JointMover> movers_;

@@ -65,10 +65,10 @@ QuerySetup DeviceQuery::setup(QueryWorkspace& workspace) {
     } else {
       plan_.keep_configurations();
     }
-    moved_.emplace(scene(), plan_).fill(s);
+    s.moved = moved_.emplace(scene(), plan_).setup();
   }
-  if (has_uncertainty) uncertainties_.emplace(scene(), plan_).fill(s);
-  if (options_.joint_gradient) movers_.emplace(*options_.joint_gradient, plan_).fill(s);
+  if (has_uncertainty) s.uncertainty = uncertainties_.emplace(scene(), plan_).setup();
+  if (options_.joint_gradient) s.movers = movers_.emplace(*options_.joint_gradient, plan_).setup();
   return s;
 }
 

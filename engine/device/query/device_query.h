@@ -55,6 +55,14 @@ class DeviceQuery : public ParallelJob {
   virtual void finish(std::uint64_t chunk) = 0;
   /// Writes the number of rows to `info`, after all chunks are finished.
   virtual void end() = 0;
+  /// Settings of a chunk of whole configurations.
+  ChunkSetup chunk_of_configurations(std::uint64_t chunk, std::uint64_t most) const {
+    ChunkSetup s;
+    s.first_configuration = chunk * most;
+    s.configurations = static_cast<std::uint32_t>(std::min(most, plan_.size.configurations - s.first_configuration));
+    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    return s;
+  }
   /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
   void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Copies rows of a column that the device could not write itself.

@@ -97,12 +97,8 @@ void DeviceUncertainty::take_moved(const engine::Scene& scene, const Plan& plan)
   }
 }
 
-void DeviceUncertainty::fill(QuerySetup& setup) const {
-  setup.fixed_slack = fixed_;
-  setup.links = links_;
-  setup.link_pairs = link_pairs_;
-  setup.uncertainty_steps = moves_;
-  setup.base_uncertainty = base_;
+UncertaintySetup DeviceUncertainty::setup() const {
+  return {fixed_, links_, link_pairs_, moves_, base_};
 }
 
 }  // namespace clearance::cuda

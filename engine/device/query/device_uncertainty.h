@@ -19,8 +19,8 @@ std::uint32_t ageing_body(const engine::Scene& scene, const Plan& plan);
 class DeviceUncertainty {
  public:
   DeviceUncertainty(const engine::Scene& scene, const Plan& plan);
-  /// Points a setup to the arrays.
-  void fill(QuerySetup& setup) const;
+  /// Views of the arrays.
+  UncertaintySetup setup() const;
 
  private:
   void take_links(const engine::Scene& scene);

@@ -65,11 +65,7 @@ class MotionDeviceQuery final : public DeviceQuery {
 
   void launch(std::uint64_t index) override {
     const int slot = static_cast<int>(index % slots_);
-    ChunkSetup s;
-    s.first_configuration = index * motions_;
-    s.configurations =
-        static_cast<std::uint32_t>(std::min(motions_, plan_.size.configurations - s.first_configuration));
-    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    ChunkSetup s = chunk_of_configurations(index, motions_);
     give_configurations(*workspace_, slot, s);
     workspace_->launch(slot, s);
   }

@@ -41,17 +41,8 @@ std::uint8_t MovedChains::state_of(const engine::Scene& scene, const Plan& plan,
   return state;
 }
 
-void MovedChains::fill(QuerySetup& setup) const {
-  setup.given_count = given_count_;
-  setup.moved_body = moved_;
-  setup.source = source_;
-  setup.chain_begin = chain_begin_;
-  setup.chain = chain_;
-  setup.own = own_;
-  setup.base = base_;
-  setup.has_base = has_base_;
-  setup.slot_state = slot_state_;
-  links_.fill(setup);
+MovedSetup MovedChains::setup() const {
+  return {given_count_, moved_, source_, chain_begin_, chain_, own_, base_, has_base_, slot_state_, links_.setup()};
 }
 
 }  // namespace clearance::cuda

@@ -13,8 +13,8 @@ namespace clearance::cuda {
 class MovedChains {
  public:
   MovedChains(const engine::Scene& scene, const Plan& plan);
-  /// Points a setup to the arrays.
-  void fill(QuerySetup& setup) const;
+  /// Views of the arrays.
+  MovedSetup setup() const;
 
  private:
   std::uint8_t state_of(const engine::Scene& scene, const Plan& plan, std::uint32_t slot) const;

@@ -26,12 +26,8 @@ void MovedLinks::add(const LinkMotion& motion) {
   frame_count_ += roots + static_cast<std::uint32_t>(steps.size());
 }
 
-void MovedLinks::fill(QuerySetup& setup) const {
-  setup.steps = steps_;
-  setup.columns = columns_;
-  setup.robots = robots_;
-  setup.frames = frame_count_;
-  setup.joints = joints_;
+RobotsSetup MovedLinks::setup() const {
+  return {steps_, columns_, robots_, frame_count_, joints_};
 }
 
 }  // namespace clearance::cuda

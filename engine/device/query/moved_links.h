@@ -13,8 +13,8 @@ namespace clearance::cuda {
 class MovedLinks {
  public:
   explicit MovedLinks(const Plan& plan);
-  /// Points a setup to the arrays.
-  void fill(QuerySetup& setup) const;
+  /// Views of the arrays.
+  RobotsSetup setup() const;
   /// Frame of each body placed by joints, in the order of Plan::bodies after the given ones.
   const std::vector<std::uint32_t>& frames() const { return frames_; }
 

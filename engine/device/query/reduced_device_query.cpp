@@ -75,11 +75,7 @@ class ReducedDeviceQuery final : public DeviceQuery {
 
   void launch(std::uint64_t index) override {
     const int slot = static_cast<int>(index % slots_);
-    ChunkSetup s;
-    s.first_configuration = index * configurations_;
-    s.configurations =
-        static_cast<std::uint32_t>(std::min(configurations_, plan_.size.configurations - s.first_configuration));
-    s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);
+    ChunkSetup s = chunk_of_configurations(index, configurations_);
     s.first_row = s.first_configuration * plan_.size.pairs;
     give_configurations(*workspace_, slot, s);
     ReplyView direct;  // the place of rows is known in advance except for Reduce::kWithin

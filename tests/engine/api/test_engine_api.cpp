@@ -136,6 +136,16 @@ TEST(EngineApi, PrepareRejectsInputsAndBadQueries) {
   EXPECT_NE(text_of<QueryError>([&] { engine.prepare({.rel_tol = NAN}); }), "nothing was thrown");
   EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.prepare({.deadline_ns = 1}); }),
             "query: deadline_ns is for a daemon's client");
+  const auto rejected = [&](const Query& query) { return text_of<QueryError>([&] { engine.prepare(query); }); };
+  EXPECT_EQ(rejected(as_check({.bodies = moved, .margin = -1})),
+            "margin: expected a finite number of metres >= 0, got -1.000000");
+  EXPECT_EQ(rejected(as_check({.bodies = moved, .max_distance = 1})),
+            "max_distance: reduce any uses its margins instead");
+  EXPECT_EQ(rejected(as_motions({.bodies = moved, .reduce = Reduce::kNearest})),
+            "reduce: motions are reduced by none, min and any");
+  const std::vector<std::uint32_t> unknown{9};
+  EXPECT_EQ(rejected({.bodies = unknown}), "bodies[0]: unknown body 9");
+  engine.prepare(as_motions({.bodies = moved}));
   Prepared prepared = engine.prepare({.bodies = moved});
   EXPECT_NE(text_of<std::invalid_argument>([&] { prepared.run(std::vector<double>{1}); }), "nothing was thrown");
 }

@@ -19,11 +19,16 @@ constexpr std::chrono::minutes kPatience{10};
 using Bytes = std::vector<std::byte>;
 using Parts = CoverStore::Parts;
 
+/// Spheres, whose covers take little time.
 Parts body(std::uint64_t seed, int parts = 1) {
   test::Random random(seed);
   Parts made;
-  for (int i = 0; i < parts; ++i) made.push_back(make_convex_part(random.cloud(5, {0.1, 0.1, 0.1}), i * 0.01));
+  for (int i = 0; i < parts; ++i) made.push_back(make_convex_part(random.cloud(1, {0.1, 0.1, 0.1}), 0.1 + i * 0.01));
   return made;
+}
+/// A hull, whose cover has all levels.
+Parts hull(std::uint64_t seed) {
+  return {make_convex_part(test::Random(seed).cloud(5, {0.1, 0.1, 0.1}))};
 }
 
 Bytes bytes_of(const Cover& cover) {
@@ -41,7 +46,7 @@ class CoverStoreTest : public testing::Test {
 
 TEST_F(CoverStoreTest, FindsACoverOnceItIsMade) {
   CoverStore store;
-  const Parts one = body(1), two = body(2, 2);
+  const Parts one = hull(1), two = body(2, 2);
   EXPECT_EQ(store.find(one), nullptr);
   store.request({one, two, one});
   EXPECT_EQ(store.progress().pending + store.progress().made, 2);
@@ -96,7 +101,7 @@ TEST_F(CoverStoreTest, AFullStoreMakesNoMore) {
 }
 
 TEST_F(CoverStoreTest, ThreadsRequestAndFindAtOnce) {
-  constexpr int kThreads = 3, kBodies = 4;
+  constexpr int kThreads = 4, kBodies = 40;
   CoverStore store;
   std::vector<std::thread> threads;
   std::atomic<int> wrong = 0;
@@ -124,7 +129,7 @@ TEST_F(CoverStoreTest, TheThreadMakesCoversByItself) {
 
 TEST_F(CoverStoreTest, EndsWhileCoversArePending) {
   std::vector<Parts> bodies;
-  for (int i = 0; i < 2000; ++i) bodies.push_back(body(i));  // an hour's work
+  for (int i = 0; i < 2000; ++i) bodies.push_back(hull(i));  // an hour's work
   auto store = std::make_unique<CoverStore>();
   store->request(bodies);
   ASSERT_FALSE(store->wait(std::chrono::milliseconds(1)));
@@ -134,7 +139,7 @@ TEST_F(CoverStoreTest, EndsWhileCoversArePending) {
 
 TEST_F(CoverStoreTest, AChildCanDestroyItAndMakeAnother) {
   auto store = std::make_unique<CoverStore>();
-  store->request({body(1), body(2), body(3)});
+  store->request({body(1), hull(2), hull(3)});
   const pid_t child = ::fork();
   if (child == 0) {
     ::alarm(600);
@@ -153,7 +158,7 @@ TEST_F(CoverStoreTest, AProcessEndsWhileCoversArePending) {
   EXPECT_EXIT(
       {
         auto* const store = new CoverStore;  // which nothing destroys
-        store->request({body(1), body(2), body(3), body(4)});
+        store->request({body(1), hull(2), hull(3), hull(4), hull(5)});
         while (store->revision() == 0) std::this_thread::sleep_for(std::chrono::milliseconds(5));
         std::exit(store->progress().pending > 0 ? 0 : 1);
       },
@@ -201,7 +206,7 @@ Bytes with(Bytes record, std::size_t at, T value) {
 }
 
 TEST_F(CoverStoreTest, RecordsAreChecked) {
-  const auto cover = make_cover(body(1));
+  const auto cover = make_cover(hull(1));
   ASSERT_TRUE(cover);
   const Bytes good = cover_record({*cover, 0.5});
   const auto read = cover_of_record(good);

@@ -74,26 +74,25 @@ struct HostBodies {
         chains(scene, plan),
         uncertainties(uncertainties_for(scene)),
         uncertain(uncertain_body(scene, plan) != kNone) {
-    QuerySetup s;
-    chains.fill(s);
-    if (uncertain) uncertainties.fill(s);
+    const MovedSetup m = chains.setup();
+    const UncertaintySetup u = uncertain ? uncertainties.setup() : UncertaintySetup();
     const std::size_t n = scene.bodies().size(), M = plan.moved.size(), K = plan.size.configurations;
     take_fixed(hulls, n);
-    view.uncertainties = {s.fixed_slack.data(), nullptr, s.links.data(), s.link_pairs.data()};
+    view.uncertainties = {u.fixed_slack.data(), nullptr, u.links.data(), u.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     reserve_moved(hulls, K, M);
     moves = {plan.configurations.data(),
-             s.given_count,
-             s.source.data(),
-             s.own.data(),
-             s.chain_begin.data(),
-             s.chain.data(),
-             s.base.data(),
-             s.has_base.data(),
-             s.slot_state.data(),
-             place_frames(s, K),
-             s.uncertainty_steps.data(),
-             s.base_uncertainty.data()};
+             m.given_count,
+             m.source.data(),
+             m.own.data(),
+             m.chain_begin.data(),
+             m.chain.data(),
+             m.base.data(),
+             m.has_base.data(),
+             m.slot_state.data(),
+             place_frames(m.robots, K),
+             u.steps.data(),
+             u.base.data()};
     const auto configurations = static_cast<std::uint32_t>(K);
     for_each_thread(K * M, [&] {
       uncertain ? place_bodies<true>(hulls, view, moves, configurations)
@@ -140,7 +139,7 @@ struct HostBodies {
     view.bodies = static_cast<std::uint32_t>(n);
     view.components = kComponents;
   }
-  FramesView place_frames(const QuerySetup& s, std::size_t K) {
+  FramesView place_frames(const RobotsSetup& s, std::size_t K) {
     frame_numbers.assign(s.frames * 7 * K, 1e300);
     frame_facts.assign(s.frames * K, 0xff);
     travels.resize(s.robots.size() * K);

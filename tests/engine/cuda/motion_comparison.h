@@ -16,6 +16,23 @@ struct MotionComparison {
   int beyond_limits = 0;  ///< rows that report it for the same pair
 };
 
+/// Checks that hold for every row. Returns whether both rows are decided, and counts ours if it is not.
+inline bool is_decided(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i, int& undecided) {
+  EXPECT_EQ(ours.configuration[i], i);
+  EXPECT_LE(ours.lower[i], ours.upper[i]) << i;
+  EXPECT_GT(ours.steps[i], 0u) << i;
+  const bool is_open = static_cast<Status>(ours.status[i]) == Status::kUnconverged;
+  undecided += is_open;
+  return !is_open && static_cast<Status>(theirs.status[i]) != Status::kUnconverged;
+}
+
+/// Whether both rows are of the same pair and report it beyond the limits. Rows of one pair must agree.
+inline bool reports_limits(const ReplyView& ours, const ReplyView& theirs, std::uint32_t i) {
+  if (ours.pair[i].a != theirs.pair[i].a || ours.pair[i].b != theirs.pair[i].b) return false;
+  EXPECT_EQ(ours.flags[i] & kFlagBeyondLimits, theirs.flags[i] & kFlagBeyondLimits) << i;
+  return (ours.flags[i] & kFlagBeyondLimits) != 0;
+}
+
 /// Both intervals [free until, hit at] contain the time of first contact.
 inline void expect_same_contact(const double* ours, const double* theirs, std::uint32_t motion) {
   EXPECT_LE(ours[0], ours[1]) << motion;
@@ -28,12 +45,8 @@ inline MotionComparison compare_motions(const Answer& found, const Answer& wante
   MotionComparison v;
   const ReplyView &ours = found.view, &theirs = wanted.view;
   for (std::uint32_t i = 0; i < found.info.rows; ++i) {
+    if (!is_decided(ours, theirs, i, v.undecided)) continue;
     const auto status = static_cast<Status>(ours.status[i]), wanted_status = static_cast<Status>(theirs.status[i]);
-    EXPECT_EQ(ours.configuration[i], i);
-    EXPECT_LE(ours.lower[i], ours.upper[i]) << i;
-    EXPECT_GT(ours.steps[i], 0u) << i;
-    v.undecided += status == Status::kUnconverged;
-    if (status == Status::kUnconverged || wanted_status == Status::kUnconverged) continue;
     const bool is_free = status == Status::kBeyond;
     EXPECT_EQ(is_free, wanted_status == Status::kBeyond) << i;
     if (is_free) {
@@ -47,10 +60,7 @@ inline MotionComparison compare_motions(const Answer& found, const Answer& wante
       EXPECT_LE(ours.upper[i], q.margin) << i;
       EXPECT_LE(ours.lower[i], theirs.upper[i]) << i;
       EXPECT_TRUE(ours.time[i] >= 0 && ours.time[i] <= 1) << i;
-      if (ours.pair[i].a == theirs.pair[i].a && ours.pair[i].b == theirs.pair[i].b) {
-        EXPECT_EQ(ours.flags[i] & kFlagBeyondLimits, theirs.flags[i] & kFlagBeyondLimits) << i;
-        v.beyond_limits += (ours.flags[i] & kFlagBeyondLimits) != 0;
-      }
+      v.beyond_limits += reports_limits(ours, theirs, i);
     }
     if (!ours.first_contact) continue;
     const double *const contact = ours.first_contact + 2 * i, *const wanted_contact = theirs.first_contact + 2 * i;
@@ -81,21 +91,14 @@ inline LeastRows compare_least(const Answer& found, const Answer& wanted, const 
   LeastRows v;
   const ReplyView &ours = found.view, &theirs = wanted.view;
   for (std::uint32_t i = 0; i < found.info.rows; ++i) {
-    const auto status = static_cast<Status>(ours.status[i]), wanted_status = static_cast<Status>(theirs.status[i]);
-    EXPECT_EQ(ours.configuration[i], i);
-    EXPECT_LE(ours.lower[i], ours.upper[i]) << i;
     EXPECT_LE(ours.lower[i], theirs.upper[i]) << i;
     EXPECT_LE(theirs.lower[i], ours.upper[i]) << i;
-    EXPECT_GT(ours.steps[i], 0u) << i;
-    v.undecided += status == Status::kUnconverged;
-    if (status == Status::kUnconverged || wanted_status == Status::kUnconverged) continue;
+    if (!is_decided(ours, theirs, i, v.undecided)) continue;
     expect_narrow(ours.lower[i], ours.upper[i], ours.flags[i], q, i);
     EXPECT_TRUE(ours.time[i] >= 0 && ours.time[i] <= 1) << i;
     EXPECT_LT(ours.pair[i].a, kNone) << i;
-    ++(status == Status::kOk ? v.apart : v.touching);
-    if (ours.pair[i].a == theirs.pair[i].a && ours.pair[i].b == theirs.pair[i].b) {
-      EXPECT_EQ(ours.flags[i] & kFlagBeyondLimits, theirs.flags[i] & kFlagBeyondLimits) << i;
-    }
+    ++(static_cast<Status>(ours.status[i]) == Status::kOk ? v.apart : v.touching);
+    reports_limits(ours, theirs, i);
     if (!ours.first_contact) continue;
     const double *const contact = ours.first_contact + 2 * i, *const wanted_contact = theirs.first_contact + 2 * i;
     expect_same_contact(contact, wanted_contact, i);

@@ -180,9 +180,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     HostChunk chunk(cpu, c.q);
     const JointGradient gradient(cpu.scene(), chunk.bodies.plan);
     const cuda::DeviceMovers movers(gradient, chunk.bodies.plan);
-    QuerySetup setup;
-    movers.fill(setup);
-    chunk.view.movers = {setup.movers.data(), setup.mover_of_body.data()};
+    chunk.view.movers = {movers.setup().movers.data(), movers.setup().of_body.data()};
     chunk.view.pair_limits.cull = distance < kInf;
     chunk.view.prove_at_once = true;
     const Split split(chunk);

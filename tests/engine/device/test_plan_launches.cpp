@@ -34,7 +34,7 @@ class Scribe final : public cuda::ResidentWorkspace {
   void begin(const cuda::QuerySetup& setup) override {
     told_.setup = setup;
     told_.margins.assign(setup.margins.begin(), setup.margins.end());
-    told_.mover_of_body.assign(setup.mover_of_body.begin(), setup.mover_of_body.end());
+    told_.mover_of_body.assign(setup.movers.of_body.begin(), setup.movers.of_body.end());
   }
   std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
   std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }
@@ -114,9 +114,9 @@ TEST_F(PlanLaunches, GiveEachConfigurationToOneChunk) {
     EXPECT_EQ(told_.reduce, reduce);
     EXPECT_EQ(plan->device(), 3);
     EXPECT_EQ(told_.margins, reduce == Reduce::kAny ? margins : std::vector<double>());
-    EXPECT_EQ(told_.setup.joints, J);
+    EXPECT_EQ(told_.setup.moved.robots.joints, J);
     EXPECT_FALSE(told_.setup.by_teams) << "bodies have slack";
-    EXPECT_FALSE(told_.setup.fixed_slack.empty());
+    EXPECT_FALSE(told_.setup.uncertainty.fixed_slack.empty());
     EXPECT_EQ(told_.mover_of_body.size(), engine.scene().bodies().size());
     EXPECT_EQ(plan->size().rows, kConfigurations * (reduce == Reduce::kNone ? P : 1));
     ReplyView rows;
@@ -165,7 +165,7 @@ TEST_F(PlanLaunches, OfKnownBodiesTeamsFindTheLeastDistance) {
   q.configuration_count = 5;
   const auto plan = engine.plan_on_device(q);
   EXPECT_TRUE(told_.setup.by_teams);
-  EXPECT_TRUE(told_.setup.fixed_slack.empty() && told_.setup.movers.empty());
+  EXPECT_TRUE(told_.setup.uncertainty.fixed_slack.empty() && told_.setup.movers.movers.empty());
   plan->run({somewhere<Pose>(4096), nullptr}, {}, nullptr);
   ASSERT_EQ(told_.launches.size(), 1u);
   EXPECT_EQ(told_.launches[0].chunk.configurations, 5u);

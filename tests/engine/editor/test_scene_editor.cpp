@@ -198,6 +198,9 @@ TEST_F(SceneEdits, ThatMakeNoSenseAreRejected) {
   follows.parent = "ghost";
   EXPECT_NE(rejection([&] { add("odd", follows); }).find("there is no body \"ghost\""), std::string::npos);
   EXPECT_EQ(rejection([&] { editor_.reshape("ghost", box(1), 0); }), "there is no body \"ghost\"");
+  EXPECT_EQ(rejection([&] { editor_.remove("crate "); }),
+            "remove_body: \"crate \" is not in the scene; did you mean \"crate\"?");
+  EXPECT_EQ(rejection([&] { editor_.reshape("cup ", box(1), 0); }), "there is no body \"cup \"; did you mean \"cup\"?");
   EXPECT_NE(rejection([&] { editor_.reshape("cup", {BodyShape::kHalfSpace}, 0); }).find("a half_space is static"),
             std::string::npos);
   editor_.reshape("floor", {BodyShape::kHalfSpace}, 0);

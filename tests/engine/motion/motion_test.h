@@ -44,6 +44,25 @@ struct Motions {
   }
 };
 
+inline engine::Engine engine_of(engine::Scene scene, int threads = 2) {
+  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads});
+}
+
+/// A ball that flies past another at a known distance.
+struct Flight {
+  engine::Scene scene;
+  Motions motions;
+
+  Flight() {
+    scene.add_sphere("still", 0.1, {.is_static = true, .pose = Pose{}});
+    motions.bodies = {scene.add_sphere("ball", 0.05, {.pose = Pose{{3, 0, 0}}})};
+  }
+  void add(const Vec3d& from, const Vec3d& to) {
+    motions.poses.push_back(Pose{from});
+    motions.poses.push_back(Pose{to});
+  }
+};
+
 /// The same motion at n + 1 times, as configurations. For joints alone the poses are those of the motion, apart from
 /// rounding.
 struct Samples {

@@ -9,25 +9,6 @@
 namespace clearance::test {
 namespace {
 
-engine::Engine engine_of(engine::Scene scene, int threads = 2) {
-  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads});
-}
-
-// A ball that flies past another at a known distance.
-struct Flight {
-  engine::Scene scene;
-  Motions motions;
-
-  Flight() {
-    scene.add_sphere("still", 0.1, {.is_static = true, .pose = Pose{}});
-    motions.bodies = {scene.add_sphere("ball", 0.05, {.pose = Pose{{3, 0, 0}}})};
-  }
-  void add(const Vec3d& from, const Vec3d& to) {
-    motions.poses.push_back(Pose{from});
-    motions.poses.push_back(Pose{to});
-  }
-};
-
 TEST(Motions, LeastDistanceOfABallThatFliesPast) {
   Flight flight;
   Random random(1);
@@ -72,40 +53,6 @@ TEST(Motions, LeastDistanceOfABallThatFliesPast) {
   }
   EXPECT_GT(hits, 10);
   EXPECT_GT(free, 100);
-}
-
-// A ball that hits another at a known time.
-TEST(Motions, FirstContactIsNarrowed) {
-  Flight flight;
-  Random random(7);
-  constexpr double kMargin = 0.02;
-  std::vector<double> exact;
-  while (exact.size() < 60) {
-    const Vec3d from{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-    const Vec3d to = Vec3d{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)} * 0.3;
-    const Vec3d d = to - from;
-    const double a = dot(d, d), b = dot(from, d), c = dot(from, from) - 0.17 * 0.17;
-    if (c < 0.01 || b * b - a * c < 1e-4) continue;
-    const double t = (-b - std::sqrt(b * b - a * c)) / a;
-    if (t < 0 || t > 1) continue;
-    flight.add(from, to);
-    exact.push_back(t);
-  }
-  const engine::Engine engine = engine_of(std::move(flight.scene));
-  for (const Reduce reduce : {Reduce::kAny, Reduce::kMin, Reduce::kNone}) {
-    QueryView query = flight.motions.view(reduce, 1000);
-    query.margin = kMargin;
-    const Answer answer = evaluate(engine, query);
-    for (std::size_t i = 0; i < exact.size(); ++i) {
-      const double from = answer.view.first_contact[2 * i], to = answer.view.first_contact[2 * i + 1];
-      EXPECT_LE(from, exact[i] + 1e-12);
-      EXPECT_GE(to, exact[i] - 1e-12);
-      EXPECT_LE(to - from, 2e-3);
-      if (reduce == Reduce::kAny) {
-        EXPECT_EQ(answer.view.time[i], to);
-      }
-    }
-  }
 }
 
 // Flights past a ball, with exact gaps that are positive and negative, small and large.

@@ -104,6 +104,18 @@ TEST(PairFindings, WhereTheProofEndsItIsOnlySeen) {
   EXPECT_LE(found.steps, options.most_steps);
 }
 
+TEST(PairFindings, WithAMarginNearIsTouching) {
+  FlatArm arm(3, 1, 0.1);  // at least 2 * 0.5 cos(0.5) - 0.2 = 0.678 m apart, at most 0.8 m
+  FindingOptions options;
+  const auto within = [&](double margin) {
+    options.margin = margin;
+    return arm.find(1, 3, options).finding;
+  };
+  EXPECT_EQ(within(0.67), PairFinding::kNever);
+  EXPECT_EQ(within(0.7), PairFinding::kSometimes);
+  EXPECT_EQ(within(0.81), PairFinding::kAlways);
+}
+
 TEST(PairFindings, SlidingWithoutLimitsIsRejected) {
   const RobotModel robot = parse_urdf(R"(<robot name='cart'><link name='a'/><link name='b'/><link name='c'/>
     <joint name='on' type='planar'><parent link='a'/><child link='b'/><axis xyz='0 0 1'/></joint>

@@ -197,7 +197,7 @@ TEST(Scene, BadInputIsRejectedWithTheReason) {
             "body \"d\": capsule length: expected a number of metres >= 0, got -1");
   EXPECT_EQ(text([](engine::Scene& s) { s.add_uv_sphere("d", 1, 1, {}); }),
             "body \"d\": uv_sphere resolution: expected an integer from 2 to 2000, got 1");
-  EXPECT_EQ(text([](engine::Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a piece needs at least one vertex");
+  EXPECT_EQ(text([](engine::Scene& s) { s.add_hull("d", {}, {}); }), "body \"d\": a part needs at least one vertex");
   EXPECT_EQ(text([&](engine::Scene& s) { s.add_hull("d", std::vector<Vec3d>{{0, 0, 0}, {0, nan, 0}}, {}); }),
             "body \"d\": vertex 1 has the coordinate nan; expected a finite number up to 1e60 m");
   EXPECT_EQ(text([](engine::Scene& s) {

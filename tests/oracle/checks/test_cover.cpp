@@ -1,4 +1,4 @@
-// Compares the bounds of covers with exact distances of points: of hulls, unions, flat and rounded parts and round cores.
+// Compares covers with exact geometry: points of a body lie in balls on every level, and inner radii hold.
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -8,27 +8,37 @@
 #include "engine/cover/cover.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/primitive.h"
+#include "engine/scene/scene.h"
 #include "tests/oracle/cases/case_shapes.h"
 #include "tests/oracle/exact/exact_distance.h"
+#include "wire/types.h"
 
 namespace clearance {
 namespace {
 
 using exact::Random;
-using exact::Solid;
+using Vec3q = Vec3<mpq_class>;
 
-/// A body as its cover sees it, and as the oracle does.
+constexpr double kEffort = 0.1;  // wider balls, made with the same proofs
+
+/// A body as its cover sees it, and as the oracle does: unions of hulls, grown.
 struct Body {
   std::string kind;
-  std::vector<ConvexPartPtr> parts;
   std::vector<exact::SolidPtr> solids;
-};
 
-Body body_of(std::string kind, std::vector<exact::SolidPtr> solids) {
-  Body body{std::move(kind), {}, std::move(solids)};
-  for (const auto& solid : body.solids) body.parts.push_back(make_hull_part(solid->vertices, {}, solid->radius));
-  return body;
-}
+  std::vector<ConvexPartPtr> parts() const {
+    std::vector<ConvexPartPtr> parts;
+    for (const auto& s : solids) parts.push_back(make_hull_part(s->vertices, {}, s->radius));
+    return parts;
+  }
+  /// The same body, scaled along each axis; a radius by the first of them.
+  Body scaled(const std::string& name, const Vec3d& by) const {
+    Body body{kind + ", " + name, {}};
+    for (const auto& s : solids)
+      body.solids.push_back(exact::solid(exact::scaled(s->vertices, by), s->radius * std::abs(by.x)));
+    return body;
+  }
+};
 
 exact::SolidPtr moved(const exact::SolidPtr& solid, const Vec3d& by) {
   std::vector<Vec3d> vertices = solid->vertices;
@@ -36,204 +46,252 @@ exact::SolidPtr moved(const exact::SolidPtr& solid, const Vec3d& by) {
   return exact::solid(std::move(vertices), solid->radius);
 }
 
-Body any_body(Random& random, int kind) {
-  switch (kind) {
-    case 0:
-      return body_of("hull", {exact::solid(exact::ordinary(random))});
-    case 1:
-      return body_of("prism", {exact::faced(random)});
-    case 2:
-      return body_of("needle", {exact::needle(random)});
-    case 3:
-      return body_of("plate", {exact::plate(random)});
-    case 4:
-      return body_of("flat", {exact::flat(random)});
-    case 5:
-      return body_of("line", {exact::line(random)});
-    case 6:
-      return body_of("sphere", {exact::solid({{0.1, -0.2, 0.3}}, 0.25)});
-    case 7:
-      return body_of("capsule", {exact::solid({{0, 0, -0.4}, {0, 0, 0.4}}, 0.1)});
-    case 8:
-      return body_of("rounded", {exact::solid(exact::ordinary(random), 0.05)});
-    case 9:
-      return body_of("sliver", {exact::sliver(random)});
-    default:
-      return body_of("union", {exact::solid(exact::ordinary(random)), moved(exact::faced(random), {0.7, 0.2, -0.1})});
-  }
+/// An ellipsoid of many vertices among so many points that its cover sees only a few of them.
+Body egg(Random& random) {
+  std::vector<Vec3d> vertices;
+  for (int i = 0; i < 1000; ++i) vertices.push_back(random.direction());
+  Body body{"egg", {exact::solid(exact::scaled(vertices, {0.3, 0.2, 0.5}))}};
+  body.solids.resize(50, exact::solid({{0.01, 0, 0}}));
+  return body;
 }
 
-double reach_of(const Body& body) {
-  double reach = 0;
-  for (const ConvexPartPtr& part : body.parts) reach = std::max(reach, part->rho + part->radius);
-  return reach;
-}
-
-/// A point in, on or near the body, or farther away.
-Vec3d point_near(Random& random, const Body& body) {
-  const auto& solid = *body.solids[random.integer(0, static_cast<int>(body.solids.size()) - 1)];
-  const int corners = random.integer(1, 4);
-  Vec3d p{0, 0, 0};
-  for (int k = 0; k < corners; ++k)
-    p += solid.vertices[random.integer(0, static_cast<int>(solid.vertices.size()) - 1)] * (1.0 / corners);
-  const double away = random.chance(0.3) ? 0 : reach_of(body) * std::pow(10, random.uniform(-9, 0.3));
-  for (int k = 0; k < 3; ++k) p[k] += away * random.uniform(-1, 1);
-  return p;
-}
-
-/// Whether `x` is above the exact distance of the point from the body, and so no lower bound.
-bool exceeds(const std::vector<exact::Value>& distances, double x) {
-  bool all = x > 0;  // a body that contains the point is at distance 0
-  for (const exact::Value& d : distances) all = all && d.compare(x) < 0;
+std::vector<Body> bodies() {
+  Random random(44);
+  const exact::SolidPtr hull = exact::solid(exact::ordinary(random));
+  const Body several{"union", {hull, moved(exact::faced(random), {0.7, 0.2, -0.1}), exact::solid({{-0.9, 0, 0}}, 0.3)}};
+  std::vector<Body> all{{"box", {exact::solid(exact::box({0.1, 0.2, 0.3}))}},
+                        {"hull", {hull}},
+                        several,
+                        {"needle", {exact::needle(random)}},
+                        {"plate", {exact::plate(random)}},
+                        {"flat", {exact::flat(random)}},
+                        {"line", {exact::line(random)}},
+                        {"sliver", {exact::sliver(random)}},
+                        {"point", {exact::solid({{0.1, -0.2, 0.3}})}},
+                        {"sphere", {exact::solid({{0.1, -0.2, 0.3}}, 0.25)}},
+                        {"capsule", {exact::solid({{0, 0, -0.4}, {0, 0, 0.4}}, 0.1)}},
+                        {"rounded hull", {exact::solid(exact::ordinary(random), 0.05)}},
+                        {"rounded flat", {exact::solid(exact::flat(random)->vertices, 0.05)}},
+                        egg(random),
+                        several.scaled("tiny", {1e-6, 1e-6, 1e-6}),
+                        several.scaled("mirrored, huge", {-1e4, 1e4, 1e4})};
+  const engine::Scene cell = engine::Scene::load(std::string(CLEARANCE_SOURCE_DIR) + "/scenes/cell/robot.yaml");
+  all.push_back({"link", {}});
+  for (const ConvexPartPtr& part : cell.bodies().at(cell.find_body("arm/upper_arm")).parts)
+    all.back().solids.push_back(exact::solid(part->vertices));
   return all;
 }
-/// Whether `x` is below the exact distance, and so no upper bound.
-bool falls_short(const std::vector<exact::Value>& distances, double x) {
-  bool all = true;
-  for (const exact::Value& d : distances) all = all && d.compare(x) > 0;
-  return all && x >= 0;
+
+Vec3q rational(const Vec3d& v) {
+  return {mpq_class(v.x), mpq_class(v.y), mpq_class(v.z)};
+}
+mpq_class squared(const Vec3q& v) {
+  return v.x * v.x + v.y * v.y + v.z * v.z;
+}
+Vec3q times(const Vec3q& v, const mpq_class& f) {
+  return {v.x * f, v.y * f, v.z * f};
 }
 
-double down(double x) {
-  return std::nextafter(x, -1e300) - 1e-300;
-}
-double up(double x) {
-  return std::nextafter(x, 1e300) + 1e-300;
+/// A rational vector of length 1 exactly.
+Vec3q unit(Random& random) {
+  const mpq_class s(random.integer(-30, 30), 10), t(random.integer(-30, 30), 10), sum = s * s + t * t;
+  return times({2 * s, 2 * t, 1 - sum}, mpq_class(random.chance(0.5) ? 1 : -1) / (1 + sum));
 }
 
-struct Findings {
-  int points = 0, inside = 0, near = 0, wrong_lower = 0, wrong_upper = 0, decided = 0;
-};
-
-/// The least outer bound over a complete cut: each ball is replaced by its children with some probability.
-double least_of_cut(const Cover& cover, std::uint32_t ball, const Vec3d& p, Random& random, double descend) {
-  const std::uint32_t begin = cover.first_child[ball], end = cover.first_child[ball + 1];
-  const CoverBall& b = cover.balls[ball];
-  if (begin == end || !random.chance(descend)) {
-    const Vec3d d = p - Vec3d{b.centre[0], b.centre[1], b.centre[2]};
-    return down(
-        static_cast<double>(std::sqrt(static_cast<long double>(d.x) * d.x + static_cast<long double>(d.y) * d.y +
-                                      static_cast<long double>(d.z) * d.z)) -
-        b.outer);
+/// A point of a body, exactly: a vertex, or a combination of a few, grown by the radius.
+Vec3q point_of(Random& random, const Body& body) {
+  const exact::Solid& s =
+      *body.solids[static_cast<std::size_t>(random.integer(0, static_cast<int>(body.solids.size()) - 1))];
+  Vec3q p{0, 0, 0};
+  mpq_class sum = 0;
+  for (int i = random.integer(1, 5); i > 0; --i) {
+    const mpq_class weight = random.integer(1, 9);
+    const auto any = static_cast<std::size_t>(random.integer(0, static_cast<int>(s.vertices.size()) - 1));
+    p = p + times(rational(s.vertices[any]), weight);
+    sum += weight;
   }
-  double least = INFINITY;
-  for (std::uint32_t child = begin; child < end; ++child)
-    least = std::min(least, least_of_cut(cover, child, p, random, descend));
-  return least;
+  p = times(p, 1 / sum);
+  return p + times(unit(random), mpq_class(s.radius) * mpq_class(random.integer(0, 3), 3));
 }
 
-void try_point(const Cover& cover, const std::vector<exact::Value>& distances, const Vec3d& p, Random& random,
-               Findings& found) {
-  ++found.points;
-  found.inside += !exceeds(distances, 1e-300) && distances[0].sign <= 0;
-  for (const double descend : {0.0, 0.3, 0.6, 0.9, 1.0})
-    found.wrong_lower += exceeds(distances, least_of_cut(cover, 0, p, random, descend));
-  double least = INFINITY;
-  for (const CoverBall& b : cover.balls) {
-    const Vec3d d = p - Vec3d{b.centre[0], b.centre[1], b.centre[2]};
-    least = std::min(least, up(std::max(0.0, up(norm(d) * (1 + 1e-15)) - b.inner)));
-  }
-  found.wrong_upper += falls_short(distances, least);
+/// Whether a ball holds a point, decided exactly.
+bool holds(const CoverBall& ball, const Vec3q& p) {
+  const Vec3q d = p - rational({ball.centre[0], ball.centre[1], ball.centre[2]});
+  return squared(d) <= mpq_class(ball.outer) * mpq_class(ball.outer);
 }
 
-Findings try_body(const Body& body, const Cover& cover, int points, Random& random) {
-  Findings found;
-  for (int i = 0; i < points; ++i) {
-    const Vec3d p = point_near(random, body);
-    std::vector<exact::Value> distances;
-    for (const auto& solid : body.solids)
-      distances.push_back(
-          exact::exact_distance({solid->vertices, solid->radius}, Pose{}, {std::span(&p, 1), 0}, Pose{}, false)
-              .distance);
-    try_point(cover, distances, p, random, found);
-  }
-  return found;
+CoverBall ball_of(const BallPacket& packet, std::uint32_t i) {
+  return {{packet.x[i], packet.y[i], packet.z[i]}, packet.outer[i], packet.inner[i]};
 }
 
-constexpr int kKinds = 11;
-
-TEST(Cover, BoundsTheDistancesOfPoints) {
-  Random random(44);
-  Findings all;
-  for (int kind = 0; kind < kKinds; ++kind) {
-    const Body body = any_body(random, kind);
-    SCOPED_TRACE(body.kind);
-    const std::optional<Cover> cover = make_cover(body.parts);
-    ASSERT_TRUE(cover);
-    const Findings found = try_body(body, *cover, 300, random);
-    EXPECT_EQ(found.wrong_lower, 0);
-    EXPECT_EQ(found.wrong_upper, 0);
-    all.points += found.points;
-    all.inside += found.inside;
-  }
-  EXPECT_EQ(all.points, 300 * kKinds);
-  EXPECT_GT(all.inside, 300) << "points inside, which balls of the interior have to hold";
+/// Whether a path of balls holds a point, from a packet to a ball without children. Then every complete cut holds it.
+bool has_path(const Cover& cover, const BallPacket& packet, const Vec3q& p) {
+  for (std::uint32_t i = 0; i < packet.count; ++i)
+    if (holds(ball_of(packet, i), p) &&
+        (packet.children[i] == kNone || has_path(cover, cover.packets[packet.children[i]], p)))
+      return true;
+  return false;
+}
+bool has_path(const Cover& cover, const Vec3q& p) {
+  if (!holds(cover.root, p)) return false;
+  for (const BallPacket& packet : cover.level(1))
+    if (has_path(cover, packet, p)) return true;
+  return false;
 }
 
-// The test above finds radii that are wrong by a fifth of the stand-out.
-TEST(Cover, DamagedCoversAreFound) {
+std::vector<CoverBall> all_balls(const Cover& cover) {
+  std::vector<CoverBall> balls{cover.root};
+  for (const BallPacket& packet : cover.packets)
+    for (std::uint32_t i = 0; i < packet.count; ++i) balls.push_back(ball_of(packet, i));
+  return balls;
+}
+
+TEST(Cover, HoldsPointsOnEveryLevel) {
   Random random(45);
-  const Body body = any_body(random, 0);
-  Cover cover = *make_cover(body.parts);
-  Cover small = cover, large = cover;
-  for (CoverBall& ball : small.balls) ball.outer -= 0.2f * (ball.outer - std::max(ball.inner, 0.0f));
-  for (CoverBall& ball : large.balls) ball.inner += 0.2f * (ball.outer - std::max(ball.inner, 0.0f));
-  EXPECT_GT(try_body(body, small, 300, random).wrong_lower, 0);
-  EXPECT_GT(try_body(body, large, 300, random).wrong_upper, 0);
+  for (const Body& body : bodies()) {
+    SCOPED_TRACE(body.kind);
+    const std::optional<Cover> cover = make_cover(body.parts(), nullptr, kEffort);
+    ASSERT_TRUE(cover);
+    for (const auto& s : body.solids)
+      for (const Vec3d& v : s->vertices) ASSERT_TRUE(has_path(*cover, rational(v))) << v.x << " " << v.y << " " << v.z;
+    for (int i = 0; i < 250; ++i) {
+      const Vec3q p = point_of(random, body);
+      ASSERT_TRUE(has_path(*cover, p)) << p.x.get_d() << " " << p.y.get_d() << " " << p.z.get_d();
+      EXPECT_LE(squared(p), mpq_class(cover->reach) * mpq_class(cover->reach));
+    }
+  }
 }
 
-TEST(Cover, IsATreeWhoseLevelsGetNarrower) {
+TEST(Cover, InnerRadiiHold) {
   Random random(46);
-  for (int kind = 0; kind < kKinds; ++kind) {
-    const Body body = any_body(random, kind);
+  int in_body = 0, beside = 0;
+  for (const Body& body : bodies()) {
     SCOPED_TRACE(body.kind);
-    const Cover cover = *make_cover(body.parts);
-    ASSERT_EQ(cover.first_child.size(), cover.balls.size() + 1);
-    EXPECT_EQ(cover.first_child[0], 1u);
-    for (std::uint32_t i = 0; i < cover.balls.size(); ++i) {
-      const bool is_last = i >= cover.level_begin[Cover::kLevels - 1];
-      EXPECT_EQ(cover.first_child[i] == cover.first_child[i + 1], is_last) << i;
+    const std::vector<CoverBall> balls = all_balls(*make_cover(body.parts(), nullptr, kEffort));
+    for (std::size_t i = 0; i < balls.size(); i += 1 + balls.size() / 40) {
+      const Vec3d c{balls[i].centre[0], balls[i].centre[1], balls[i].centre[2]};
+      // A ball that a part holds is as deep in it; a point of a part is as near.
+      bool is_proved = false;
+      for (const auto& s : body.solids) {
+        if (is_proved) break;
+        const exact::Result exact =
+            exact::exact_distance({s->vertices, s->radius}, Pose{}, {std::span(&c, 1), 0}, Pose{});
+        is_proved = exact.distance.compare(-double{balls[i].inner}) <= 0;
+      }
+      ASSERT_TRUE(is_proved) << i << ": inner radius " << balls[i].inner;
+      ++(balls[i].inner > 0 ? in_body : beside);
     }
-    EXPECT_EQ(cover.first_child.back(), cover.balls.size());
-    for (int level = 1; level < Cover::kLevels; ++level)
-      EXPECT_LE(stand_out(cover, level).mean, stand_out(cover, level - 1).mean) << level;
-    EXPECT_LT(stand_out(cover, 2).mean, 0.12 * reach_of(body));
-    const Cover again = *make_cover(body.parts);
-    ASSERT_EQ(again.balls.size(), cover.balls.size());
-    EXPECT_EQ(0, std::memcmp(again.balls.data(), cover.balls.data(), cover.balls.size() * sizeof(CoverBall)));
   }
+  EXPECT_GT(in_body, 100);
+  EXPECT_GT(beside, 100);
+}
+
+/// A point of the surface of a round core, exactly.
+Vec3q surface_point(const Primitive& core, Random& random) {
+  const Vec3q n = unit(random), size = rational(core.size);
+  if (core.kind == Primitive::Kind::kEllipsoid) return {n.x * size.x, n.y * size.y, n.z * size.z};
+  const mpq_class t(random.integer(-40, 40), 10), z = size.z * mpq_class(random.integer(-8, 8), 8);
+  mpq_class across = size.x;
+  if (core.kind == Primitive::Kind::kCone) across *= (size.z - z) / (2 * size.z);
+  if (random.chance(0.3)) return {across * mpq_class(random.integer(0, 4), 4), 0, -size.z};  // of the disc
+  return {across * (1 - t * t) / (1 + t * t), across * 2 * t / (1 + t * t), z};
 }
 
 TEST(Cover, RoundCoresAreHeldAndHold) {
   using Kind = Primitive::Kind;
   Random random(47);
-  for (const Primitive& core : {Primitive{Kind::kCylinder, {0.2, 0.2, 0.5}}, Primitive{Kind::kCone, {0.3, 0.3, 0.2}},
-                                Primitive{Kind::kEllipsoid, {0.5, 0.1, 0.3}}}) {
+  int in_body = 0;
+  for (const Primitive& core :
+       {Primitive{Kind::kCylinder, {0.2, 0.2, 0.5}}, Primitive{Kind::kCylinder, {0.5, 0.5, 0.1}},
+        Primitive{Kind::kCone, {0.3, 0.3, 0.2}}, Primitive{Kind::kCone, {0.1, 0.1, 0.4}},
+        Primitive{Kind::kEllipsoid, {0.5, 0.1, 0.3}}}) {
     SCOPED_TRACE(name_of(core.kind));
-    const ConvexPartPtr part = make_primitive_part(core, 0.01);
-    const Cover cover = *make_cover(std::span(&part, 1));
-    const Vec3d& s = core.size;
-    for (int i = 0; i < 2000; ++i) {
-      // A point of the surface of the core, grown by the radius along an outward direction.
-      const Vec3d n{random.uniform(-1, 1), random.uniform(-1, 1), random.uniform(-1, 1)};
-      const FarthestPoint<double> far = farthest(core, n);
-      const Vec3d p = far.point + n * (0.01 / norm(n));
-      bool is_held[Cover::kLevels] = {};
-      for (int level = 0; level < Cover::kLevels; ++level)
-        for (const CoverBall& b : cover.level(level)) {
-          const double d = norm(p - Vec3d{b.centre[0], b.centre[1], b.centre[2]});
-          is_held[level] = is_held[level] || d <= b.outer + 1e-12 * s.x;
-          EXPECT_GE(d, b.inner - 1e-12 * s.x) << "a point of the surface is in no ball that the body holds";
-        }
-      for (const bool held : is_held) EXPECT_TRUE(held);
+    const double radius = random.chance(0.5) ? 0.01 : 0;
+    const ConvexPartPtr part = make_primitive_part(core, radius);
+    const Cover cover = *make_cover(std::span(&part, 1), nullptr, kEffort);
+    const std::vector<CoverBall> balls = all_balls(cover);
+    for (int i = 0; i < 150; ++i) {
+      const Vec3q p = surface_point(core, random);
+      ASSERT_TRUE(has_path(cover, p + times(unit(random), mpq_class(radius))));
+      ASSERT_TRUE(has_path(cover, times(p, mpq_class(random.integer(0, 9), 10))));
+      for (const CoverBall& ball : balls) {
+        const mpq_class depth = mpq_class(ball.inner) - mpq_class(radius);
+        if (depth <= 0) continue;
+        ++in_body;
+        ASSERT_GE(squared(p - rational({ball.centre[0], ball.centre[1], ball.centre[2]})), depth * depth)
+            << "a point of the core's surface is in no ball that the core holds";
+      }
     }
+  }
+  EXPECT_GT(in_body, 1000);
+}
+
+TEST(Cover, IsATree) {
+  for (const Body& body : bodies()) {
+    SCOPED_TRACE(body.kind);
+    const Cover cover = *make_cover(body.parts(), nullptr, kEffort);
+    EXPECT_EQ(cover.level_begin[1], 0u);
+    EXPECT_GE(cover.level_begin[2], 1u);
+    EXPECT_LE(cover.level_begin[2], 2u);
+    EXPECT_EQ(cover.level_begin[Cover::kLevels], cover.packets.size());
+    std::vector<int> parents(cover.packets.size(), 0);
+    for (int level = 1; level < Cover::kLevels; ++level)
+      for (const BallPacket& packet : cover.level(level)) {
+        ASSERT_GE(packet.count, 1u);
+        for (std::uint32_t i = 0; i < BallPacket::kBalls; ++i) {
+          EXPECT_EQ(packet.outer[i] == BallPacket::kNoRadius, i >= packet.count);
+          EXPECT_EQ(packet.inner[i] == BallPacket::kNoRadius, i >= packet.count);
+          if (packet.children[i] == kNone) continue;
+          ASSERT_LT(i, packet.count);
+          ASSERT_LT(level, Cover::kLevels - 1);
+          ASSERT_GE(packet.children[i], cover.level_begin[level + 1]);
+          ASSERT_LT(packet.children[i], cover.level_begin[level + 2]);
+          ++parents[packet.children[i]];
+        }
+      }
+    for (std::size_t i = cover.level_begin[2]; i < parents.size(); ++i) EXPECT_EQ(parents[i], 1);
+    for (const CoverBall& ball : all_balls(cover))
+      EXPECT_LE(squared(rational({ball.centre[0], ball.centre[1], ball.centre[2]})),
+                mpq_class(cover.reach) * mpq_class(cover.reach));
   }
 }
 
-TEST(Cover, HalfSpacesHaveNone) {
-  const ConvexPartPtr part = make_primitive_part({Primitive::Kind::kHalfSpace, {0, 0, 0}});
-  EXPECT_FALSE(make_cover(std::span(&part, 1)));
+TEST(Cover, LevelsGetNarrower) {
+  const Body body{"box", {exact::solid(exact::box({0.1, 0.2, 0.3}))}};
+  const Cover cover = *make_cover(body.parts(), nullptr, 0.3), again = *make_cover(body.parts(), nullptr, 0.3);
+  ASSERT_EQ(cover.packets.size(), again.packets.size());
+  EXPECT_EQ(std::memcmp(cover.packets.data(), again.packets.data(), cover.packets.size() * sizeof(BallPacket)), 0);
+  for (int level = 1; level < Cover::kLevels; ++level) {
+    EXPECT_LT(stand_out(cover, level).mean, 0.7 * stand_out(cover, level - 1).mean) << level;
+    EXPECT_LT(stand_out(cover, level).greatest, 3 * stand_out(cover, level).mean + 0.03) << level;
+  }
+  EXPECT_LT(stand_out(cover, 3).mean, 0.014);
+  EXPECT_GT(stand_out(cover, 3).balls, 600u);
+}
+
+TEST(Cover, ASphereIsOneBall) {
+  const Body body{"sphere", {exact::solid({{0.1, -0.2, 0.3}}, 0.25)}};
+  const Cover cover = *make_cover(body.parts());
+  ASSERT_EQ(cover.packets.size(), 1u);
+  EXPECT_EQ(cover.packets[0].count, 1u);
+  EXPECT_EQ(cover.packets[0].children[0], kNone);
+  EXPECT_LT(stand_out(cover, 1).greatest, 1e-6);
+}
+
+TEST(Cover, SomeBodiesHaveNone) {
+  const ConvexPartPtr half_space = make_primitive_part({Primitive::Kind::kHalfSpace, {0, 0, 0}});
+  EXPECT_FALSE(make_cover(std::span(&half_space, 1)));
   EXPECT_FALSE(make_cover({}));
+  const std::vector<Vec3d> far{{2e9, 0, 0}}, origin{{0, 0, 0}};
+  const ConvexPartPtr beyond = make_hull_part(far, {}, 0), point = make_hull_part(origin, {}, 0);
+  EXPECT_FALSE(make_cover(std::span(&beyond, 1)));
+  engine::Scene scene;
+  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
+  const std::vector<Triangle> triangle{{0, 1, 2}};
+  scene.add_mesh("surface", corners, triangle, MeshAs::kSurface, {});
+  EXPECT_FALSE(make_cover(scene.bodies()[0].parts));
+  EXPECT_TRUE(make_cover(std::vector<ConvexPartPtr>(300, point)));
+  EXPECT_FALSE(make_cover(std::vector<ConvexPartPtr>(301, point)));
 }
 
 }  // namespace

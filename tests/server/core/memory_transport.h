@@ -198,5 +198,14 @@ inline std::vector<std::byte> simple_frame(wire::FrameType type, std::uint64_t r
                                            std::span<const std::byte> payload = {}) {
   return wire::FrameBuilder(wire::make_header(type, request_id, 0)).add_bytes(payload.data(), payload.size()).take();
 }
+/// The same request with records by tag behind its payload.
+inline std::vector<std::byte> extended(std::span<const std::byte> frame, std::span<const std::byte> records) {
+  wire::FrameHeader header;
+  std::memcpy(&header, frame.data(), sizeof header);
+  return wire::FrameBuilder(wire::with_records(header, records.size()))
+      .add_bytes(frame.data() + sizeof header, frame.size() - sizeof header)
+      .add_bytes(records.data(), records.size())
+      .take();
+}
 
 }  // namespace clearance

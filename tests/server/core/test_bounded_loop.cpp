@@ -47,6 +47,22 @@ engine::Scene heaps(int parts) {
   return scene;
 }
 
+/// Twenty balls of one part with a thousand vertices: a query begins on the loop, and does not always finish there.
+engine::Scene row_of_balls() {
+  engine::Scene scene;
+  std::mt19937 random(5);
+  std::normal_distribution<double> normal;
+  for (int b = 0; b < 20; ++b) {
+    std::vector<Vec3d> vertices(1000);
+    for (Vec3d& v : vertices) {
+      v = {normal(random), normal(random), normal(random)};
+      v = v * (1 / norm(v));
+    }
+    scene.add_hull("ball" + std::to_string(b), vertices, at(0.05 * b, 0, 0));
+  }
+  return scene;
+}
+
 class BoundedLoop : public LoopTest {
  protected:
   BoundedLoop() { with_worker_ = true; }
@@ -67,6 +83,18 @@ class BoundedLoop : public LoopTest {
     transport_->send(b_, simple_frame(FrameType::kPing, 1));
     serve(b_);
     return take(b_);
+  }
+  /// Compares a reply's bounds with those of the engine, bit by bit.
+  void expect_same_bounds(const Result& reply, const QueryView& direct) {
+    engine::Engine reference(engine_->scene(), engine::Engine::Options{.threads = 1});
+    std::vector<double> lower(reply.rows()), upper(reply.rows());
+    ReplyView view;
+    view.lower = lower.data();
+    view.upper = upper.data();
+    view.rows = reply.rows();
+    reference.start(direct, view).advance();
+    EXPECT_EQ(std::memcmp(reply.lower().data(), lower.data(), 8 * lower.size()), 0);
+    EXPECT_EQ(std::memcmp(reply.upper().data(), upper.data(), 8 * upper.size()), 0);
   }
   static TestQuery group_query() {
     TestQuery query;
@@ -117,35 +145,49 @@ TEST_F(BoundedLoop, BodiesOfManyPartsAreAnsweredElsewhere) {
 }
 
 TEST_F(BoundedLoop, ASmallQueryOfExpensivePairsIsHandedOver) {
-  // Few convex parts, so that it starts on the loop, but each with a thousand vertices, so that it does not finish
-  // there.
-  engine::Scene scene;
-  std::mt19937 random(5);
-  std::normal_distribution<double> normal;
-  for (int b = 0; b < 20; ++b) {
-    std::vector<Vec3d> vertices(1000);
-    for (Vec3d& v : vertices) {
-      v = {normal(random), normal(random), normal(random)};
-      v = v * (1 / norm(v));
-    }
-    scene.add_hull("ball" + std::to_string(b), vertices, at(0.05 * b, 0, 0));
-  }
-  start(std::move(scene));
+  start(row_of_balls());
   TestQuery query;
   query.header.signed_distance = 1;
   const Result reply = result_of(request_within(query.frame(1)));
   ASSERT_EQ(reply.rows(), 190u);
   EXPECT_GT(loop_->counter("queries.handed_over"), 0u);
-  engine::Engine reference(engine_->scene(), engine::Engine::Options{.threads = 1});
   QueryView direct;
   direct.signed_distance = true;
-  std::vector<double> lower(190), upper(190);
-  ReplyView view;
-  view.lower = lower.data();
-  view.upper = upper.data();
-  reference.start(direct, view).advance();
-  EXPECT_EQ(std::memcmp(reply.lower().data(), lower.data(), 8 * lower.size()), 0) << "the bits are the same";
-  EXPECT_EQ(std::memcmp(reply.upper().data(), upper.data(), 8 * upper.size()), 0);
+  expect_same_bounds(reply, direct);
+}
+
+// One motion of all balls, each at its own velocity. A slice of the loop does not complete it for all pairs.
+TEST_F(BoundedLoop, AMotionIsBegunHereAndALongOneHandedOver) {
+  start(row_of_balls());
+  TestQuery query;
+  for (std::uint32_t b = 0; b < 20; ++b) query.bodies.push_back(b);
+  for (int b = 0; b < 20; ++b) query.configurations.push_back({2.5 * b, 0, 0, 1, 0, 0, 0});
+  for (int b = 0; b < 20; ++b) query.configurations.push_back({2.5 * (b * 7 % 20), 3.0 * b, 0, 1, 0, 0, 0});
+  query.header.fields = kFieldLower | kFieldUpper;
+  query.header.abs_tol = 0.1;
+  query.header.rel_tol = 0;
+  const std::uint32_t most = 65536;
+  wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&most, 1)));
+  QueryView direct;
+  direct.bodies = query.bodies;
+  direct.configurations = {reinterpret_cast<const Pose*>(query.configurations.data()), query.configurations.size()};
+  direct.configuration_count = 2;
+  direct.fields = query.header.fields;
+  direct.abs_tol = 0.1;
+  direct.rel_tol = 0;
+  direct.max_evaluations = most;
+  for (const bool is_long : {false, true}) {
+    query.pairs = is_long ? std::vector<IdPair>() : std::vector<IdPair>{{0, 1}};
+    const std::vector<BodyPair> pairs{{0, 1}};
+    direct.pairs = is_long ? std::span<const BodyPair>() : pairs;
+    direct.all_pairs = is_long;
+    const std::uint64_t before = loop_->counter("queries.handed_over");
+    const Result reply = result_of(request_within(query.frame(1)));
+    EXPECT_GT(loop_->counter("loop.longest_section_units"), 32u) << "the loop began it";
+    EXPECT_EQ(loop_->counter("queries.handed_over") - before, is_long ? 1u : 0u);
+    ASSERT_EQ(reply.rows(), is_long ? 190u : 1u);
+    expect_same_bounds(reply, direct);
+  }
 }
 
 TEST_F(BoundedLoop, EchoesAreCopiedElsewhere) {

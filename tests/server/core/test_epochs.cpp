@@ -30,15 +30,9 @@ Bytes poses_frame(double z) {
 
 /// The same request with an epoch record.
 Bytes for_epoch(const Bytes& frame, std::uint64_t epoch) {
-  wire::FrameHeader header;
-  std::memcpy(&header, frame.data(), sizeof header);
   Bytes records;
   wire::append_epoch(records, epoch, wire::kRecordRequired);
-  header = wire::with_records(header, records.size());
-  return wire::FrameBuilder(header)
-      .add_bytes(frame.data() + sizeof header, frame.size() - sizeof header)
-      .add_bytes(records.data(), records.size())
-      .take();
+  return extended(frame, records);
 }
 
 std::uint64_t epoch_of(const MemoryFrame& frame) {

@@ -198,6 +198,35 @@ TEST_F(FreeScaleTest, WhatItIsNotForIsReported) {
   EXPECT_EQ(rejection(query), "fields: motions have no free_scale");
 }
 
+// The links of a motion are placed in one step, so that of many links is answered by a worker.
+TEST_F(JointsTest, AMotionOfManyLinksIsAnsweredElsewhere) {
+  with_worker_ = true;
+  for (const std::uint32_t arms : {10u, 40u}) {  // of 9 links
+    engine::Scene scene;
+    scene.add_box("table", {1, 1, 0.1}, at(0.5, 0, -0.1));
+    for (std::uint32_t i = 0; i < arms; ++i)
+      scene.add_robot("arm" + std::to_string(i),
+                      {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
+    start(std::move(scene));
+    TestQuery query;
+    query.pairs = {{0, engine_->scene().find_body("arm0/palm")}};
+    for (std::uint32_t i = 0; i < arms; ++i) query.joints.push_back(8 * i);
+    query.positions.assign(arms, 0.0);
+    query.positions.resize(2 * std::size_t{arms}, 0.1);
+    const std::uint32_t max_evaluations = 256;
+    wire::append_record(query.records, 10, wire::kRecordRequired, std::as_bytes(std::span(&max_evaluations, 1)));
+    transport_->send(a_, query.frame(1));
+    while (a_.replies.empty()) loop_->turn();
+    auto frame = take(a_);
+    ASSERT_EQ(frame->type(), FrameType::kReply) << error_of(frame).text;
+    EXPECT_EQ(result_of(std::move(frame)).rows(), 1u);
+    if (arms == 10)
+      EXPECT_GT(loop_->counter("loop.longest_section_units"), 64u);
+    else
+      EXPECT_LT(loop_->counter("loop.longest_section_units"), 16u);
+  }
+}
+
 // A column as wide as the number of joints, between others, with fewer rows than reserved.
 TEST_F(JointsTest, GradientsByJointsAreThoseOfTheEngine) {
   start(arm_scene());

@@ -113,6 +113,15 @@ TEST_F(ShmDaemon, PreparedQueriesAnswerAsDistancesDoUntilTheirIdsChange) {
   EXPECT_TRUE(same_bits(pending.get().lower(), expected.lower().data()));
   EXPECT_EQ(called, 1);
 
+  try {
+    client.prepare(as_check({.bodies = moved, .margin = -1}));
+    ADD_FAILURE() << "a margin is at least 0";
+  } catch (const RequestError& error) {
+    EXPECT_EQ(error.code, static_cast<std::uint16_t>(wire::ErrorCode::kBadQuery));
+    EXPECT_STREQ(error.what(), "query: margin must be a finite number of metres >= 0, got -1");
+  }
+  client.prepare(as_check({.bodies = moved, .margin = 0.1}));
+
   other.add_body({.name = "last", .sphere = 0.1, .pose = Pose7{9, 9, 9, 1, 0, 0, 0}});
   const std::vector<IdPair> of_last{{0, other.body("last")}};
   Prepared with_last = other.prepare({.pairs = of_last});

@@ -106,8 +106,8 @@ class HostPlans final : public cuda::ResidentWorkspace {
     return {components_.data(), state_.data()};
   }
   void begin(const cuda::QuerySetup& setup) override {
-    bodies_ = setup.given_count;
-    joints_ = setup.joints;
+    bodies_ = setup.moved.given_count;
+    joints_ = setup.moved.robots.joints;
   }
   std::byte* chunk_input_buffer(cuda::Given, int, std::size_t) override { return nullptr; }
   std::byte* query_input_buffer(cuda::Given, std::size_t) override { return nullptr; }

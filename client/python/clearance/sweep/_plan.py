@@ -14,7 +14,7 @@ import numpy as np
 from .. import __version__
 from .._engine_front import Engine
 from .._errors import QueryError
-from .._scene import Scene
+from .._scene.scene import Scene
 from ._errors import JobError
 from ._generators import Rows
 from ._job import ANSWERS, Job

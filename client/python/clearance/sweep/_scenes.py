@@ -9,7 +9,7 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from .._scene import Scene
+from .._scene.scene import Scene
 
 
 @dataclass(frozen=True)

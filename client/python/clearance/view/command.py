@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Optional
 
 if TYPE_CHECKING:
-    from .._scene import Scene
+    from .._scene.scene import Scene
     from .session import Session
 
 _REFUSED, _COMMAND_LINE, _NO_CONNECTION = 1, 2, 3  # as in the command `clearance`

@@ -10,7 +10,7 @@ import numpy as np
 
 from .._front import Front
 from .._joints import Joints
-from .._result import Result
+from .._query.result import Result
 
 
 class Verdict(Enum):

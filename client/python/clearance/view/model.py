@@ -16,7 +16,7 @@ from .._words import NONE, Status
 from .shapes import Shape, shape_of, unknown_shape
 
 if TYPE_CHECKING:
-    from .._scene import Scene
+    from .._scene.scene import Scene
 
 _FIELDS = ("default", "points", "pair", "pair_lower", "flags")
 _MOST_RESULTS = 10_000  # maximum pairs of a query, of which the nearest are shown

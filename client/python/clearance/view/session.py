@@ -16,7 +16,7 @@ from .model import Picture, ViewQuery, WhatIf, all_joints, look, positions_now, 
 from .shapes import Shape
 
 if TYPE_CHECKING:
-    from .._scene import Scene
+    from .._scene.scene import Scene
     from .shadow import Shadow
 
 

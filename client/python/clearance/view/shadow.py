@@ -14,7 +14,7 @@ import numpy as np
 from .._engine_front import Engine
 from .._front import BodyState, Front
 from .._names import BodyInfo
-from .._scene import Scene
+from .._scene.scene import Scene
 from .._words import Status
 from .model import WhatIf
 

@@ -11,7 +11,7 @@ import numpy as np
 
 if TYPE_CHECKING:
     from .._names import BodyInfo
-    from .._scene import Scene
+    from .._scene.scene import Scene
 
 #: Ways to draw a body.
 LOOKS = ("mesh", "pieces", "points")

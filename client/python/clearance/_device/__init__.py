@@ -1,0 +1,1 @@
+"""Queries from device memory to device memory."""

@@ -1,0 +1,1 @@
+"""Queries: their arguments, their calls and their results."""

@@ -1,0 +1,91 @@
+"""The result of check()."""
+
+from __future__ import annotations
+
+from typing import Optional
+
+import numpy as np
+
+from .._limits import Beyond, LimitViolation
+from .._words import Status
+from .result import Result
+
+_BEYOND, _OK = int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object
+
+
+class Check:
+    """The free ones among K configurations (1 without configurations), and the verdict on the others.
+
+    `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
+    """
+
+    __slots__ = ("result", "_beyond", "_free")
+
+    result: Result  #: of reduce="any" with the columns verdict and pair, as distances() returns it
+
+    def __init__(self, result: Result, beyond: Optional[Beyond] = None):
+        self.result = result
+        self._beyond = beyond
+        self._free: Optional[np.ndarray] = None
+
+    @property
+    def free(self) -> np.ndarray:
+        """(K,) bool: every pair is proved farther than its margin."""
+        if self._free is None:
+            self._free = self.result.verdict == _BEYOND
+        return self._free
+
+    @property
+    def beyond_limits(self) -> np.ndarray:
+        """(K,) bool: whether a joint of the query, or without configurations of the scene, is beyond its limits."""
+        if self._beyond is None:
+            return np.zeros(len(self.free), dtype=bool)
+        return self._beyond.configurations
+
+    @property
+    def ok(self) -> np.ndarray:
+        """(K,) bool: free, and within the joints' limits."""
+        return self.free & ~self.beyond_limits
+
+    @property
+    def limit_violations(self) -> tuple[LimitViolation, ...]:
+        """The joints beyond their limits in each configuration, with position and excess."""
+        return () if self._beyond is None else self._beyond.violations()
+
+    def __bool__(self) -> bool:
+        return self._beyond is None and self.result._all_free()
+
+    @property
+    def verdict(self) -> np.ndarray:
+        """(K,) uint8, values of clearance.Status.
+
+        BEYOND if free, OK if `pair` is proved within its margin, UNCONVERGED if neither is proved, and BAD_POSE,
+        NO_POSE, STALE_POSE or UNKNOWN_BODY if `pair` could not be evaluated.
+        """
+        return self.result.verdict
+
+    @property
+    def pair(self) -> np.ndarray:
+        """(K, 2) uint32: ids of a pair that is not proved free, or clearance.NONE."""
+        return self.result.pair
+
+    @property
+    def pair_names(self) -> np.ndarray:
+        """(K, 2): the names of `pair`, an array of str, and None where there is no body."""
+        return self.result.pair_names
+
+    @property
+    def hit(self) -> np.ndarray:
+        """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
+        return self.verdict == _OK
+
+    def __repr__(self) -> str:
+        text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"
+        if self._beyond is not None:
+            count = np.count_nonzero(self.beyond_limits)
+            text += f", {count} beyond joint limits ({self._beyond.first()})"
+        if not self.free.all():
+            first = int(np.argmin(self.free))
+            a, b = map(repr, self.pair_names[first])
+            text += f"; configuration {first}: {f'{a} hits {b}' if self.hit[first] else f'{a} and {b} not proved free'}"
+        return f"<clearance.Check: {text}>"

@@ -1,0 +1,247 @@
+"""Parsed arguments of queries, with errors that name the argument, and their meaning in a scene that changes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from typing import Any, Optional, Protocol
+
+import numpy as np
+
+from .._arguments import to_bool, to_floats, to_number_from_0, to_option
+from .._errors import QueryError, StaleQuery
+from .._joints import Joints, JointTable
+from .._names import NameTable, has_selectors
+from .._words import MARGIN_DTYPE
+from .result import fields_mask
+
+#: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
+POINTS_BY_DEFAULT = 1 << 31
+#: Rows of wire/query_options.h that are no arguments of calls.
+NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "pose_wait_ns", "wait_for"))
+
+
+class Source(Protocol):
+    """The members of an Engine or a Client that queries use."""
+
+    _module: Any
+
+    @property
+    def _names(self) -> NameTable: ...
+    @property
+    def _joint_table(self) -> JointTable: ...
+    def _default_fields(self, query: Query, moves: bool, count: int) -> int: ...
+    def _table(
+        self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray], joints: Optional[np.ndarray] = None
+    ) -> np.ndarray: ...
+    def _scene_revision(self) -> int: ...
+
+
+class Query:
+    """The arguments of a call without its configurations. Thread-safe."""
+
+    names: NameTable  #: of the scene of its ids
+    pairs: Optional[np.ndarray]  #: (P, 2) selectors, read-only
+    selects: bool  #: whether an entry of `pairs` selects several pairs
+    bodies: Optional[np.ndarray]  #: (M,) ids that configurations move, if the caller named them
+    joints: Optional[Joints]  #: that configurations move
+    reduce: int
+    mask: Optional[int]  #: bits of its columns; None for those by default
+    timeout_s: Optional[float]
+    copy: bool
+    weights: Optional[np.ndarray]  #: (J,) of free_scale
+
+    def __init__(self, source: Source, call: str, arguments: Mapping[str, Any]):
+        self.source = source
+        names = self.names = source._names
+        given = dict(arguments)
+        pairs, bodies, joints = (given.pop(name, None) for name in ("pairs", "bodies", "joints"))
+        self.pairs = None if pairs is None else _own(names.pairs_array(pairs))
+        self.selects = self.pairs is not None and has_selectors(self.pairs)
+        self.bodies = None if bodies is None else _some(_own(names.bodies_array(bodies, "bodies")), "bodies")
+        self._movable = names.movable
+        self.joints = None if joints is None else _joints_of(source, joints)
+        self.joint_count = 0 if self.joints is None else len(self.joints)
+        fields, timeout_s = given.pop("fields", None), given.pop("timeout_s", None)
+        self.mask = None if fields is None else fields_mask(fields)
+        self.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
+        self.copy = to_bool(given.pop("copy", True), "copy")
+        weights = given.pop("weights", None)
+        self.weights = None if weights is None else _weights(weights)
+        self._take_margin(given)
+        self._options = dict(_options(source._module.OPTIONS, call, given))
+        self.reduce = self._options.get("reduce", 0)
+        self._runs: dict[tuple[bool, int], Run] = {}
+        self.rows_each: dict[bool, int] = {}  #: rows of one configuration, cached by the source
+
+    def _take_margin(self, given: dict[str, Any]) -> None:
+        self._margins = self._pair_margins = None
+        margin = given.get("margin")
+        if isinstance(margin, Mapping):
+            self._margins = self.names.margins_array(margin)
+        elif isinstance(margin, (np.ndarray, list, tuple)) and np.ndim(margin) > 0:
+            each = to_floats(margin, "margin", "a number, one for each pair, or a dict of pairs")
+            if each.ndim != 1 or not len(each):
+                raise ValueError(f"margin: expected one number for each pair, got shape {each.shape}")
+            self._pair_margins = each.copy()
+        else:
+            return
+        del given["margin"]
+
+    @property
+    def max_results(self) -> int:
+        return self._options.get("max_results", self.source._module.OPTIONS["max_results"][2])
+
+    def moved(self, moves: bool) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
+        """Returns the ids of bodies and joints that configurations move."""
+        if not moves:
+            return None, None
+        if self.joints is not None:
+            return self.bodies, self.joints.ids
+        return _some(self._movable, "bodies") if self.bodies is None else self.bodies, None
+
+    def run(self, moves: bool, count: int) -> Run:
+        """Returns the query for the current poses, or for `count` configurations."""
+        mask = self.source._default_fields(self, moves, count) if self.mask is None else self.mask
+        run = self._runs.get((moves, mask))
+        return self.with_columns(moves, mask) if run is None else run
+
+    def with_columns(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns, and keeps it for run()."""
+        run = self._runs[moves, mask] = self.made(moves, mask)
+        return run
+
+    def made(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns."""
+        names = self.names
+        bodies, joints = self.moved(moves)
+        module = self.source._module
+        raw = module.Query(self.pairs, bodies, joints, names.revision)
+        for name, value in self._options.items():
+            setattr(raw, name, value)
+        raw.fields = mask & ~POINTS_BY_DEFAULT
+        if mask & POINTS_BY_DEFAULT:
+            raw.points_by_default = True
+        if self._margins is not None:
+            raw.set_margins(self._margins.view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+        if self._pair_margins is not None:
+            raw.set_pair_margins(self._pair_margins)
+        if self.weights is not None:
+            raw.set_weights(self.weights)
+        if moves and self.joints is not None:
+            raw.set_limits(self.joints.lower, self.joints.upper)
+        return Run(self, raw, mask, names, bodies, joints)
+
+    # ---- the scene changes ----------------------------------------------------------------------------------------
+
+    def renew(self) -> None:
+        """Adopts the current scene. Raises StaleQuery if the query's ids mean something else in it."""
+        names = self.source._names
+        if names.revision != self.names.revision:
+            if change := self._changed_in(names):
+                raise StaleQuery(2, f"{change}; prepare the query again")
+            self.joints = None if self.joints is None else self.source._joint_table.joints(self.joints.ids)
+            self._runs = {}
+            self.rows_each = {}
+        self.names = names
+
+    def _changed_in(self, now: NameTable) -> str:
+        """Returns the first difference in the meaning of the query's ids, or an empty string."""
+        moved = self._movable if self.bodies is None and self.joints is None else self.bodies
+        if self.bodies is None and not any(moves for moves, _ in list(self._runs)):
+            moved = None  # no configurations yet
+        for body in [] if moved is None else moved.tolist():
+            was, is_now = self.names.parent(body), now.parent(body)
+            if was != is_now:
+                return f"bodies: the parent of {self.names.meaning(body)} was {was}, and is now {is_now}"
+        for selector in self._selectors(moved):
+            was, is_now = self.names.meaning(selector), now.meaning(selector)
+            if was != is_now:
+                return f"the scene has changed: id {selector} was {was}, and is now {is_now}"
+        if self.joints is not None:
+            table = self.source._joint_table
+            for joint, name in zip(self.joints.ids.tolist(), self.joints.names):
+                is_now = table.names[joint] if joint < len(table.names) else "none"
+                if name != is_now:
+                    return f"the scene has changed: joint {joint} was {name!r}, and is now {is_now!r}"
+        if self._pair_margins is not None and (self.pairs is None or self.selects):
+            return "margin: one number for each pair, and the scene's pairs have changed"
+        return ""
+
+    def _selectors(self, moved: Optional[np.ndarray]) -> list[int]:
+        margins = () if self._margins is None else (self._margins["a"], self._margins["b"])
+        ids = [ids.ravel() for ids in (self.pairs, moved, *margins) if ids is not None]
+        return np.unique(np.concatenate(ids)).tolist() if ids else []
+
+
+class Run:
+    """A query with certain columns, in one revision of the scene; results take their pairs and names from it.
+
+    Refers to no Query, since a cycle would keep the arrays of each one-off call until the next garbage collection.
+    """
+
+    __slots__ = (
+        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "reduce", "timeout_s", "copy",
+    )  # fmt: skip
+
+    def __init__(
+        self,
+        query: Query,
+        raw: Any,
+        mask: int,
+        names: NameTable,
+        bodies: Optional[np.ndarray],
+        joints: Optional[np.ndarray],
+    ):
+        self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
+        self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
+        self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
+
+    def pairs_at(self, revision: int) -> np.ndarray:
+        """Returns (P, 2) body ids of an answer for a revision of the scene."""
+        if self.pairs is not None and not self.selects:
+            return self.pairs
+        table = self.source._table(self.pairs, self.bodies, self.joints)
+        if self.source._scene_revision() != revision:
+            raise QueryError(2, "pairs: the scene has changed since this answer; read pairs before changing it")
+        return table
+
+    def body_names(self) -> tuple[str, ...]:
+        return self.names.body_names
+
+
+def _options(table: Mapping[str, Any], call: str, given: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+    """Converts options of wire/query_options.h."""
+    for name, value in given.items():
+        if name not in table or name in NO_ARGUMENTS:
+            raise TypeError(f"{call}() got an unexpected argument {name!r}, or one for a daemon alone")
+        if name == "rel_tol":
+            yield name, -1.0 if value is None else to_number_from_0(value, name, " or None")
+        else:
+            _, kind, _, words, *_ = table[name]
+            yield name, to_option(value, kind, words, name)
+
+
+def _joints_of(source: Source, joints: Any) -> Joints:
+    table = source._joint_table
+    ids = _some(_own(table.ids_of(joints, "joints")), "joints")
+    return table.joints(ids)
+
+
+def _own(array: np.ndarray) -> np.ndarray:
+    """Returns a read-only copy, which the caller cannot change."""
+    array = array.copy()
+    array.flags.writeable = False
+    return array
+
+
+def _some(ids: np.ndarray, what: str) -> np.ndarray:
+    if not len(ids):
+        raise ValueError(f"{what}: expected at least one")
+    return ids
+
+
+def _weights(weights: Any) -> np.ndarray:
+    each = to_floats(weights, "weights", "one number for each joint")
+    if each.ndim != 1:
+        raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
+    return each.copy()

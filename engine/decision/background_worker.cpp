@@ -1,0 +1,186 @@
+#include "engine/decision/background_worker.h"
+
+#include <pthread.h>
+#include <signal.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <condition_variable>
+#include <cstdlib>
+#include <deque>
+#include <exception>
+#include <mutex>
+#include <system_error>
+#include <thread>
+#include <utility>
+
+#include "engine/cache/sha256.h"
+
+namespace clearance {
+
+namespace {
+
+using WorkClock = std::chrono::steady_clock;
+
+/// Time without new results after the thread has started, so that short programs and first answers are not disturbed.
+constexpr std::chrono::milliseconds kWorkGrace{100};
+
+/// Gives the calling thread the lowest priority, and leaves signals to other threads.
+void work_last() {
+  sigset_t all;
+  sigfillset(&all);
+  pthread_sigmask(SIG_BLOCK, &all, nullptr);
+  setpriority(PRIO_PROCESS, static_cast<id_t>(gettid()), 19);
+}
+
+}  // namespace
+
+struct BackgroundWorker::State {
+  /// The workers of this process, whose threads have to end before the libraries that they use do.
+  struct Workers {
+    std::mutex mutex;
+    std::vector<State*> all;
+  };
+
+  State();
+  ~State();
+  static Workers& workers();
+  static void stop_all();
+  void start();
+  void stop();
+  void work();
+  BackgroundTask* next(int most_makers) const;
+  void run(BackgroundTask& task, std::unique_lock<std::mutex>& lock, bool in_background);
+
+  std::mutex mutex;  // guards all below
+  std::condition_variable changed;
+  std::deque<BackgroundTask*> pending;
+  std::atomic<std::uint64_t> pending_count{0};
+  std::thread thread;
+  bool is_running = false;
+  std::atomic<bool> is_stopping{false};
+  WorkClock::time_point begin;
+};
+
+BackgroundWorker::State::Workers& BackgroundWorker::State::workers() {
+  static Workers* const of_process = [] {
+    Sha256().digest();  // libcrypto's cleanup is registered before stop_all(), and so runs after it
+    std::atexit(stop_all);
+    pthread_atfork([] { workers().mutex.lock(); }, [] { workers().mutex.unlock(); },
+                   [] { workers().all.clear(), workers().mutex.unlock(); });
+    return new Workers;
+  }();
+  return *of_process;
+}
+
+void BackgroundWorker::State::stop_all() {
+  const std::lock_guard lock(workers().mutex);
+  for (State* worker : workers().all) worker->stop();
+}
+
+BackgroundWorker::State::State() {
+  const std::lock_guard lock(workers().mutex);
+  workers().all.push_back(this);
+}
+
+BackgroundWorker::State::~State() {
+  {
+    const std::lock_guard lock(workers().mutex);
+    std::erase(workers().all, this);
+  }
+  stop();
+}
+
+/// Starts the thread unless it runs. Without one, wait() does the tasks.
+void BackgroundWorker::State::start() {
+  if (is_running || is_stopping || pending.empty()) return;
+  if (thread.joinable()) thread.join();
+  begin = WorkClock::now();
+  try {
+    thread = std::thread([this] { work(); });
+    is_running = true;
+  } catch (const std::system_error&) {
+  }
+}
+
+void BackgroundWorker::State::stop() {
+  {
+    const std::lock_guard lock(mutex);
+    is_stopping = true;
+  }
+  changed.notify_all();
+  if (thread.joinable()) thread.join();
+}
+
+void BackgroundWorker::State::work() {
+  work_last();
+  std::unique_lock lock(mutex);
+  while (BackgroundTask* task = is_stopping ? nullptr : next(0)) run(*task, lock, true);
+  is_running = false;
+}
+
+/// The first pending task on which at most so many threads work, or null.
+BackgroundTask* BackgroundWorker::State::next(int most_makers) const {
+  for (int makers = 0; makers <= most_makers; ++makers)
+    for (BackgroundTask* task : pending)
+      if (task->makers_ == makers) return task;
+  return nullptr;
+}
+
+void BackgroundWorker::State::run(BackgroundTask& task, std::unique_lock<std::mutex>& lock, bool in_background) {
+  ++task.makers_;
+  lock.unlock();
+  const WorkClock::time_point before = WorkClock::now();
+  BackgroundTask::Result result;
+  try {
+    result = task.read();
+    if (!result && in_background) {
+      lock.lock();
+      changed.wait_until(lock, begin + kWorkGrace, [&] { return is_stopping || task.is_done_; });
+      lock.unlock();
+    }
+    if (!result && !is_stopping) result = task.make(is_stopping);
+  } catch (const std::exception&) {  // no memory
+  }
+  lock.lock();
+  --task.makers_;
+  if (task.is_done_ || (!result && is_stopping)) return;
+  task.is_done_ = true;
+  task.take(std::move(result), WorkClock::now() - before);
+  std::erase(pending, &task);
+  pending_count = pending.size();
+  changed.notify_all();
+}
+
+BackgroundWorker::BackgroundWorker() : state_(std::make_unique<State>()), process_(getpid()) {}
+
+BackgroundWorker::~BackgroundWorker() {
+  if (getpid() != process_) static_cast<void>(state_.release());  // a lock or the condition may be in use for ever
+}
+
+void BackgroundWorker::add(const std::vector<BackgroundTask*>& tasks) {
+  const std::lock_guard lock(state_->mutex);
+  state_->pending.insert(state_->pending.end(), tasks.begin(), tasks.end());
+  state_->pending_count = state_->pending.size();
+  state_->start();
+}
+
+bool BackgroundWorker::wait(std::chrono::nanoseconds timeout) {
+  const WorkClock::time_point begin = WorkClock::now();
+  const WorkClock::time_point until =
+      timeout < WorkClock::time_point::max() - begin ? begin + timeout : WorkClock::time_point::max();
+  std::unique_lock lock(state_->mutex);
+  while (!state_->pending.empty() && WorkClock::now() < until) {
+    if (BackgroundTask* task = state_->next(1))
+      state_->run(*task, lock, false);
+    else
+      state_->changed.wait_until(lock, until);
+  }
+  return state_->pending.empty();
+}
+
+std::uint64_t BackgroundWorker::pending() const {
+  return state_->pending_count;
+}
+
+}  // namespace clearance

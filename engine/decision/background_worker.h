@@ -1,0 +1,55 @@
+// Work on a thread of lowest priority.
+#pragma once
+
+#include <atomic>
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace clearance {
+
+/// A result that is made once. Threads may work on it at the same time, and the first result is taken.
+class BackgroundTask {
+ public:
+  using Result = std::shared_ptr<const void>;
+
+  virtual ~BackgroundTask() = default;
+  /// Reads the result from the cache, or returns null.
+  virtual Result read() const = 0;
+  /// Returns null if the result is impossible, or once `stopped` is set.
+  virtual Result make(const std::atomic<bool>& stopped) const = 0;
+  /// Publishes the result, or null if it is impossible. Called once, and not by two threads at a time for any task of the
+  /// worker.
+  virtual void take(Result result, std::chrono::nanoseconds took) = 0;
+
+ private:
+  friend class BackgroundWorker;
+  bool is_done_ = false;
+  int makers_ = 0;  // threads at work on it
+};
+
+/// Does tasks one by one, in order. Its thread exists only while some are pending. Thread-safe.
+class BackgroundWorker {
+ public:
+  BackgroundWorker();
+  /// Stops the thread. Frees nothing in a child after fork(), which has no such thread.
+  ~BackgroundWorker();
+  BackgroundWorker(const BackgroundWorker&) = delete;
+  BackgroundWorker& operator=(const BackgroundWorker&) = delete;
+
+  /// \param tasks must outlive the worker
+  void add(const std::vector<BackgroundTask*>& tasks);
+  /// Waits until nothing is pending, and returns whether that is so. Does tasks on the calling thread meanwhile, since a
+  /// thread of lowest priority may get no time; so one task may take longer than the timeout.
+  bool wait(std::chrono::nanoseconds timeout);
+  /// Takes no lock.
+  std::uint64_t pending() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+  int process_;
+};
+
+}  // namespace clearance

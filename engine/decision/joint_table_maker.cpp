@@ -1,0 +1,304 @@
+#include "engine/decision/joint_table_maker.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+#include "engine/base/fp_environment.h"
+#include "engine/hull/primitive.h"
+#include "engine/narrow/part_batch.h"
+#include "engine/pose/placed.h"
+#include "engine/scene/body_ball.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr std::uint32_t kCellsShift[2] = {12, 16};  // cells of a table for one joint, and for two
+constexpr std::uint32_t kLeastShift = 3;            // of each of two columns
+constexpr std::uint32_t kFiner = 2;                 // halvings of a cell in each column, where the links are close
+constexpr double kFar = JointTable::kUnit * TableCell::kNoHigh;  // greater distances are not distinguished
+constexpr double kDeep = 0.03;                                   // nor deeper overlaps; metres
+constexpr double kPrecision = 8;                                 // a distance to 1 / kPrecision suffices
+constexpr double kMostTurned = 64;                               // radians, of joints that turn without end
+constexpr std::size_t kMostEvaluated = 400'000;  // positions; the rest keeps the bounds of larger blocks
+constexpr std::size_t kBatch = 1024;             // positions of one evaluation
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kAbove = 1 + 0x1p-40;
+
+// Whether positions of a column that differ by a turn place all links alike.
+bool repeats(const Kinematics& robot, std::uint32_t column) {
+  return std::all_of(robot.steps().begin(), robot.steps().end(), [&](const KinematicStep& step) {
+    return step.kind == KinematicStep::Kind::kFixed || step.column != column ||
+           (step.kind == KinematicStep::Kind::kTurning && !step.mimics);
+  });
+}
+
+// The range of a column, without cells.
+std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t c) {
+  const RobotColumn& limits = robot.model.columns[c];
+  TableColumn column;
+  column.column = c;
+  const bool is_limited = std::isfinite(limits.lower) && std::isfinite(limits.upper);
+  if (repeats(robot.kinematics, c) && (!is_limited || limits.upper - limits.lower > kTurn)) {
+    column.least = -kMostTurned, column.most = kMostTurned;
+    column.begin = -std::numbers::pi;
+    column.turns_per_cell = 1;
+    return column;
+  }
+  const auto& steps = robot.kinematics.steps();
+  const bool is_angle = std::none_of(steps.begin(), steps.end(), [&](const KinematicStep& step) {
+    return step.kind == KinematicStep::Kind::kSliding && step.column == c;
+  });
+  if (!is_limited && !is_angle) return {};
+  column.least = is_limited ? limits.lower : -std::numbers::pi;
+  column.most = is_limited ? limits.upper : std::numbers::pi;
+  column.begin = column.least;
+  return column;
+}
+
+// Evaluates blocks of positions, and halves them until their bounds suffice.
+class JointTableMaker {
+ public:
+  explicit JointTableMaker(const TablePair& pair)
+      : pair_(pair),
+        robot_(pair.robot->kinematics),
+        paths_(paths_between(robot_, pair.a.link, pair.a.ball, pair.b.link, pair.b.ball)) {
+    table_.column_count = static_cast<std::uint32_t>(pair.columns.size());
+    for (std::size_t c = 0; c < pair.columns.size(); ++c)
+      table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
+    take_error();
+    take_cells();
+  }
+
+  JointTable take() { return std::move(table_); }
+  std::optional<JointTable> make(const std::atomic<bool>* stopped) {
+    std::vector<Block> blocks{{0, 0}}, next;
+    std::uint32_t shift[2] = {fine_shift(0), fine_shift(1)};  // of the blocks' sizes, in fine cells
+    std::size_t evaluated = 0;
+    for (;;) {
+      const double half[2] = {half_of(0, shift[0]), half_of(1, shift[1])};
+      const double way = way_of(half);
+      const bool is_last = shift[0] + shift[1] == 0 || (evaluated += blocks.size()) > kMostEvaluated;
+      next.clear();
+      // The wider axis is halved next.
+      const int axis = shift[1] > 0 && (shift[0] == 0 || way_along(1, half[1]) >= way_along(0, half[0])) ? 1 : 0;
+      for (std::size_t begin = 0; begin < blocks.size(); begin += kBatch) {
+        if (stopped && *stopped) return {};
+        const std::size_t count = std::min(kBatch, blocks.size() - begin);
+        evaluate(std::span(blocks).subspan(begin, count), shift, way);
+        for (std::size_t i = 0; i < count; ++i) {
+          const Block block = blocks[begin + i];
+          const double lower = bounds_[i].lower - (way + error_), upper = bounds_[i].upper + (way + error_);
+          if (is_last || suffice(bounds_[i], lower, upper, way)) {
+            fill(block, shift, cell(lower, upper));
+            continue;
+          }
+          Block other = block;
+          other.at[axis] += 1u << (shift[axis] - 1);
+          next.push_back(block);
+          next.push_back(other);
+        }
+      }
+      if (next.empty()) break;
+      --shift[axis];
+      std::swap(blocks, next);
+    }
+    table_.join_cells();
+    return std::move(table_);
+  }
+
+ private:
+  struct Block {
+    std::uint32_t at[2];  // first fine cell in each column
+  };
+  struct Bounds {
+    double lower, upper;
+  };
+
+  void take_error();
+  void take_cells();
+  void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way);
+  std::uint32_t fine_shift(int c) const {
+    return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
+  }
+  double fine_width(int c) const { return 1 / (table_.columns[c].cells_per_unit * (1 << kFiner)); }
+  // Half of a block's width, enlarged by the rounding of cells and their positions.
+  double half_of(int c, std::uint32_t shift) const {
+    if (c >= static_cast<int>(table_.column_count)) return 0;
+    const TableColumn& column = table_.columns[c];
+    return std::ldexp(fine_width(c), static_cast<int>(shift)) / 2 * kAbove +
+           0x1p-40 * (std::abs(column.least) + std::abs(column.most));
+  }
+  double way_of(const double (&half)[2]) const {
+    std::vector<double> change(robot_.columns(), 0);
+    for (std::size_t c = 0; c < table_.column_count; ++c) change[table_.columns[c].column] = half[c];
+    double least = kInf;
+    for (const MotionPath& path : paths_) least = std::min(least, path.way(change, travel_));
+    return least;
+  }
+  double way_along(int c, double by) const {
+    const double half[2] = {c == 0 ? by : 0, c == 1 ? by : 0};
+    return way_of(half);
+  }
+  static bool suffice(const Bounds& at_centre, double lower, double upper, double way) {
+    return lower >= kFar || upper <= -kDeep || way * kPrecision <= std::max(at_centre.lower, -at_centre.upper);
+  }
+  // Rounded outward.
+  static TableCell cell(double lower, double upper) {
+    constexpr double kRounding = 0x1p-20;  // more than that of sums and of the division
+    const double low = std::floor(lower / JointTable::kUnit - kRounding),
+                 high = std::ceil(upper / JointTable::kUnit + kRounding);
+    const auto limited = [](double x) {
+      return static_cast<std::int16_t>(std::clamp(x, double{TableCell::kNoLow}, double{TableCell::kNoHigh}));
+    };
+    return {limited(low), limited(high)};
+  }
+  void fill(const Block& block, const std::uint32_t (&shift)[2], TableCell bounds) {
+    std::size_t begin[2], end[2];
+    for (int c = 0; c < 2; ++c) {
+      const std::uint32_t finer = c < static_cast<int>(table_.column_count) ? kFiner : 0;
+      begin[c] = block.at[c] >> finer;
+      end[c] = ((block.at[c] + (1u << shift[c]) - 1) >> finer) + 1;
+    }
+    for (std::size_t i = begin[0]; i < end[0]; ++i)
+      for (std::size_t j = begin[1]; j < end[1]; ++j) {
+        TableCell& at = table_.cells[(i << table_.columns[1].shift) + j];
+        at = {std::min(at.low, bounds.low), std::max(at.high, bounds.high)};
+      }
+  }
+
+  const TablePair& pair_;
+  const Kinematics& robot_;
+  const std::vector<MotionPath> paths_;
+  JointTable table_;
+  double travel_ = 0;  // of all positions of the table
+  double error_ = 0;   // of the poses' distance, from their exact one
+  std::vector<Bounds> bounds_;
+  std::vector<double> positions_;
+  std::vector<Pose> poses_;
+  std::vector<Status> status_;
+  std::vector<PoseMatrix> places_;
+  std::vector<PartTask> tasks_;
+};
+
+// Sliding joints are farthest out at a corner of the table.
+void JointTableMaker::take_error() {
+  std::vector<double> corner(robot_.columns(), 0);
+  for (int k = 0; k < 4; ++k) {
+    for (std::size_t c = 0; c < table_.column_count; ++c)
+      corner[table_.columns[c].column] = k >> c & 1 ? table_.columns[c].most : table_.columns[c].least;
+    travel_ = std::max(travel_, robot_.travel(corner) * kAbove);
+  }
+  error_ = robot_.error_between(pair_.a.link, pair_.a.extent, pair_.b.link, pair_.b.extent).at(travel_, 0);
+}
+
+// Cells of both columns move the links by about the same distance.
+void JointTableMaker::take_cells() {
+  const bool has_two = table_.column_count == 2;
+  const std::uint32_t shifts = kCellsShift[has_two];
+  double length[2] = {0, 0}, way[2] = {1, 1};
+  for (std::size_t c = 0; c < table_.column_count; ++c) {
+    const TableColumn& column = table_.columns[c];
+    length[c] = column.turns_per_cell > 0 ? kTurn : std::max(column.most - column.least, 1e-9);
+    way[c] = std::max(way_along(static_cast<int>(c), length[c]), 1e-9);
+  }
+  const double share = std::round((shifts + std::log2(way[0] / way[1])) / 2);
+  const std::uint32_t first =
+      has_two ? static_cast<std::uint32_t>(std::clamp<double>(share, kLeastShift, shifts - kLeastShift)) : shifts;
+  for (std::size_t c = 0; c < table_.column_count; ++c) {
+    TableColumn& column = table_.columns[c];
+    column.shift = c == 0 ? first : shifts - first;
+    column.cells_per_unit = column.count() / length[c];
+    if (column.turns_per_cell > 0) column.turns_per_cell = 1.0 / column.count();
+  }
+  if (!has_two) table_.columns[1].least = -kInf, table_.columns[1].most = kInf;
+  table_.cells.assign(std::size_t{1} << shifts, {TableCell::kNoHigh, TableCell::kNoLow});
+}
+
+void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way) {
+  const std::size_t count = blocks.size(), columns = robot_.columns(), links = robot_.links();
+  positions_.assign(count * columns, 0);
+  poses_.resize(count * links);
+  status_.resize(count);
+  for (std::size_t k = 0; k < count; ++k)
+    for (int c = 0; c < static_cast<int>(table_.column_count); ++c)
+      positions_[k * columns + table_.columns[c].column] =
+          table_.columns[c].begin + (blocks[k].at[c] + 0.5 * (1u << shift[c])) * fine_width(c);
+  const std::vector<Pose> roots(robot_.roots().size());
+  robot_.place(positions_, roots, poses_, status_);
+  places_.clear();
+  for (std::size_t k = 0; k < count; ++k)
+    for (const std::uint32_t link : {pair_.a.link, pair_.b.link}) {
+      const Pose& X = poses_[k * links + link];
+      places_.push_back({rotation_of(X), X.translation, X});
+    }
+  tasks_.clear();
+  for (std::size_t k = 0; k < count; ++k)
+    for (const ConvexPartPtr& a : pair_.a.parts)
+      for (const ConvexPartPtr& b : pair_.b.parts)
+        tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
+                          static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
+  bounds_.assign(count, {kInf, kInf});
+  const auto take = [&](const PartTask& task, double lower, double upper) {
+    Bounds& bounds = bounds_[task.id];
+    bounds = {std::min(bounds.lower, lower), std::min(bounds.upper, upper)};
+  };
+  NarrowOptions options;
+  options.limits.abs_tol = way / 16;
+  options.lanes = &lane_kernels()[0];
+  options.f32 = true;
+  options.want_points = false;
+  PartBatch(options).run(
+      tasks_,
+      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane.lower, lane.upper); },
+      [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds.lower, answer.bounds.upper); });
+  for (std::size_t k = 0; k < count; ++k)
+    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
+}
+
+}  // namespace
+
+TableLink TableLink::of(const Body& body) {
+  return {body.link, body.parts, ball_around(body), extent_of(body)};
+}
+
+std::vector<std::uint32_t> columns_between(const Kinematics& robot, std::uint32_t a, std::uint32_t b) {
+  std::vector<std::uint32_t> columns;
+  const MotionPath path(robot, a, b, {});
+  for (const Mover& mover : path.movers()) columns.push_back(mover.column);
+  std::sort(columns.begin(), columns.end());
+  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
+  return columns;
+}
+
+std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& robot, const Body& a, const Body& b) {
+  constexpr std::size_t kMostPartPairs = 256;
+  const auto is_usable = [](const Body& body) {
+    return body.robot != kNone && !body.parts.empty() && !has_surface(body) &&
+           std::none_of(body.parts.begin(), body.parts.end(), [](const auto& part) { return is_half_space(*part); });
+  };
+  if (!is_usable(a) || !is_usable(b) || a.parts.size() * b.parts.size() > kMostPartPairs ||
+      robot->kinematics.root_of(a.link) != robot->kinematics.root_of(b.link))
+    return {};
+  TablePair pair{robot, TableLink::of(a), TableLink::of(b), columns_between(robot->kinematics, a.link, b.link)};
+  if (pair.columns.empty() || pair.columns.size() > 2) return {};
+  for (const std::uint32_t c : pair.columns)
+    if (!table_column(*robot, c)) return {};
+  return pair;
+}
+
+JointTable empty_joint_table(const TablePair& pair) {
+  const FpEnvironment environment;
+  return JointTableMaker(pair).take();
+}
+
+std::optional<JointTable> make_joint_table(const TablePair& pair, const std::atomic<bool>* stopped) {
+  const FpEnvironment environment;
+  return JointTableMaker(pair).make(stopped);
+}
+
+}  // namespace clearance

@@ -1,0 +1,68 @@
+// Decides pairs of one robot's links by their joint tables, for the kernel of decisions (decide_kernel.h).
+#pragma once
+
+#include <cstdint>
+
+#include "engine/decision/decision_view.h"
+
+#ifndef CLEARANCE_ISA
+#error "define CLEARANCE_ISA, the instruction set this file is compiled for"
+#endif
+
+namespace clearance {
+namespace CLEARANCE_ISA {
+
+/// What the tables of a query prove in one state, or in a span of a motion.
+class TableLookup {
+ public:
+  explicit TableLookup(const DecisionView& view) : v_(view) {
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) is_free_[t] = false;
+  }
+
+  /// Looks all pairs up in a state.
+  /// \param positions of the state; null to prove nothing
+  /// \param hit called with the position of each pair that is within its margin
+  template <class Hit>
+  void look_up(const double* positions, const Hit& hit) {
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
+      is_free_[t] = false;
+      if (!positions) continue;
+      const TabledPair& pair = v_.tabled[t];
+      const double at[2] = {middle(pair, 0, positions), middle(pair, 1, positions)};
+      const TableCell cell = pair.table.at(at);
+      is_free_[t] = cell.low > pair.free_above;
+      if (cell.high < pair.hit_below) hit(pair.position);
+    }
+  }
+  /// Whether the pair of a table was found free.
+  /// \param table index of a TabledPair, or kNoTable
+  bool is_free(std::uint32_t table) const { return table != kNoTable && is_free_[table]; }
+
+  /// Looks one pair up in a span: kHit if it is within its margin in the middle.
+  /// \param positions in the middle; null to prove nothing
+  /// \param reach change of each position until a span's end, >= 0
+  Verdict in_span(std::uint32_t table, const double* positions, const double* reach) const {
+    if (table == kNoTable || !positions) return Verdict::kUnresolved;
+    const TabledPair& pair = v_.tabled[table];
+    double at[2], low[2], high[2];
+    for (int c = 0; c < 2; ++c) {
+      at[c] = middle(pair, c, positions);
+      const double by = pair.at[c] == kNone ? 0 : reach[pair.at[c]];
+      low[c] = at[c] - by;
+      high[c] = at[c] + by;
+    }
+    if (pair.table.over(low, high).low > pair.free_above) return Verdict::kFree;
+    return pair.table.at(at).high < pair.hit_below ? Verdict::kHit : Verdict::kUnresolved;
+  }
+
+ private:
+  static double middle(const TabledPair& pair, int c, const double* positions) {
+    return pair.at[c] == kNone ? pair.fixed[c] : positions[pair.at[c]];
+  }
+
+  const DecisionView& v_;
+  bool is_free_[kMostTabledPairs];
+};
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance

@@ -1,0 +1,205 @@
+// Joint tables in decisions: a store makes them, and they decide what balls leave open, never wrongly.
+#include <gtest/gtest.h>
+
+#include <cstdlib>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/decision/joint_table_record.h"
+#include "engine/decision/motion_decider.h"
+#include "engine/selection/configuration_poses.h"
+#include "tests/engine/engine_test_util.h"
+#include "tests/temporary_folder.h"
+
+namespace clearance::test {
+namespace {
+
+constexpr std::chrono::minutes kPatience{10};
+
+std::string box_shape(const std::string& origin, const std::string& size) {
+  return "<collision><origin xyz='" + origin + "'/><geometry><box size='" + size + "'/></geometry></collision>";
+}
+
+/// Boxes on the links of joints `first`, `j` and `k`; `base` and `tip` have the last two between them.
+engine::Scene arm_of_boxes(const std::string& range = "3") {
+  const TemporaryFolder folder;
+  const std::string limit = "<limit lower='-" + range + "' upper='" + range + "'/>";
+  engine::RobotOptions options;
+  options.urdf = folder.write(
+      "r.urdf",
+      "<robot name='r'><link name='root'/><link name='base'>" + box_shape("0.15 0 0", "0.3 0.1 0.1") +
+          "</link><link name='mid'>" + box_shape("0 0 0", "0.02 0.02 0.02") + "</link><link name='tip'>" +
+          box_shape("0.15 0 0", "0.3 0.06 0.05") +
+          "</link><joint name='first' type='continuous'><parent link='root'/><child link='base'/><axis xyz='0 1 0'/>"
+          "</joint><joint name='j' type='revolute'><parent link='base'/><child link='mid'/><origin xyz='0.1 0 0.1'/>"
+          "<axis xyz='0 0 1'/>" +
+          limit + "</joint><joint name='k' type='revolute'><parent link='mid'/><child link='tip'/><axis xyz='0 1 0'/>" +
+          limit + "</joint></robot>");
+  options.home.emplace();
+  engine::Scene scene;
+  scene.add_box("box", {0.2, 0.2, 0.2}, {.is_static = true, .pose = Pose{{0.6, 0, 0}}});
+  scene.add_robot("r", options);
+  return scene;
+}
+
+class TableDecisions : public testing::Test {
+ protected:
+  void SetUp() override { ::setenv("CLEARANCE_CACHE", "off", 1); }
+
+  std::shared_ptr<const JointTable> table(const engine::Scene& scene, const JointTableStore& store) const {
+    return store.find(*scene.robots()[0], scene.bodies()[scene.find_body("r/base")],
+                      scene.bodies()[scene.find_body("r/tip")]);
+  }
+};
+
+TEST_F(TableDecisions, StoreMakesATableOnce) {
+  const engine::Scene scene = arm_of_boxes();
+  JointTableStore store;
+  EXPECT_EQ(table(scene, store), nullptr);
+  store.request(scene);
+  store.request(scene);
+  ASSERT_TRUE(store.wait(kPatience));
+  EXPECT_EQ(store.revision(), 1);
+  ASSERT_TRUE(table(scene, store));
+  EXPECT_EQ(table(scene, store)->column_count, 2);
+  EXPECT_EQ(table(arm_of_boxes("2.5"), store), nullptr) << "other limits";
+  EXPECT_TRUE(table(arm_of_boxes(), store)) << "the same robot in another scene";
+}
+
+TEST_F(TableDecisions, StoreReadsTheCache) {
+  const TemporaryFolder folder;
+  ::setenv("CLEARANCE_CACHE", (folder / "cache").c_str(), 1);
+  const engine::Scene scene = arm_of_boxes();
+  const TablePair pair = *table_pair(scene.robots()[0], scene.bodies()[scene.find_body("r/base")],
+                                     scene.bodies()[scene.find_body("r/tip")]);
+  {
+    JointTableStore store;
+    store.request(scene);
+    ASSERT_TRUE(store.wait(kPatience));
+    const auto record = Cache::of_environment().read(joint_table_name(pair));
+    ASSERT_TRUE(record);
+    EXPECT_EQ(*record, joint_table_record(*table(scene, store)));
+  }
+  // A record that is sound but not this table's tells whether it is read; one that is not is replaced.
+  std::vector<std::byte> other(joint_table_record(empty_joint_table(pair)).size(), std::byte{0});
+  Cache::of_environment().write(joint_table_name(pair), other);
+  {
+    JointTableStore store;
+    store.request(scene);
+    ASSERT_TRUE(store.wait(kPatience));
+    EXPECT_EQ(table(scene, store)->cells[0].high, 0);
+  }
+  other.pop_back();
+  Cache::of_environment().write(joint_table_name(pair), other);
+  JointTableStore store;
+  store.request(scene);
+  ASSERT_TRUE(store.wait(kPatience));
+  EXPECT_EQ(joint_table_record(*table(scene, store)), *Cache::of_environment().read(joint_table_name(pair)));
+}
+
+// A query of random states, or motions between them, with its covers and tables.
+struct Decided {
+  engine::Scene scene = arm_of_boxes();
+  CoverStore covers;
+  JointTableStore tables;
+  PoseStore poses{scene, std::chrono::seconds(60)};
+  std::vector<std::uint32_t> joints;
+  std::vector<double> positions;
+  QueryView query;
+  Plan plan;
+
+  /// \param names of the joints that move
+  Decided(const std::vector<std::string>& names, std::uint32_t states, double margin) {
+    for (const char* name : {"r/base", "r/mid", "r/tip"}) covers.request({scene.bodies()[scene.find_body(name)].parts});
+    tables.request(scene);
+    EXPECT_TRUE(covers.wait(kPatience) && tables.wait(kPatience));
+    Random random(3);
+    for (const std::string& name : names) joints.push_back(scene.find_joint("r/" + name));
+    for (std::size_t i = 0; i < states * joints.size(); ++i) positions.push_back(random.uniform(-3.1, 3.1));
+    query.joints = joints;
+    query.reduce = Reduce::kAny;
+    query.margin = margin;
+    query.fields = kFieldVerdict;
+    query.positions = positions;
+    query.configuration_count = states;
+  }
+  const Plan& make() {
+    plan = make_plan(query, scene, poses.snapshot(), 1u << 20, true);
+    plan.uncertainties = uncertainties_of(scene, *plan.snapshot, plan.begun_ns);
+    return plan;
+  }
+  /// Whether each configuration, or motion, is free: from the exact engine.
+  std::vector<bool> exact() const {
+    const engine::Engine engine(engine::Scene(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+    QueryView q = query;
+    q.fields = kFieldStatus;
+    const Answer answer = evaluate(engine, q);
+    std::vector<bool> free;
+    for (std::uint64_t i = 0; i < answer.info.rows; ++i)
+      free.push_back(answer.view.status[i] == std::uint8_t(Status::kBeyond));
+    return free;
+  }
+};
+
+TEST_F(TableDecisions, TablesDecideStatesThatBallsLeaveOpen) {
+  constexpr std::uint32_t kStates = 2000;
+  for (const std::vector<std::string>& names :
+       {std::vector<std::string>{"first", "j", "k"}, {"j", "k"}, {"k", "first"}})
+    for (const double margin : {0.0, 0.01}) {
+      Decided decided(names, kStates, margin);
+      const Plan& plan = decided.make();
+      const std::vector<bool> free = decided.exact();
+      ConfigurationPoses at(plan);
+      const auto block = at.at(0, kStates);
+      const std::vector<std::uint8_t> usable(kStates, 1);
+      std::size_t open_without = 0, open_with = 0;
+      for (const bool with : {false, true})
+        for (const DecisionKernel& kernel : decision_kernels()) {
+          const auto covers = CoverPlan::make(decided.scene, plan, decided.covers, with ? &decided.tables : nullptr);
+          ASSERT_TRUE(covers);
+          EXPECT_EQ(covers->view().tabled_count, with ? 1 : 0);
+          std::vector<Decision> decisions(kStates);
+          std::vector<std::uint64_t> open(kStates * 8);
+          kernel.run({&covers->view(), block.poses.data(), plan.bodies.size(), kStates, usable.data(), true,
+                      decided.positions.data(), names.size()},
+                     {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
+          std::size_t& count = with ? open_with : open_without;
+          count = 0;
+          for (std::uint32_t i = 0; i < kStates; ++i) {
+            count += decisions[i].verdict == Verdict::kUnresolved;
+            if (decisions[i].verdict != Verdict::kUnresolved) {
+              EXPECT_EQ(decisions[i].verdict == Verdict::kFree, free[i]) << i << " " << kernel.name << " " << with;
+            }
+          }
+        }
+      EXPECT_LT(open_with, open_without) << names.size() << " " << margin;
+      EXPECT_GT(open_without, 20);
+    }
+}
+
+TEST_F(TableDecisions, TablesDecideMotionsThatBallsLeaveOpen) {
+  constexpr std::uint32_t kMotions = 300;
+  Decided decided({"first", "j", "k"}, 2 * kMotions, 0);
+  decided.query.max_evaluations = 1000;
+  const Plan& plan = decided.make();
+  const std::vector<bool> free = decided.exact();
+  ASSERT_EQ(free.size(), kMotions);
+  std::size_t open[2] = {0, 0}, frees = 0;
+  for (const bool with : {false, true}) {
+    const auto covers = CoverPlan::make(decided.scene, plan, decided.covers, with ? &decided.tables : nullptr);
+    ASSERT_TRUE(covers && covers->rates());
+    MotionDecider decider(*covers, plan);
+    for (std::uint32_t i = 0; i < kMotions; ++i) {
+      const Verdict verdict = decider.decide(i);
+      open[with] += verdict == Verdict::kUnresolved;
+      frees += verdict == Verdict::kFree;
+      if (verdict != Verdict::kUnresolved) {
+        EXPECT_EQ(verdict == Verdict::kFree, free[i]) << i << " " << with;
+      }
+    }
+  }
+  EXPECT_LT(open[1], open[0]);
+  EXPECT_GT(frees, 20);
+}
+
+}  // namespace
+}  // namespace clearance::test
