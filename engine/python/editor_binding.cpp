@@ -18,7 +18,7 @@ constexpr const char* kShapes[] = {"vertices",   "box",  "sphere",    "capsule",
 
 template <class T, class Rows>
 std::vector<T> copied(const Rows& rows) {
-  const std::span<const T> all = copied<T>(rows);
+  const std::span<const T> all = rows_of<T>(rows);
   return {all.begin(), all.end()};
 }
 
