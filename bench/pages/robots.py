@@ -30,18 +30,21 @@ def by_robot(columns):
         name = COAL if row["contender"].startswith(COAL) else (row["contender"], row["covers"])
         contenders[name] = min(contenders.get(name, float("inf")), float(row["us_a_state"]))
 
-    def cell(contenders, name, covers):
+    def cell(contenders, question, name, covers):
         if name == COAL:
             return f"{contenders[COAL]:.3g}"
-        us, other = contenders[name, covers], contenders.get((name, "off"), contenders.get(COAL))
-        baseline = contenders[COAL] if covers == "off" else other
+        us = contenders[name, covers]
+        baseline = contenders[COAL] if covers == "off" or question == "least" else contenders[name, "off"]
         return f"{us:.3g}, **{baseline / us:.2g}x**"
 
     lines = [
         [
             ROBOTS[robot],
             states,
-            *(cell(found[robot, states, question], name, covers) for question, name, covers in columns.values()),
+            *(
+                cell(found[robot, states, question], question, name, covers)
+                for question, name, covers in columns.values()
+            ),
         ]
         for robot in ROBOTS
         for states in ("free", "colliding")
