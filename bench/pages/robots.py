@@ -14,55 +14,73 @@ SHARES = {"kinematics": "#fdae61", "distances": "#045a8d", "transport": "#74a9cf
 
 ROBOTS = {"panda": "Panda", "ur5": "UR5", "fetch": "Fetch", "baxter": "Baxter"}
 COAL = "Coal"  # in tables of robots: the fastest of its variants
+ONE = "prepared, one a call"
 
 
-def by_robot(ways):
-    """Microseconds per state, relative to Coal, of the ways {(question, contender): header}."""
+def by_robot(columns):
+    """Microseconds per state, in columns {header: (question, contender, covers)}.
+
+    With covers, relative to the same without; else to Coal.
+    """
     remark, rows = results("robots")
     found = {}
     for row in rows:
         key = row["robot"], row["states"], row["question"]
-        found.setdefault(key, {})[row["contender"]] = float(row["us_a_state"])
+        contenders = found.setdefault(key, {})
+        name = COAL if row["contender"].startswith(COAL) else (row["contender"], row["covers"])
+        contenders[name] = min(contenders.get(name, float("inf")), float(row["us_a_state"]))
 
-    def figure(contenders, name):
-        best = min(us for contender, us in contenders.items() if contender.startswith(COAL))
+    def cell(contenders, question, name, covers):
         if name == COAL:
-            return f"{best:.3g}"
-        us = contenders.get(name)
-        return "" if us is None else f"{us:.3g}, **{best / us:.2g}x**"
+            return f"{contenders[COAL]:.3g}"
+        us = contenders[name, covers]
+        baseline = contenders[COAL] if covers == "off" or question == "least" else contenders[name, "off"]
+        return f"{us:.3g}, **{baseline / us:.2g}x**"
 
     lines = [
-        [ROBOTS[robot], states, *(figure(found[robot, states, question], name) for question, name in ways)]
+        [
+            ROBOTS[robot],
+            states,
+            *(
+                cell(found[robot, states, question], question, name, covers)
+                for question, name, covers in columns.values()
+            ),
+        ]
         for robot in ROBOTS
         for states in ("free", "colliding")
-        if (robot, states, "valid") in found
+        if (robot, states, "verdict") in found
     ]
-    return f"{markdown(['', 'states', *ways.values()], lines, words=2)}\n\nFrom `docs/results/robots.csv` ({remark})."
+    return f"{markdown(['', 'states', *columns], lines, words=2)}\n\nFrom `docs/results/robots.csv` ({remark})."
 
 
 def robots():
     """Many states per call."""
+    process, memory = "Clearance in process", "Clearance over shared memory"
     return by_robot({
-        ("valid", COAL): "Coal: valid",
-        ("valid", "Clearance in process"): "ours",
-        ("valid", "Clearance over shared memory"): "shared memory",
-        ("least", COAL): "Coal: least distance",
-        ("least", "Clearance in process"): "ours",
-        ("least", "Clearance over shared memory"): "shared memory",
+        "Coal: valid": ("verdict", COAL, ""),
+        "verdict, no covers": ("verdict", process, "off"),
+        "verdict": ("verdict", process, "background"),
+        "and pair": ("check", process, "background"),
+        "and bounds": ("bounds", process, "background"),
+        "and pair, shared memory": ("check", memory, "background"),
+        "Coal: least distance": ("least", COAL, ""),
+        "least distance": ("least", process, "background"),
     })  # fmt: skip
 
 
 def robots_one_a_call():
-    """One state per call."""
+    """One state per call, prepared."""
+    program, process, memory = (f"Clearance {way}, {ONE}" for way in ("in C++", "in process", "over shared memory"))
     return by_robot({
-        ("valid", COAL): "Coal: valid",
-        ("valid", "Clearance in process, one a call"): "`check()`",
-        ("valid", "Clearance in process, prepared, one a call"): "prepared",
-        ("valid", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
-        ("least", COAL): "Coal: least distance",
-        ("least", "Clearance in process, one a call"): "`distances()`",
-        ("least", "Clearance in process, prepared, one a call"): "prepared",
-        ("least", "Clearance over shared memory, prepared, one a call"): "prepared, shared memory",
+        "Coal: valid": ("verdict", COAL, ""),
+        "C++: verdict, no covers": ("verdict", program, "off"),
+        "verdict": ("verdict", program, "background"),
+        "and pair": ("check", program, "background"),
+        "Python: verdict": ("verdict", process, "background"),
+        "and pair ": ("check", process, "background"),
+        "shared memory: verdict": ("verdict", memory, "background"),
+        "Coal: least distance": ("least", COAL, ""),
+        "C++: least distance": ("least", program, "background"),
     })  # fmt: skip
 
 
@@ -91,7 +109,7 @@ def microseconds(rows, robot, question):
     """Microseconds per free state, by way."""
     found = {}
     for row in rows:
-        if (row["robot"], row["question"], row["states"]) == (robot, question, "free"):
+        if (row["robot"], row["question"], row["states"]) == (robot, question, "free") and row["covers"] != "off":
             name = "Coal" if row["contender"].startswith("Coal") else row["contender"]
             found[name] = min(found.get(name, float("inf")), float(row["us_a_state"]))
     return found
@@ -132,7 +150,7 @@ def draw(path):
     plt = plot()
     figure, axes = plt.subplots(1, 3, figsize=(15, 4.2), width_ratios=(1, 1, 1.1), layout="constrained")
     states = results("robots")[1]
-    draw_states(axes[0], states, "valid", "free states: is it valid?")
+    draw_states(axes[0], states, "verdict", "free states: is it valid?")
     draw_states(axes[1], states, "least", "free states: least distance of all pairs")
     axes[0].legend(fontsize=7)
     draw_plans(axes[2], results("rrt")[1])

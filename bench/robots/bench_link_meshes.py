@@ -84,10 +84,10 @@ def measure(name, links, resources, options):
 
     theirs = peer.ways()
     questions = {"rows": (ours(), theirs["least"]), "least": (ours(reduce="min"), theirs["least"]),
-                 "valid": (ours_valid, theirs["valid"])}
+                 "valid": (ours_valid, theirs["verdict"])}
     least, free = ours(reduce="min")(Q), ours_valid(Q)
     distance, _ = theirs["least"]["Coal"](peer.states(Q))
-    their_free = next(iter(theirs["valid"].values()))(peer.states(Q))
+    their_free = next(iter(theirs["verdict"].values()))(peer.states(Q))
     lower, upper = least.lower.ravel(), least.upper.ravel()
     off = outside(lower, upper, distance, lower > 0)
     for question, (way, peers) in questions.items():

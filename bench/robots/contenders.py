@@ -1,8 +1,9 @@
 """The contenders of bench_robots.py: the same robot, obstacles and states for each.
 
-valid(Q): whether each state is free of contact of the robot with obstacles and itself; stops at the first contact.
-least(Q): each state's least distance over all pairs in metres, 0 in contact: (lower, upper), equal if the contender has
-no bounds.
+verdict: whether each state is free of contact of the robot with obstacles and itself; stops at the first contact.
+check: also the pair in contact. bounds: also bounds on its distance.
+least: each state's least distance over all pairs in metres, 0 in contact: (lower, upper), equal if the contender has no
+bounds.
 """
 
 from typing import Any
@@ -93,19 +94,19 @@ class PinocchioCoal:
     def ways(self):
         """Functions of states(), by query and by name."""
         return {
-            "valid": {"Coal, pairs in order": self._valid, "Coal, tree of boxes": self._valid_by_tree},
-            "least": {"Coal": self._least},
+            "verdict": {"Coal, pairs in order": self.free, "Coal, tree of boxes": self._free_by_tree},
+            "least": {"Coal": self.least},
         }
 
-    def _valid(self, Q):
+    def free(self, Q):
         collide, rest = self.pin.computeCollisions, (self.geometry, self.geometry_data)
         return np.array([not collide(self.model, self.data, *rest, q, True) for q in Q])
 
-    def _valid_by_tree(self, Q):
+    def _free_by_tree(self, Q):
         collide = self.pin.computeCollisions
         return np.array([not collide(self.model, self.data, self.tree, q, True) for q in Q])
 
-    def _least(self, Q):
+    def least(self, Q):
         distances, results = self.pin.computeDistances, self.geometry_data.distanceResults
         found = []
         for q in Q:
@@ -115,6 +116,14 @@ class PinocchioCoal:
         return distance, distance
 
 
+QUERIES = {
+    "verdict": {"reduce": "any", "fields": "verdict"},
+    "check": {"reduce": "any", "fields": ("verdict", "pair")},
+    "bounds": {"reduce": "any", "fields": ("lower", "upper", "status", "pair")},
+    "least": {"reduce": "min", "fields": _BOUNDS},
+}
+
+
 class Clearance:
     """Clearance: an engine in this process with one thread, or a daemon with one thread over shared memory.
 
@@ -122,15 +131,16 @@ class Clearance:
     by `mesh_as`.
     """
 
-    def __init__(self, resources, joints, robot, url=None, mesh_as="hull"):
+    def __init__(self, resources, joints, robot, url=None, mesh_as="hull", covers="background"):
         import clearance
 
-        self.clearance, self.robot, self.url, self.mesh_as = clearance, robot, url, mesh_as
+        self.clearance, self.robot, self.url, self.mesh_as, self.covers = clearance, robot, url, mesh_as, covers
         self.names = [f"{robot}/{joint}" for joint in joints]
         self.files = problems.files_of(resources, robot)
         self.client = clearance.connect(url) if url else None
         self.current: Any = None
         self.requested: Any = None
+        self.scene: Any = None
 
     def proves(self, q):
         """Returns whether a program without our code finds every pair's bounds at one state proved (in process)."""
@@ -145,13 +155,13 @@ class Clearance:
             for thing in problem.obstacles:
                 self.client.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
             self.requested = self.client
-            self.joints = self.requested.joints(self.names)
-            return
-        scene = self.clearance.Scene()
-        scene.add_robot(self.robot, mesh_as=self.mesh_as, **self.files)
-        for thing in problem.obstacles:
-            scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
-        self.requested = self.clearance.Engine(scene, backend="cpu", threads=1)
+        else:
+            self.scene = scene = self.clearance.Scene()
+            scene.add_robot(self.robot, mesh_as=self.mesh_as, **self.files)
+            for thing in problem.obstacles:
+                scene.add_body(thing.name, static=True, pose=thing.pose, **shape_of(thing))
+            self.requested = self.clearance.Engine(scene, backend="cpu", threads=1, covers=self.covers)
+        self.requested.wait_covers()
         self.joints = self.requested.joints(self.names)
 
     def end(self):
@@ -162,44 +172,36 @@ class Clearance:
     def states(self, Q):
         return Q
 
+    def free(self, Q, margin=0.0):
+        """(K,) whether each state is free."""
+        return np.asarray(self.requested.check(Q, joints=self.joints, margin=margin).free)
+
+    def least(self, Q):
+        answer = self.requested.distances(joints=self.joints, configurations=Q, **QUERIES["least"])
+        return answer.lower.ravel(), answer.upper.ravel()
+
     def ways(self):
+        """Functions of states(), by query and by name."""
         where = "over shared memory" if self.url else "in process"
-        prepared = {"valid": {"reduce": "any", "fields": "status"}, "least": {"reduce": "min", "fields": _BOUNDS}}
         return {
             question: {
-                f"Clearance {where}": way,
-                f"Clearance {where}, one a call": self._one_by_one(way),
-                f"Clearance {where}, prepared, one a call": self._prepared(prepared[question]),
+                f"Clearance {where}": self._batch(query),
+                f"Clearance {where}, prepared, one a call": self._prepared(query),
             }
-            for question, way in (("valid", self._valid), ("least", self._least))
+            for question, query in QUERIES.items()
+            if question != "least" or self.covers != "off"  # covers do not change its time
         }
 
-    def _prepared(self, question):
+    def _batch(self, query):
+        return lambda Q: self.requested.distances(joints=self.joints, configurations=Q, **query)
+
+    def _prepared(self, query):
         def run(Q):
-            evaluate = self.requested.prepare("distances", joints=self.joints, **question).run
-            answers = [evaluate(q[None]) for q in Q]
-            if question["reduce"] == "any":
-                return np.concatenate([answer.status for answer in answers]) == int(self.clearance.Status.BEYOND)
-            return tuple(np.concatenate([getattr(answer, name) for answer in answers]) for name in _BOUNDS)
+            evaluate = self.requested.prepare("distances", joints=self.joints, **query).run
+            for q in Q:
+                evaluate(q[None])
 
         return run
-
-    @staticmethod
-    def _one_by_one(way):
-        def run(Q):
-            answers = [way(q[None]) for q in Q]
-            if isinstance(answers[0], tuple):
-                return tuple(np.concatenate(column) for column in zip(*answers))
-            return np.concatenate(answers)
-
-        return run
-
-    def _valid(self, Q):
-        return np.asarray(self.requested.check(Q, joints=self.joints).free)
-
-    def _least(self, Q):
-        answer = self.requested.distances(joints=self.joints, configurations=Q, reduce="min", fields=_BOUNDS)
-        return answer.lower.ravel(), answer.upper.ravel()
 
 
 def shape_of(thing):

@@ -12,6 +12,7 @@
 #include "tests/oracle/in_parallel.h"
 #include "tests/oracle/oracle_run.h"
 #include "tests/oracle/slack_oracle.h"
+#include "tests/oracle/states/state_oracle.h"
 
 namespace clearance::exact {
 namespace {
@@ -19,12 +20,13 @@ namespace {
 constexpr int kBatch = 200;
 
 struct Options {
-  std::int64_t pairs = 10000, slack = 0, motions = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0, states = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
   std::vector<std::string> backends{"cpu", "reference"};
   std::string csv, only, failures;
+  std::vector<std::string> robots;
   bool meshes = false;
 
   const std::vector<CaseClass>& classes() const { return meshes ? mesh_classes() : case_classes(); }
@@ -136,6 +138,50 @@ bool certify_motions(const Options& o) {
   return all.wrong() == 0 && (backend != "cuda" || all.on_device > 0);
 }
 
+void write_states(std::ostream& out, const Options& o, const std::vector<std::string>& robots,
+                  const std::vector<StateTable>& tables) {
+  out << "# states " << o.states << " of each robot, seed " << o.seed << "\n"
+      << "robot,kind,margin,states,free,hit,wrong,fewer,more,other_pairs,other_bits,exact,untrue,close_free,close_hit,"
+         "inside,pairs_without,pairs_with\n";
+  for (std::size_t r = 0; r < tables.size(); ++r)
+    for (std::size_t kind = 0; kind < tables[r].size(); ++kind)
+      for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
+        const StateTally& t = tables[r][kind][m];
+        out << robots[r] << ',' << name_of(static_cast<StateKind>(kind)) << ',' << kStateMargins[m];
+        for (const std::int64_t n : {t.states, t.free, t.hit, t.wrong, t.fewer, t.more, t.other_pairs, t.other_bits,
+                                     t.exact, t.untrue, t.close_free, t.close_hit, t.inside, t.pairs, t.open})
+          out << ',' << n;
+        out << '\n';
+      }
+}
+
+/// States of two made robots and of those in files, one robot to a thread. Returns false if any decision is wrong.
+bool certify_states(const Options& o) {
+  constexpr std::size_t kMade = 2;
+  std::vector<std::string> names(kMade + o.robots.size());
+  std::vector<StateTable> tables(names.size());
+  std::mutex mutex;
+  StateTally all;
+  in_parallel(names.size(), o.threads, [&](std::size_t r) {
+    RobotScene robot = r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade]);
+    names[r] = robot.name;
+    StateOracle oracle(std::move(robot));
+    tables[r] = compare_states(oracle, o.states, o.seed);
+    StateTally sum;
+    for (const auto& row : tables[r])
+      for (const StateTally& tally : row) sum.add(tally);
+    const std::lock_guard lock(mutex);
+    all.add(sum);
+    std::cerr << names[r] << ": " << sum.text() << '\n';
+  });
+  if (!o.csv.empty()) {
+    std::ofstream out(o.csv);
+    write_states(out, o, names, tables);
+    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
+  }
+  return all.errors() == 0;
+}
+
 int certify(const Options& o) {
   const std::vector<Setting> settings = standard_settings(o.backends, !o.meshes);
   const std::vector<Batch> batches = share_out(o);
@@ -193,6 +239,10 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--motions", o.motions, "in place of pairs so many motions, of all kinds, judged with 60 digits")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--states", o.states,
+                 "in place of pairs so many states of each robot, decided with and without covers")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--robots", o.robots, "URDF files of robots whose states are decided, too")->check(CLI::ExistingFile);
   app.add_option("--seed", o.seed, "of the cases");
   app.add_option("--backend", o.backends, "backends to ask; cpu and reference if none is named. Motions: the first");
   app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
@@ -204,6 +254,7 @@ int main(int argc, char** argv) {
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);
   try {
+    if (o.states > 0) return clearance::exact::certify_states(o) ? 0 : 1;
     if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);
   } catch (const std::exception& e) {

@@ -1,0 +1,78 @@
+// Compares decisions about states with covers, without them, and with exact arithmetic.
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "engine/engine.h"
+#include "tests/oracle/states/robot_scene.h"
+
+namespace clearance::exact {
+
+/// Where the states and obstacles of a round are.
+enum class StateKind {
+  kUniform,   ///< states anywhere within the limits, a few obstacles anywhere near the robot
+  kNear,      ///< states next to one, the same obstacles
+  kTouching,  ///< an obstacle 0.01 to 8 mm farther or nearer than the margin from a link's surface
+  kDeep,      ///< an obstacle that reaches far into a link, lies in it, or holds it
+};
+inline constexpr int kStateKinds = 4;
+std::string name_of(StateKind kind);
+
+/// Results of a comparison.
+struct StateTally {
+  std::int64_t states = 0, free = 0, hit = 0;  ///< with covers
+  std::int64_t wrong = 0;                      ///< free with covers and hit without, or the reverse
+  std::int64_t fewer = 0, more = 0;            ///< decided without covers only, or with covers only
+  std::int64_t other_pairs = 0;                ///< hits that name another pair, and undecided states of another verdict
+  std::int64_t other_bits = 0;                 ///< states whose columns differ if bounds are requested, too
+  std::int64_t exact = 0, untrue = 0;          ///< decisions compared with the oracle, and those that contradict it
+  std::int64_t close_free = 0, close_hit = 0;  ///< states with an obstacle within 1 mm of touching a margin of 0
+  std::int64_t inside = 0;                     ///< ... with an obstacle that lies in a link
+  std::int64_t pairs = 0, open = 0;            ///< evaluated without covers, and with them
+
+  void add(const StateTally& other);
+  std::int64_t errors() const { return wrong + fewer + other_pairs + other_bits + untrue; }
+  std::string text() const;
+};
+
+/// Tallies by kind and by margin.
+inline constexpr std::array<double, 3> kStateMargins = {0, 0.005, 0.02};
+using StateTable = std::array<std::array<StateTally, kStateMargins.size()>, kStateKinds>;
+
+/// Two engines with one scene, and the oracle.
+class StateOracle {
+ public:
+  explicit StateOracle(RobotScene made);
+  /// One round of a kind: places obstacles, and compares some states. The oracle solves one of them.
+  void round(StateKind kind, std::size_t margin, Random& random, StateTally& tally);
+
+ private:
+  struct Round;
+
+  std::vector<double> uniform_state(Random& random) const;
+  std::vector<double> free_state(std::size_t margin, Random& random);
+  double put(std::uint32_t obstacle, std::uint32_t link, const std::vector<double>& q, double gap, Random& random);
+  void set_pose(std::uint32_t body, const Pose& X);
+  void park();
+  void begin(Round& round, Random& random);
+  void attach_last(const Round& round, Random& random);
+  void compare(const Round& round, Random& random, StateTally& tally);
+  void compare_bits(const QueryView& query, StateTally& tally);
+  void solve(const QueryView& query, std::size_t state, Status verdict, StateTally& tally);
+
+  RobotScene made_;
+  engine::Engine robot_;  // the robot alone: its covers are complete, those of obstacles arrive later
+  engine::Engine without_, with_;
+  std::vector<std::uint32_t> joints_;
+  std::array<std::vector<std::vector<double>>, kStateMargins.size()>
+      free_;  ///< states free of everything but obstacles
+  std::vector<std::uint32_t> placed_;
+};
+
+/// Rounds of every kind and margin in turn, until `states` are compared.
+StateTable compare_states(StateOracle& oracle, std::int64_t states, std::uint64_t seed);
+
+}  // namespace clearance::exact
