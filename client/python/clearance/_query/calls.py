@@ -113,7 +113,7 @@ class Motions(Call):
 
 class Paths(Call):
     inputs = ("path",)
-    fixed: ClassVar = {"reduce": "any", "fields": ("status", "pair", "time", "first_contact")}
+    fixed: ClassVar = {"reduce": "any", "fields": ("status", "verdict", "pair", "time", "first_contact")}
 
     def steps(self, path: Any = None) -> Steps:
         points = arrays_of(self.query, path, "path")
@@ -132,7 +132,7 @@ class Paths(Call):
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
                 violations = self._violations(positions)
-            if not answer.all_beyond():
+            if not answer.all_free():
                 return _stopped(Result(answer, _ANY, run), first, violations)
             first, room = last, min(2 * room, _MOST_MOTIONS)
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
