@@ -21,7 +21,7 @@
 namespace clearance {
 class CoverStore;       // engine/cover/cover_store.h
 class JointTableStore;  // engine/joint_table/joint_table_store.h
-class DevicePlan;  // engine/device/query/device_plan.h
+class DevicePlan;       // engine/device/query/device_plan.h
 }  // namespace clearance
 
 namespace clearance::engine {

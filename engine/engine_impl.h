@@ -11,10 +11,10 @@
 #include <utility>
 
 #include "engine/cover/cover_store.h"
-#include "engine/joint_table/joint_table_store.h"
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"
+#include "engine/joint_table/joint_table_store.h"
 #include "engine/query/job_cache.h"
 #include "engine/query/job_state.h"
 #include "engine/query/query_cost.h"

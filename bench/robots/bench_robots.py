@@ -207,8 +207,8 @@ def measure(options, robot, resources):
         measurement = Measurement(robot, contenders, seconds_of)
         for number, problem in enumerate(requested):
             rng = np.random.default_rng([number, options.seed])
-            states = states_of(problem, joints, limits, options.states, rng)
-            free = measurement.run(problem, *states, options.rounds)
+            anywhere, near = states_of(problem, joints, limits, options.states, rng)
+            free = measurement.run(problem, anywhere, near, options.rounds)
             print(f"{problem.name}: {free} of {options.states + 2} states free", flush=True)
     print(
         f"{robot}: covers change {measurement.changed} of {measurement.decided} decisions, and make "

@@ -144,8 +144,7 @@ void append(Cover& cover, std::span<Node> nodes) {
 
 }  // namespace
 
-std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped,
-                                double effort) {
+std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped, double effort) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
   if (!shape) return {};

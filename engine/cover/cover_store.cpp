@@ -126,8 +126,7 @@ CoverStore::State::~State() {
 const CoverStore::State::Entry* CoverStore::State::find(std::span<const ConvexPartPtr> parts,
                                                         std::uint64_t hash) const {
   const Entry* entry = buckets[hash % buckets.size()].load(std::memory_order_acquire);
-  while (entry && (entry->hash != hash || !same_parts(parts, entry->parts)))
-    entry = entry->next;
+  while (entry && (entry->hash != hash || !same_parts(parts, entry->parts))) entry = entry->next;
   return entry;
 }
 

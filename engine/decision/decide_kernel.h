@@ -75,7 +75,7 @@ class Decider {
   }
   bool is_over() const { return overflow_ || (any_hit_ && hit_ != kNoHit); }
 
-  /// Records what was found about a pair.
+  /// Records the result of a pair.
   void record(std::uint64_t position, SpanItem item, Bits result) {
     if (result & kHit) hit_ = position < hit_ ? position : hit_;
     if (result != kOpen) return;

@@ -1,4 +1,4 @@
-// What the kernel of decisions about states reads and writes, as plain arrays.
+// Input and output of the kernel of decisions, as plain arrays.
 #pragma once
 
 #include <cstddef>
@@ -79,9 +79,9 @@ struct DecisionBatch {
   const DecisionView* view;
   const Pose* poses;  ///< (states, stride)
   std::size_t stride, states;
-  const std::uint8_t* usable;         ///< (states,) 0: unresolved without a look; its open pairs are not listed
-  bool any_hit;                       ///< one pair within its margin suffices; otherwise the first one is requested
-  const double* positions = nullptr;  ///< (states, position_stride) of joints, for tables; null: they are not used
+  const std::uint8_t* usable;  ///< (states,) 0 if the bounds do not hold; unresolved, without a list of open pairs
+  bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
+  const double* positions = nullptr;  ///< (states, position_stride) of joints; null to use no tables
   std::size_t position_stride = 0;
 };
 
@@ -134,7 +134,7 @@ struct SpanBatch {
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order
   std::size_t capacity;
-  const double* positions = nullptr;  ///< of joints in the middle, for tables; null: they are not used
+  const double* positions = nullptr;  ///< of joints in the middle; null to use no tables
   const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {

@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-constexpr double kUp = 1 + 0x1p-20;  // more than the rounding to float32 of what is summed here
+constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of these sums to float32
 
 Vec3d turned_by(const Pose& X, const Vec3d& v) {
   return turned(Quaternion<double>{X.qw, X.qx, X.qy, X.qz}, v);

@@ -67,7 +67,7 @@ class PlacedBalls {
     }
   }
 
-  /// Returns false for a pose beyond what the bounds hold for.
+  /// Returns false for a pose beyond the limits of the bounds.
   bool place(const Pose* poses) {
     bool all_direct = true;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {

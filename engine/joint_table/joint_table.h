@@ -51,8 +51,8 @@ struct TableCells {
   /// Bounds that hold for all positions between two ends, low <= high in each column.
   CLEARANCE_TABLE_INLINE TableCell over(const double* low, const double* high) const;
 
-  /// Finds the cell of a position, and returns false outside the table. The rounding is less than what the maker enlarges
-  /// cells by.
+  /// Finds the cell of a position, and returns false outside the table. The maker enlarges cells by more than the
+  /// rounding.
   CLEARANCE_TABLE_INLINE static bool cell_of(const TableColumn& c, double position, std::uint32_t& cell) {
     if (!(c.least <= position && position <= c.most)) return false;
     const std::uint32_t count = std::uint32_t{1} << c.shift;

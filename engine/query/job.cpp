@@ -11,7 +11,7 @@ namespace clearance {
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
   const bool is_cacheable = plan.question && JobCache::keeps(plan.size);
-  const auto make = plan.query.reduce == Reduce::kNone  ? make_dense_job
+  const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job
                     : covers_may_decide(context, plan) ? make_decision_job
                                                        : make_reduced_job;
   std::unique_ptr<Job::State> job = make(context, std::move(plan), reply);

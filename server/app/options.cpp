@@ -142,7 +142,7 @@ void add_real_time(CLI::App& app, DaemonOptions& o) {
 /// A number that few users change, set in section [limits] of the configuration file or by --limit.
 struct Limit {
   const char* name;
-  std::uint64_t DaemonOptions::*value;
+  std::uint64_t DaemonOptions::* value;
   std::uint64_t least, most;
   const char* text;
 };

@@ -126,7 +126,7 @@ template <class Requested>
 nb::dict query_options() {
   nb::dict rows;
   for_each_query_option([&rows](const QueryOption& option, auto member) {
-    if constexpr (requires(Requested & requested) { member(requested); }) {
+    if constexpr (requires(Requested& requested) { member(requested); }) {
       using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
       const bool is_word = option.legal.kind == Legal::Kind::kWord;
       const char* kind = std::is_same_v<T, bool>       ? "bool"

@@ -11,7 +11,7 @@ namespace {
 
 using Options = engine::Scene::BodyOptions;
 
-/// Adds bodies, and keeps what the oracle knows of each.
+/// Adds bodies, and keeps the data of each for the oracle.
 class SceneMaker {
  public:
   explicit SceneMaker(RobotScene& made) : made_(made) {}
