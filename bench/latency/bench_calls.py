@@ -104,7 +104,8 @@ def main():
     parser.add_argument("--daemons", type=Path, nargs="*", default=[BIN / "clearanced"], help="programs to compare")
     options = parser.parse_args()
     with contextlib.ExitStack() as stack:
-        fronts: dict[str, Any] = {"process": clearance.Engine(clearance.Scene.load(options.scene), backend="cpu", threads=1)}
+        engine = clearance.Engine(clearance.Scene.load(options.scene), backend="cpu", threads=1)
+        fronts: dict[str, Any] = {"process": engine}
         for i, program in enumerate(options.daemons):
             _, urls, _ = start_daemon(stack.enter_context(Stage()), options.scene, program=program)
             fronts[f"shared memory{i + 1 if i else ''}"] = stack.enter_context(clearance.connect(urls["shm"]))
