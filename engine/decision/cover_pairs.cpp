@@ -1,0 +1,126 @@
+// The pairs of a CoverPlan: obstacles, and radii with slack and margin.
+#include <cmath>
+#include <optional>
+#include <utility>
+
+#include "engine/decision/cover_plan_builder.h"
+
+namespace clearance {
+
+using namespace cover_plan;
+
+// The first of a body's obstacles; kNone for a body that balls cannot see.
+std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
+  if (obstacle_of_[b] != kUnseen) return obstacle_of_[b];
+  obstacle_of_[b] = kNone;
+  const Body& body = scene_.bodies()[b];
+  const BodyPlacement& placed = snapshot_.placed[b];
+  if (placed.status != Status::kOk || is_cloud(body) || body.parts.empty()) return kNone;
+  const Pose X = frame_body_ == kNone ? placed.pose.X_wb : compose(frame_inverse_, placed.pose.X_wb);
+  if (check(X) == PoseQuality::kBad) return kNone;
+  const Mat3d rotation = rotation_of(X);
+  const double world_error = kWorldUnit * (norm(frame_inverse_.translation) + norm(placed.pose.t_w));
+  std::vector<Obstacle> obstacles;
+  for (const ConvexPartPtr& part : body.parts) {
+    const std::shared_ptr<const ObstacleShape> shape = store_.obstacle_shapes().of(part);
+    if (!shape) return kNone;
+    std::optional<Obstacle> obstacle = make_obstacle(*shape, rotation, X.translation, reach_);
+    if (!obstacle) return kNone;
+    obstacle->error = up(obstacle->error + world_error);
+    obstacles.push_back(std::move(*obstacle));
+  }
+  obstacle_of_[b] = static_cast<std::uint32_t>(out_->obstacles_.size());
+  parts_of_.resize(obstacle_of_[b] + obstacles.size());
+  parts_of_[obstacle_of_[b]] = static_cast<std::uint32_t>(obstacles.size());
+  for (Obstacle& obstacle : obstacles) out_->obstacles_.push_back(std::move(obstacle));
+  return obstacle_of_[b];
+}
+
+void CoverPlanBuilder::take(std::uint64_t position) {
+  const BodyPair pair = plan_.pairs.at(position);
+  const auto slot_of = [&](std::uint32_t b) { return b < slot_.size() ? slot_[b] : kNone; };
+  std::uint32_t a = slot_of(pair.a), b = slot_of(pair.b), other = pair.b;
+  if (a != kNone && b != kNone) return take_moved(position, a, b);
+  if (a == kNone) a = b, other = pair.a;
+  const std::uint32_t first = a == kNone || other >= slot_.size() || !cover(a) ? kNone : obstacles_of(other);
+  if (first == kNone) return out_->unknown_.push_back(position);
+  const Slack slack = slack_.of(pair);
+  for (std::uint32_t o = first; o < first + parts_of_[first]; ++o)
+    obstacle_pairs_.push_back({o, a, position, plan_.margins.of(position), slack});
+}
+
+void CoverPlanBuilder::take_moved(std::uint64_t position, std::uint32_t a, std::uint32_t b) {
+  if (!cover(a) || !cover(b)) return out_->unknown_.push_back(position);
+  const BodyPair pair = plan_.pairs.at(position);
+  const Slack slack = slack_.of(pair);
+  const double margin = plan_.margins.of(position), sizes = double{cover(a)->root.outer} + cover(b)->root.outer;
+  const double error = errors_[a] + errors_[b] + 8 * kUnit * (sizes + margin + 2 * reach_);
+  out_->moved_pairs_.push_back({a, b, position, up((margin + slack.inner + error) * (1 + 0x1p-40)),
+                                down(margin - (slack.outer + error) * (1 + 0x1p-40)), out_->tables_.at(position)});
+}
+
+// Columns of the kernel.
+void CoverPlanBuilder::finish() {
+  CoverPlan& out = *out_;
+  const std::size_t columns = (out.bodies_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
+                    cells = columns * out.obstacles_.size();
+  for (auto* of_columns : {&out.root_x_, &out.root_y_, &out.root_z_}) of_columns->assign(columns, 0);
+  for (auto* radii : {&out.moved_root_outer_, &out.moved_root_inner_}) radii->assign(columns, -kNever);
+  for (std::size_t i = 0; i < out.bodies_.size(); ++i)
+    if (const Cover* const c = out.covers_[i].get()) {
+      out.root_x_[i] = c->root.centre[0], out.root_y_[i] = c->root.centre[1], out.root_z_[i] = c->root.centre[2];
+      out.moved_root_outer_[i] = c->root.outer, out.moved_root_inner_[i] = c->root.inner;
+    }
+  const std::size_t moved =
+      (out.moved_pairs_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls;
+  for (auto* bodies : {&out.moved_a_, &out.moved_b_}) bodies->assign(moved, 0);
+  out.moved_reach_.assign(moved, -kNever);
+  for (std::size_t k = 0; k < out.moved_pairs_.size(); ++k) {
+    const MovedPair& pair = out.moved_pairs_[k];
+    out.moved_a_[k] = static_cast<std::int32_t>(pair.a), out.moved_b_[k] = static_cast<std::int32_t>(pair.b);
+    out.moved_reach_[k] = up(double{cover(pair.a)->root.outer} + cover(pair.b)->root.outer + pair.grow);
+  }
+  for (auto* radii : {&out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_}) radii->assign(cells, -kNever);
+  out.position_.assign(cells, 0);
+  out.table_of_cell_.assign(cells, kNoTable);
+  for (const std::uint64_t position : out.unknown_) out.tables_.disable(position);
+  for (const ObstaclePair& p : obstacle_pairs_) {
+    const CoverBall& root = cover(p.body)->root;
+    const std::size_t at = p.obstacle * columns + p.body;
+    const double error = errors_[p.body] + out.obstacles_[p.obstacle].error +
+                         4 * kUnit * (double{root.outer} + std::abs(root.inner) + p.margin + p.slack.inner);
+    const double grow = (p.margin + p.slack.inner + error) * (1 + 0x1p-40),
+                 shrink = p.margin - (p.slack.outer + error) * (1 + 0x1p-40);
+    out.grow_[at] = up(grow);
+    out.shrink_[at] = down(shrink);
+    out.root_outer_[at] = up(root.outer + grow);
+    out.root_inner_[at] = down(root.inner + shrink);
+    out.position_[at] = p.position;
+    out.table_of_cell_[at] = out.tables_.at(p.position);
+  }
+  out.view_ = {out.bodies_.data(),
+               static_cast<std::uint32_t>(out.bodies_.size()),
+               static_cast<std::uint32_t>(columns),
+               out.root_x_.data(),
+               out.root_y_.data(),
+               out.root_z_.data(),
+               out.moved_root_outer_.data(),
+               out.moved_root_inner_.data(),
+               out.obstacles_.data(),
+               static_cast<std::uint32_t>(out.obstacles_.size()),
+               out.root_outer_.data(),
+               out.root_inner_.data(),
+               out.grow_.data(),
+               out.shrink_.data(),
+               out.position_.data(),
+               out.moved_pairs_.data(),
+               out.moved_a_.data(),
+               out.moved_b_.data(),
+               out.moved_reach_.data(),
+               static_cast<std::uint32_t>(out.moved_pairs_.size()),
+               out.table_of_cell_.data(),
+               out.tables_.pairs().data(),
+               static_cast<std::uint32_t>(out.tables_.pairs().size())};
+}
+
+}  // namespace clearance

@@ -1,0 +1,88 @@
+// Collects the parts of a CoverPlan. Included by its sources alone.
+#pragma once
+
+#include <cmath>
+#include <cstdint>
+#include <limits>
+#include <memory>
+#include <vector>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/decision/slack_bounds.h"
+#include "engine/pose/pose.h"
+
+namespace clearance {
+
+namespace cover_plan {
+
+inline constexpr double kUnit = 0x1p-24;  ///< unit roundoff of float32
+/// Rounding of world coordinates, relative to their lengths: the common frame has differences of them.
+inline constexpr double kWorldUnit = 0x1p-46;
+inline constexpr float kNever = -BallPacket::kNoRadius;
+
+inline float up(double value) {
+  const float rounded = static_cast<float>(value);
+  return rounded < value ? std::nextafterf(rounded, std::numeric_limits<float>::infinity()) : rounded;
+}
+inline float down(double value) {
+  return -up(-value);
+}
+
+}  // namespace cover_plan
+
+class CoverPlanBuilder {
+ public:
+  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables)
+      : scene_(scene),
+        plan_(plan),
+        snapshot_(*plan.snapshot),
+        store_(store),
+        slack_(scene, plan),
+        slot_(scene.bodies().size(), kNone),
+        obstacle_of_(scene.bodies().size(), kUnseen) {
+    out_->tables_ = TablePlan(scene, plan, slack_, tables);
+  }
+
+  std::unique_ptr<const CoverPlan> build();
+
+ private:
+  static constexpr std::uint32_t kUnseen = kNone - 1;
+  /// A pair of a moved body and an obstacle, which is one part of a body.
+  struct ObstaclePair {
+    std::uint32_t obstacle, body;
+    std::uint64_t position;
+    double margin;
+    Slack slack;
+  };
+
+  bool take_slides();
+  bool take_bodies();
+  void take_link(std::uint32_t body, DecidedBody& decided);
+  void find_reach();
+  bool take_sources();
+  void take_errors();
+  std::uint32_t obstacles_of(std::uint32_t body);
+  void take(std::uint64_t position);
+  void take_moved(std::uint64_t position, std::uint32_t a, std::uint32_t b);
+  void finish();
+  const Cover* cover(std::uint32_t slot) const { return out_->covers_[slot].get(); }
+
+  const engine::Scene& scene_;
+  const Plan& plan_;
+  const PoseSnapshot& snapshot_;
+  const CoverStore& store_;
+  const SlackBounds slack_;
+  std::unique_ptr<CoverPlan> out_{new CoverPlan};
+  std::uint32_t frame_body_ = kNone;        // carries the common frame, or kNone for the world's
+  std::vector<std::uint32_t> slot_;         // by body: index in bodies_, or kNone
+  std::vector<std::uint32_t> obstacle_of_;  // by body: first obstacle, kNone if it is none
+  std::vector<std::uint32_t> parts_of_;     // by obstacle: count of the body's obstacles, at its first one
+  std::vector<double> world_;               // by moved body: lengths in the world that its place is a difference of
+  std::vector<double> errors_;              // by moved body: centre_error()
+  std::vector<SpanRates::Source> sources_;  // of motions
+  std::vector<ObstaclePair> obstacle_pairs_;
+  double reach_ = 0;      // of all moved bodies in the common frame
+  Pose frame_inverse_{};  // the world in the common frame
+};
+
+}  // namespace clearance
