@@ -39,21 +39,10 @@ engine::Scene crowded_scene() {
   return scene;
 }
 
-/// Engines with and without covers, made once.
-class DecidedByCovers : public testing::Test {
- protected:
-  static void SetUpTestSuite() {
-    ::setenv("CLEARANCE_CACHE", "off", 1);
-    with_ = new engine::Engine(crowded_scene(), {.backend = "cpu", .threads = 2});
-    without_ = new engine::Engine(crowded_scene(), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff});
-    ASSERT_TRUE(with_->wait_covers(kPatience));
-  }
-  static void TearDownTestSuite() {
-    delete with_;
-    delete without_;
-  }
-
-  static inline engine::Engine *with_ = nullptr, *without_ = nullptr;
+/// The same scene with and without covers.
+struct Engines {
+  engine::Engine with{crowded_scene(), {.backend = "cpu", .threads = 2}};
+  engine::Engine without{crowded_scene(), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff}};
 };
 
 /// States of the arm, anywhere within its limits.
@@ -75,12 +64,12 @@ struct States {
   }
 };
 
-TEST_F(DecidedByCovers, RowsHaveTheBitsThatTheyHaveWithout) {
-  States c(with_->scene(), 600);
+void rows_have_the_bits_that_they_have_without(const Engines& engines) {
+  States c(engines.with.scene(), 600);
   std::uint64_t free = 0, hit = 0;
   for (const double margin : {0.0, 0.02}) {
     c.query.margin = margin;
-    const Answer without = evaluate(*without_, c.query), with = evaluate(*with_, c.query);
+    const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
     const auto counts = expect_same_rows(without, 0, with, 600);
     free += counts[static_cast<std::size_t>(Status::kBeyond)];
     hit += counts[0] + counts[1] + counts[2];
@@ -90,12 +79,12 @@ TEST_F(DecidedByCovers, RowsHaveTheBitsThatTheyHaveWithout) {
   EXPECT_GT(hit, 100u);
 }
 
-TEST_F(DecidedByCovers, VerdictsAndPairsAreThoseOfTheRows) {
-  States c(with_->scene(), 600);
+void verdicts_and_pairs_are_those_of_the_rows(const Engines& engines) {
+  States c(engines.with.scene(), 600);
   c.query.fields = kFieldVerdict | kFieldPair;
-  const Answer rows = evaluate(*without_, c.query), pairs = evaluate(*with_, c.query);
+  const Answer rows = evaluate(engines.without, c.query), pairs = evaluate(engines.with, c.query);
   c.query.fields = kFieldVerdict;
-  const Answer bare = evaluate(*with_, c.query);
+  const Answer bare = evaluate(engines.with, c.query);
   int hits = 0;
   for (int k = 0; k < 600; ++k) {
     EXPECT_EQ(rows.view.verdict[k], pairs.view.verdict[k]) << k;
@@ -109,8 +98,8 @@ TEST_F(DecidedByCovers, VerdictsAndPairsAreThoseOfTheRows) {
   EXPECT_LT(bare.info.pairs_evaluated, 600u) << "covers decide most states alone";
 }
 
-TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
-  States c(with_->scene(), 600);
+void motions_have_the_verdicts_that_they_have_without(const Engines& engines) {
+  States c(engines.with.scene(), 600);
   const std::size_t joints = c.joints.size();
   for (std::size_t k = 1; k < 600; k += 2)  // a tenth of the way to the next state
     for (std::size_t j = 0; j < joints; ++j) {
@@ -122,7 +111,7 @@ TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
   c.query.max_evaluations = 256;
   for (const double margin : {0.0, 0.02}) {
     c.query.margin = margin;
-    const Answer without = evaluate(*without_, c.query), with = evaluate(*with_, c.query);
+    const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
     int free = 0, hit = 0;
     for (int k = 0; k < 300; ++k) {
       EXPECT_EQ(without.view.verdict[k], with.view.verdict[k]) << k << ", margin " << margin;
@@ -135,9 +124,9 @@ TEST_F(DecidedByCovers, MotionsHaveTheVerdictsThatTheyHaveWithout) {
   }
 }
 
-TEST_F(DecidedByCovers, EveryKernelGivesTheSameDecisions) {
-  States c(with_->scene(), 300);
-  const engine::Engine& engine = *with_;
+void every_kernel_gives_the_same_decisions(const Engines& engines) {
+  States c(engines.with.scene(), 300);
+  const engine::Engine& engine = engines.with;
   const PoseStore store(engine.scene(), std::chrono::seconds(1));
   Plan plan = make_plan(c.query, engine.scene(), store.snapshot(), 1u << 20, true);
   plan.uncertainties = uncertainties_of(engine.scene(), *plan.snapshot, 0);
@@ -169,9 +158,9 @@ TEST_F(DecidedByCovers, EveryKernelGivesTheSameDecisions) {
   }
 }
 
-TEST_F(DecidedByCovers, BodiesWithoutAPoseAreReportedAsWithout) {
-  States c(with_->scene(), 50);
-  engine::Engine::Options options{.backend = "cpu", .threads = 1, .cover_store = with_->cover_store()};
+void bodies_without_a_pose_are_reported_as_without(const Engines& engines) {
+  States c(engines.with.scene(), 50);
+  engine::Engine::Options options{.backend = "cpu", .threads = 1, .cover_store = engines.with.cover_store()};
   engine::Scene scene = crowded_scene();
   scene.add_box("lost", {0.1, 0.1, 0.1}, {.requires_pose = true});
   const engine::Engine with(engine::Scene(scene), options);
@@ -182,6 +171,18 @@ TEST_F(DecidedByCovers, BodiesWithoutAPoseAreReportedAsWithout) {
   const auto counts = expect_same_rows(evaluate(without, c.query), 0, evaluate(with, c.query), 50);
   EXPECT_GT(counts[static_cast<std::size_t>(Status::kNoPose)], 0u);
   EXPECT_EQ(counts[static_cast<std::size_t>(Status::kBeyond)], 0u);
+}
+
+// In one process: the covers take seconds.
+TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
+  ::setenv("CLEARANCE_CACHE", "off", 1);
+  const Engines engines;
+  ASSERT_TRUE(engines.with.wait_covers(kPatience));
+  rows_have_the_bits_that_they_have_without(engines);
+  verdicts_and_pairs_are_those_of_the_rows(engines);
+  motions_have_the_verdicts_that_they_have_without(engines);
+  every_kernel_gives_the_same_decisions(engines);
+  bodies_without_a_pose_are_reported_as_without(engines);
 }
 
 }  // namespace

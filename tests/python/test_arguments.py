@@ -119,6 +119,7 @@ SHAPES = {
     "cone": TWO, "ellipsoid": SIZES, "half_space": BOOLS, "points": VERTICES, "voxel": [*NUMBERS, None],
 }  # fmt: skip
 FRONT = {
+    "wait_covers": ({}, {"timeout_s": NUMBERS_FROM_0}),
     "distances": ({}, QUERY),
     "submit": ({}, QUERY),
     "body_id": ({}, {"name": [*BODIES, None]}),
@@ -195,7 +196,7 @@ SCENE = {
 #: Of functions and classes.
 PUBLIC = {
     "Engine": ({}, {
-        "scene": [None, "scene.yaml", 3], "backend": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
+        "scene": [None, "scene.yaml", 3], "backend": WORDS, "covers": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
         "device_memory": COUNTS, "device_fallback": BOOLS,
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
