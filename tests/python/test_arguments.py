@@ -196,8 +196,8 @@ SCENE = {
 #: Of functions and classes.
 PUBLIC = {
     "Engine": ({}, {
-        "scene": [None, "scene.yaml", 3], "backend": WORDS, "covers": WORDS, "threads": [*INTEGERS, -1], "max_rows": COUNTS,
-        "device_memory": COUNTS, "device_fallback": BOOLS,
+        "scene": [None, "scene.yaml", 3], "backend": WORDS, "covers": WORDS, "threads": [*INTEGERS, -1],
+        "max_rows": COUNTS, "device_memory": COUNTS, "device_fallback": BOOLS,
         "devices": [3, "01", b"01", [1.5], ["0"], [True], [-1]]}),
     "connect": ({"url": "ipc:///nowhere"}, {
         "url": [*TEXTS, "http://localhost", [], ["ipc:///nowhere", 3]], "timeout_s": [*NUMBERS_FROM_0, None],
