@@ -14,7 +14,8 @@ from collections import defaultdict
 from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from table import MUTANTS, SOURCES_OF_HEADERS, Mutant
+from mutant import Mutant
+from table import MUTANTS, SOURCES_OF_HEADERS
 
 ENGINE = Path(__file__).resolve().parents[2] / "engine"
 

@@ -105,7 +105,7 @@ TEST(ClearancedBodies, WhatAClientChangesItselfItNeedNotLookAt) {
   EXPECT_EQ(client.body("two"), two - 1);
   EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody);
   client.remove_body("two");
-  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody) << "nobody else has its id";
+  EXPECT_EQ(client.distances(query).status()[0], Status::kUnknownBody) << "no other body has its id";
 }
 
 TEST(ClearancedBodies, AreQueriedByEveryClient) {

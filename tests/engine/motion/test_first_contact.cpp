@@ -104,9 +104,9 @@ TEST(FirstContact, IsFoundBehindATimeThatCannotBeProved) {
 // The pair is neither proved beyond its margin nor within it at any time.
 TEST(FirstContact, OfAMotionThatCannotBeProvedAnywhereIsSoonUndecided) {
   UncertainFlight flight;
-  const double beside = UncertainFlight::kTouching + 0.5 * flight.width;
-  flight.add({-0.01, beside, 0}, {0.01, beside, 0});
-  flight.add({0, beside, 0}, {0, beside, 0});
+  const double between = UncertainFlight::kTouching + 0.5 * flight.width;
+  flight.add({-0.01, between, 0}, {0.01, between, 0});
+  flight.add({0, between, 0}, {0, between, 0});
   const engine::Engine engine = engine_of(flight.scene);
   const Answer answer = evaluate(engine, flight.motions.view(Reduce::kAny));
   for (std::size_t i = 0; i < 2; ++i) {
@@ -114,7 +114,7 @@ TEST(FirstContact, OfAMotionThatCannotBeProvedAnywhereIsSoonUndecided) {
     EXPECT_EQ(answer.view.first_contact[2 * i], 0);
     EXPECT_EQ(answer.view.first_contact[2 * i + 1], kInf);
     EXPECT_LE(answer.view.lower[i], 0);
-    EXPECT_NEAR(answer.view.upper[i], beside - UncertainFlight::kTouching, 1e-3);
+    EXPECT_NEAR(answer.view.upper[i], between - UncertainFlight::kTouching, 1e-3);
     EXPECT_LE(answer.view.steps[i], i == 0 ? 48u : 1u);
   }
 }

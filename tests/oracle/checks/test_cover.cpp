@@ -164,7 +164,7 @@ TEST(Cover, HoldsPointsOnEveryLevel) {
 
 TEST(Cover, InnerRadiiHold) {
   Random random(46);
-  int in_body = 0, beside = 0;
+  int in_body = 0, near_body = 0;
   for (const Body& body : bodies()) {
     SCOPED_TRACE(body.kind);
     const std::vector<CoverBall> balls = all_balls(*make_cover(body.parts(), nullptr, kEffort));
@@ -179,11 +179,11 @@ TEST(Cover, InnerRadiiHold) {
         is_proved = exact.distance.compare(-double{balls[i].inner}) <= 0;
       }
       ASSERT_TRUE(is_proved) << i << ": inner radius " << balls[i].inner;
-      ++(balls[i].inner > 0 ? in_body : beside);
+      ++(balls[i].inner > 0 ? in_body : near_body);
     }
   }
   EXPECT_GT(in_body, 100);
-  EXPECT_GT(beside, 100);
+  EXPECT_GT(near_body, 100);
 }
 
 /// A point of the surface of a round core, exactly.
