@@ -6,7 +6,7 @@
 #include <stdexcept>
 #include <utility>
 
-#include "client/url.h"
+#include "client/channel/url.h"
 #include "wire/wire.h"
 
 namespace clearance {

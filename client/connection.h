@@ -8,10 +8,10 @@
 #include <string>
 #include <vector>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
-#include "client/fork_guard.h"
-#include "client/hang_watch.h"
+#include "client/channel/fork_guard.h"
+#include "client/channel/hang_watch.h"
 
 namespace clearance {
 

@@ -1,7 +1,7 @@
 #include <algorithm>
 #include <cstring>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "wire/wire.h"
 

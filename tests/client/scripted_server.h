@@ -13,7 +13,7 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "wire/wire.h"
 
 namespace clearance {

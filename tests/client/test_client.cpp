@@ -6,7 +6,7 @@
 #include <optional>
 
 #include "client/client.h"
-#include "client/url.h"
+#include "client/channel/url.h"
 #include "tests/client/scripted_server.h"
 #include "wire/wire.h"
 

@@ -1,8 +1,8 @@
 // Waits of a client: detection of a hang, with simulated clocks and heartbeats, and the choice of the spin time.
 #include <gtest/gtest.h>
 
-#include "client/hang_watch.h"
-#include "client/reply_spin.h"
+#include "client/channel/hang_watch.h"
+#include "client/channel/reply_spin.h"
 
 namespace clearance {
 namespace {

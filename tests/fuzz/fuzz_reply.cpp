@@ -2,7 +2,7 @@
 // otherwise.
 #include <memory>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "tests/fuzz/frames.h"
 #include "wire/aligned_buffer.h"

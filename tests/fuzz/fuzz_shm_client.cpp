@@ -7,7 +7,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "tests/fuzz/frames.h"
 #include "tests/fuzz/scratch_file.h"

@@ -8,7 +8,7 @@
 #include <random>
 #include <thread>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "tests/lcm/lcm_fixture.h"
 #include "wire/lcm/lcm_check.h"

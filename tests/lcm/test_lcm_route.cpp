@@ -9,7 +9,7 @@
 #include <stdexcept>
 #include <string>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "tests/lcm/lcm_fixture.h"
 #include "wire/lcm/lcm_bus.h"

@@ -49,10 +49,10 @@ def files() -> list[Path]:
 
 
 def source_of(name: str) -> Path:
-    """Returns the file of an include: <clearance/x.h> is installed from one of four folders."""
+    """Returns the file of an include: <clearance/x.h> is installed from one of five folders."""
     if name.startswith("clearance/"):
         leaf = name.removeprefix("clearance/")
-        folders = map(Path, ("wire", "wire/api", "client", "engine/api"))
+        folders = map(Path, ("wire", "wire/api", "client", "client/channel", "engine/api"))
         return next((folder / leaf for folder in folders if (ROOT / folder / leaf).is_file()), Path(name))
     return Path(name)
 

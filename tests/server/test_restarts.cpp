@@ -3,7 +3,7 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "client/requests.h"
 #include "tests/client/scripted_server.h"

@@ -14,7 +14,7 @@
 #include <vector>
 
 #include "client/client.h"
-#include "client/fork_guard.h"
+#include "client/channel/fork_guard.h"
 #include "client/python/bindings/gil.h"
 
 namespace clearance::python {

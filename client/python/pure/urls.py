@@ -1,4 +1,4 @@
-"""Urls and keys of daemons. Messages are those of the C++ client (client/url.cpp, wire/key_file.cpp)."""
+"""Urls and keys of daemons. Messages are those of the C++ client (client/channel/url.cpp, wire/key_file.cpp)."""
 
 from __future__ import annotations
 

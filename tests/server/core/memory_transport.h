@@ -13,7 +13,7 @@
 #include <optional>
 #include <vector>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "server/core/loop.h"
 #include "server/requests/transport.h"

@@ -21,7 +21,7 @@
 #include <thread>
 #include <vector>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "server/shm/shm_transport.h"
 #include "tests/temporary_folder.h"

@@ -11,7 +11,7 @@
 #include <random>
 #include <set>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 #include "client/client.h"
 #include "engine/engine.h"
 #include "tests/engine/engine_test_util.h"

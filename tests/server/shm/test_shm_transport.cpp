@@ -405,7 +405,7 @@ TEST_F(ShmTransport, MisuseOfAChannelIsReported) {
   wire::FrameHeader header;
   header.payload_bytes = ~std::uint64_t{0};
   std::memcpy(channel->begin(64, 0), &header, sizeof header);
-  EXPECT_NE(error_of([&] { channel->send(); }).find("the frame is larger than the room"), std::string::npos);
+  EXPECT_NE(error_of([&] { channel->send(); }).find("the frame is larger than the memory"), std::string::npos);
   send_ping(*channel, 1, {});
   EXPECT_TRUE(echoes(*channel, 1, {}));
 }

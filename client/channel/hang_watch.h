@@ -5,7 +5,7 @@
 #include <chrono>
 #include <cstdint>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
 
 namespace clearance {
 

@@ -1,4 +1,4 @@
-#include "client/fork_guard.h"
+#include "client/channel/fork_guard.h"
 
 #include <pthread.h>
 

@@ -1,4 +1,4 @@
-#include "client/shm_client_segment.h"
+#include "client/channel/shm_client_segment.h"
 
 #include <sys/mman.h>
 #include <sys/stat.h>
@@ -7,13 +7,13 @@
 #include <cerrno>
 #include <cstring>
 
-#include "client/client.h"
+#include "client/channel/connection_errors.h"
 #include "wire/protocol.h"
 
 namespace clearance {
 
 ClientSegment::ClientSegment(const shm::UniqueFd& memfd, const std::string& url) {
-  struct stat file{};
+  struct stat file {};
   if (::fstat(memfd.get(), &file) != 0 || file.st_size < static_cast<off_t>(shm::kPage))
     throw ConnectionError(url + ": the daemon handed over something that is not a segment");
   bytes_ = static_cast<std::uint64_t>(file.st_size);

@@ -11,8 +11,8 @@
 #include <vector>
 #include <zmq.hpp>
 
-#include "client/channel.h"
-#include "client/client.h"
+#include "client/channel/channel.h"
+#include "client/channel/connection_errors.h"
 #include "wire/aligned_buffer.h"
 #include "wire/wire.h"
 #include "wire/zmq_calls.h"
@@ -98,7 +98,8 @@ class ZmqChannel final : public Channel {
     zmq::message_t first(&header, sizeof header), second;
     std::byte* payload = room_.get() + sizeof header;
     if (header.payload_bytes >= kHandOverBytes) {
-      second.rebuild(payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
+      second.rebuild(
+          payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
       (void)room_.release();
       room_bytes_ = 0;
     } else {

@@ -1,9 +1,9 @@
 #include <cstdlib>
 #include <stdexcept>
 
-#include "client/channel.h"
+#include "client/channel/channel.h"
+#include "client/channel/url.h"
 #include "client/client.h"
-#include "client/url.h"
 
 namespace clearance {
 namespace {

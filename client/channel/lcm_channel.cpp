@@ -13,8 +13,8 @@
 #include <unordered_map>
 #include <unordered_set>
 
-#include "client/channel.h"
-#include "client/client.h"
+#include "client/channel/channel.h"
+#include "client/channel/connection_errors.h"
 #include "wire/aligned_buffer.h"
 #include "wire/lcm/lcm_bus.h"
 #include "wire/lcm/lcm_check.h"

@@ -1,4 +1,4 @@
-#include "client/shm_options.h"
+#include "client/channel/shm_options.h"
 
 #include <pwd.h>
 

@@ -1,4 +1,4 @@
-#include "client/url.h"
+#include "client/channel/url.h"
 
 #include <stdexcept>
 
