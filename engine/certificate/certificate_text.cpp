@@ -1,20 +1,18 @@
 #include "engine/certificate/certificate_text.h"
 
 #include <algorithm>
-#include <cmath>
-#include <cstdio>
 #include <cstring>
-#include <nlohmann/json.hpp>
 
+#include "engine/certificate/certificate_json.h"
 #include "engine/certificate/certificate_moves.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/body_ball.h"
 
 namespace clearance {
 
-namespace {
+using namespace certificate_json;
 
-using Json = nlohmann::ordered_json;
+namespace {
 
 constexpr std::uint64_t kVerticesAtOnce = 64, kUnitsPerItem = 8;
 constexpr std::size_t kStepsAtOnce = 512;  // of a SurfaceLister
@@ -23,131 +21,10 @@ constexpr std::uint64_t kStepsPerUnit = 16;
 constexpr const char* kStatusNames[] = {"ok",       "overlap", "contact",      "beyond",    "unconverged",
                                         "bad_pose", "no_pose", "unknown_body", "stale_pose"};
 
-// JSON has no infinity. The library writes all other numbers so that they read back unchanged.
-Json number(double x) {
-  if (std::isfinite(x)) return x;
-  return std::isnan(x) ? "nan" : x > 0 ? "inf" : "-inf";
-}
-// Pair of float64 whose sum is the number.
-Json number(const DoubleDouble& x) {
-  return Json::array({number(x.hi), number(x.lo)});
-}
-template <class T>
-Json vector(const Vec3<T>& v) {
-  return Json::array({number(v.x), number(v.y), number(v.z)});
-}
-Json pose(const Pose& X) {
-  return Json::array({X.translation.x, X.translation.y, X.translation.z, X.qw, X.qx, X.qy, X.qz});
-}
-// 64-bit integers are written as strings, because many JSON readers hold numbers as float64.
-std::string text(std::uint64_t x) {
-  char buffer[24];
-  std::snprintf(buffer, sizeof buffer, "%016llx", static_cast<unsigned long long>(x));
-  return buffer;
-}
-const char* arithmetic(bool in_double_double) {
-  return in_double_double ? "double-double" : "float64";
-}
-
-std::string text_of(const Json& json) {
-  return json.dump(-1, ' ', false, Json::error_handler_t::replace);
-}
-// An object without its closing brace, to be continued.
-std::string open_text(const Json& json) {
-  std::string text = text_of(json);
-  text.pop_back();
-  return text;
-}
-
-Json id_json(std::uint32_t body) {
-  if (body == kNone) return nullptr;
-  return body;
-}
-
-Json run_of(std::uint32_t first, std::uint32_t count) {
-  if (count == 1) return first;
-  return Json::array({first, first + count});
-}
-Json convex_parts_of(const PartProof& proof) {
-  if (proof.part_a == kNone) return nullptr;
-  return Json::array({run_of(proof.part_a, proof.count_a), run_of(proof.part_b, proof.count_b)});
-}
-Json lower_json(const PartProof& p) {
-  return {{"pieces", convex_parts_of(p)},
-          {"order", p.order},
-          {"seer", id_json(p.seer)},
-          {"arithmetic", arithmetic(p.proof.lower_in_double_double)},
-          {"direction", p.proof.is_against_b ? Json(nullptr) : vector(p.proof.direction)}};
-}
-// Points of a core in closed form; null if the other part has vertices.
-Json points_json(const std::vector<Vec3<DoubleDouble>>& points) {
-  Json json;
-  for (const Vec3<DoubleDouble>& p : points) json.push_back(vector(p));
-  return json;
-}
-Json witness_json(const std::optional<WitnessProof>& witness) {
-  if (!witness) return nullptr;
-  const PartProof& p = witness->proof;
-  Json vertices = Json::array(), weights = Json::array(), faces = Json::array(), normals = Json::array();
-  for (const ProofVertex& v : p.proof.vertices) {
-    vertices.push_back({v.a, v.b});
-    weights.push_back(number(v.share));
-  }
-  for (const ProofFace& f : p.proof.faces) {
-    faces.push_back({f.vertex[0], f.vertex[1], f.vertex[2]});
-    normals.push_back(vector(f.normal));
-  }
-  Json json{{"time", witness->time},
-            {"poses", {pose(witness->X_wa), pose(witness->X_wb)}},
-            {"pieces", convex_parts_of(p)},
-            {"arithmetic", arithmetic(p.proof.upper_in_double_double)},
-            {"vertices", vertices}};
-  if (!p.proof.points_a.empty() || !p.proof.points_b.empty())
-    json["points"] = {points_json(p.proof.points_a), points_json(p.proof.points_b)};
-  if (p.within != kNone) json["within"] = p.within;
-  if (faces.empty() && p.within == kNone) {
-    json["weights"] = weights;
-  } else {
-    json["faces"] = faces;
-    json["normals"] = normals;
-  }
-  return json;
-}
-
-Json contact_json(const FirstContactProof& contact) {
-  return {{"free_until", number(contact.free_until)},
-          {"hit_at", number(contact.hit_at)},
-          {"bodies", {id_json(contact.pair.a), id_json(contact.pair.b)}},
-          {"witness", witness_json(contact.witness)}};
-}
-
-// Appends the nonzero terms, each with the name of the rule that derives it.
-void add_terms(Json& terms, const char* side, const Body& body, const SlackParts& parts, double between) {
-  const auto add = [&](const char* name, double inner, double outer) {
-    if (!(inner > 0) && !(outer > 0)) return;
-    terms.push_back({{"of", side}, {"name", name}, {"inner", number(inner)}, {"outer", number(outer)}});
-  };
-  add("shape", body.model_inner, body.model_error);
-  add("turn", parts.turn, 0);
-  add("age", parts.age, 0);
-  add("parent", parts.parent, 0);
-  add("placement", parts.placed, parts.placed);
-  add("between", between, between);
-}
-
-Json slack_json(const SpanPlace& span, const Body& a, const Body& b) {
-  Json terms = Json::array();
-  add_terms(terms, "a", a, span.parts_a, span.between_a);
-  add_terms(terms, "b", b, span.parts_b, span.between_b);
-  if (span.joints > 0)
-    terms.push_back(
-        {{"of", "pair"}, {"name", "joints"}, {"inner", number(span.joints)}, {"outer", number(span.joints)}});
-  return {{"inner", number(span.slack.inner)}, {"outer", number(span.slack.outer)}, {"terms", terms}};
-}
-
 const char* name_of_reduce(Reduce reduce) {
   return reduce == Reduce::kAny ? "any" : reduce == Reduce::kMin ? "min" : "none";
 }
+
 }  // namespace
 
 std::uint32_t part_place(const Body& body, std::uint32_t part) {
@@ -178,7 +55,7 @@ void CertificateText::begin(const ReplyInfo& info) {
                      {"rel_tol", number(query.rel_tol)},           {"signed_distance", query.signed_distance}};
   add(open_text({{"format", "clearance certificate"},
                  {"version", 3},
-                 {"scene_revision", text(info.scene_revision)},
+                 {"scene_revision", hex(info.scene_revision)},
                  {"snapshot_revision", info.snapshot_revision},
                  {"snapshot_stamp_ns", std::to_string(info.snapshot_stamp_ns)},
                  {"query", options}}));
@@ -372,7 +249,7 @@ void CertificateText::add_convex_part(WorkMeter& meter) {
   const SurfaceRows* const rows = part.surface ? &elements_->rows() : nullptr;
   bool is_first = next_part_ == 0;
   if (next_vertex_ == 0) {
-    Json json{{"digest", text(part.surface ? part.surface->digest() : part.digest)},
+    Json json{{"digest", hex(part.surface ? part.surface->digest() : part.digest)},
               {"loaded_vertices", rows ? rows->loaded : part.loaded_vertices},
               {"radius", number(part.radius)},
               {"count", rows ? rows->vertices.size() : part.count()}};
