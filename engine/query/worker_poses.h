@@ -26,8 +26,14 @@ class WorkerPoses {
   std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations,
                                 std::span<const std::span<const std::uint64_t>> pairs) {
     while (placed_.size() < configurations.size()) placed_.emplace_back(scene_, plan_, boxes_);
+    selected_.clear();
     for (std::size_t i = 0; i < configurations.size(); ++i)
-      placed_[i].configure(configurations[i], given_.at(configurations[i], 1), pairs[i]);
+      placed_[i].select(pairs[i], given_.at(configurations[i], 1), selected_);
+    rotations_.resize(selected_.size());
+    rotations_of(selected_, rotations_);
+    std::span<const Mat3d> left = rotations_;
+    for (std::size_t i = 0; i < configurations.size(); ++i)
+      left = left.subspan(placed_[i].configure_selected(configurations[i], given_.at(configurations[i], 1), left));
     return {placed_.data(), configurations.size()};
   }
 
@@ -51,6 +57,7 @@ class WorkerPoses {
   const std::span<const Aabb> boxes_;  // of all bodies in the snapshot, or empty
   ConfigurationPoses given_;
   std::vector<BodyPoses> placed_;
+  std::vector<Pose> selected_;
   std::vector<Mat3d> rotations_;
 };
 
