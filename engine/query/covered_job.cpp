@@ -48,7 +48,7 @@ bool CoveredJob::go_on(WorkMeter& slice) {
   if (!done) return false;
   info.rows = info.total = plan_.size.configurations;
   info.pairs_evaluated = evaluated_;
-  context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+  if (evaluated_ > 0) context_.pairs_evaluated->fetch_add(evaluated_, std::memory_order_relaxed);
   return true;
 }
 
@@ -80,8 +80,8 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
   }
   if (!share.block.advance(meter)) return false;
   const std::span<const std::uint64_t> left = covers_ ? share.left.configurations() : share.all;
-  share.rows.resize(left.size());
-  evaluated_.fetch_add(share.block.end(share.rows), std::memory_order_relaxed);
+  share.rows.resize(std::max(share.rows.size(), left.size()));
+  evaluated_.fetch_add(share.block.end(std::span(share.rows).first(left.size())), std::memory_order_relaxed);
   for (std::size_t i = 0; i < left.size(); ++i)
     if (covers_)
       write_exact(left[i], i, worker, share.rows[i][0]);

@@ -17,9 +17,9 @@ class DecisionJob final : public CoveredJob {
       : CoveredJob(context, std::move(plan), reply),
         any_hit_((plan_.size.fields & ~(kFieldVerdict | kFieldConfiguration)) == 0),
         needs_no_row_((plan_.size.fields & ~(kFieldVerdict | kFieldConfiguration | kFieldPair)) == 0),
-        rooms_(static_cast<std::size_t>(workers())) {
-    free_.answer = beyond_all_margins(plan_);
-    hit_.answer.status = Status::kOk;
+        rooms_(static_cast<std::size_t>(workers())),
+        free_(beyond_all_margins(plan_)) {
+    hit_.status = Status::kOk;
   }
 
  private:
@@ -46,10 +46,8 @@ class DecisionJob final : public CoveredJob {
     const bool is_hit = decision.verdict == Verdict::kHit && needs_no_row_ &&
                         (any_hit_ || (decision.open_begin == decision.open_end && is_first(decision.hit)));
     if (!is_free && !is_hit) return false;
-    Row row = is_free ? free_ : hit_;
-    row.configuration = static_cast<std::uint32_t>(configuration);
-    if (is_hit) row.pair = row.pair_lower = plan_.pairs.at(decision.hit);
-    write_row(reply_, configuration, row);
+    const BodyPair pair = is_hit && reply_.pair ? plan_.pairs.at(decision.hit) : BodyPair{kNone, kNone};
+    write_row(reply_, configuration, pair, static_cast<std::uint32_t>(configuration), is_free ? free_ : hit_, {}, {});
     return true;
   }
   // Whether no pair that covers do not know comes before a position.
@@ -72,7 +70,7 @@ class DecisionJob final : public CoveredJob {
 
   bool any_hit_, needs_no_row_;
   std::vector<Room> rooms_;  // by worker
-  Row free_{{kNone, kNone}, 0, {}, {}, {}, {kNone, kNone}, {}}, hit_ = free_;
+  PairAnswer free_, hit_{};
 };
 
 }  // namespace
