@@ -9,6 +9,7 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kStatesPerUnit = 2;
+constexpr std::uint64_t kMostStates = 64;  // of a block: enough to fill lanes, and few enough to stay in the cache
 
 }  // namespace
 
@@ -36,7 +37,7 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
       near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
   columns_.assign(boxes());
   const Reduction::Boxes all{boxes(), columns_, near_pairs_};
-  block_ = ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers());
+  block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
   for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
   take_covers();
 }

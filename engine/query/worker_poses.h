@@ -26,14 +26,22 @@ class WorkerPoses {
   std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations,
                                 std::span<const std::span<const std::uint64_t>> pairs) {
     while (placed_.size() < configurations.size()) placed_.emplace_back(scene_, plan_, boxes_);
+    slots_.clear();
     selected_.clear();
-    for (std::size_t i = 0; i < configurations.size(); ++i)
-      placed_[i].select(pairs[i], given_.at(configurations[i], 1), selected_);
+    ends_.clear();
+    for (std::size_t i = 0; i < configurations.size(); ++i) {
+      placed_[0].select(pairs[i], slots_);
+      ends_.push_back(slots_.size());
+      const ConfigurationPoses::PoseBlock given = given_.at(configurations[i], 1);
+      while (selected_.size() < slots_.size())
+        selected_.push_back(placed_[0].given_pose(slots_[selected_.size()], given));
+    }
     rotations_.resize(selected_.size());
     rotations_of(selected_, rotations_);
-    std::span<const Mat3d> left = rotations_;
-    for (std::size_t i = 0; i < configurations.size(); ++i)
-      left = left.subspan(placed_[i].configure_selected(configurations[i], given_.at(configurations[i], 1), left));
+    for (std::size_t i = 0, begin = 0; i < configurations.size(); begin = ends_[i++])
+      placed_[i].configure(configurations[i], given_.at(configurations[i], 1),
+                           std::span(slots_).subspan(begin, ends_[i] - begin),
+                           std::span(rotations_).subspan(begin, ends_[i] - begin));
     return {placed_.data(), configurations.size()};
   }
 
@@ -57,6 +65,9 @@ class WorkerPoses {
   const std::span<const Aabb> boxes_;  // of all bodies in the snapshot, or empty
   ConfigurationPoses given_;
   std::vector<BodyPoses> placed_;
+  // Of the bodies selected in some configurations.
+  std::vector<std::uint32_t> slots_;
+  std::vector<std::size_t> ends_;  // in slots_, by configuration
   std::vector<Pose> selected_;
   std::vector<Mat3d> rotations_;
 };

@@ -89,33 +89,26 @@ void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& 
     place_moved(i, given, moved_[i].given == kNone ? nullptr : &rotations[moved_[i].given]);
 }
 
-void BodyPoses::select(std::span<const std::uint64_t> pairs, const ConfigurationPoses::PoseBlock& given,
-                       std::vector<Pose>& selected) {
-  for (Moved& moved : moved_) moved.is_selected = false;
+void BodyPoses::select(std::span<const std::uint64_t> pairs, std::vector<std::uint32_t>& slots) const {
+  const auto begin = static_cast<std::ptrdiff_t>(slots.size());
   for (const std::uint64_t p : pairs) {
     const BodyPair pair = plan_.pairs.at(p);
-    select(pair.a);
-    select(pair.b);
+    for (std::uint32_t body : {pair.a, pair.b})
+      for (; body < moved_slot_.size() && moves(body); body = plan_.snapshot->parent[body])
+        slots.push_back(moved_slot_[body]);
   }
-  for (const Moved& moved : moved_)
-    if (moved.is_selected && moved.given != kNone) selected.push_back(given.poses[moved.given]);
+  std::sort(slots.begin() + begin, slots.end());
+  slots.erase(std::unique(slots.begin() + begin, slots.end()), slots.end());
 }
 
-// Selects a body and those that carry it.
-void BodyPoses::select(std::uint32_t body) {
-  for (; body < moved_slot_.size() && moves(body); body = plan_.snapshot->parent[body])
-    moved_[moved_slot_[body]].is_selected = true;
-}
-
-std::size_t BodyPoses::configure_selected(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
-                                          std::span<const Mat3d> rotations) {
+void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
+                          std::span<const std::uint32_t> slots, std::span<const Mat3d> rotations) {
+  assert(rotations.size() == slots.size());
   number_ = plan_.number(k);
   is_whole_ = false;
   errors_ = given.errors;
-  std::size_t used = 0;
-  for (std::size_t i = 0; i < moved_.size(); ++i)
-    if (moved_[i].is_selected) place_moved(i, given, moved_[i].given == kNone ? nullptr : &rotations[used++]);
-  return used;
+  for (std::size_t i = 0; i < slots.size(); ++i)
+    place_moved(slots[i], given, moved_[slots[i]].given == kNone ? nullptr : &rotations[i]);
 }
 
 // Places a moved body, after the one that carries it.

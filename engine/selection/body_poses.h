@@ -22,16 +22,19 @@ class BodyPoses {
   /// \param given (1, M) of it
   /// \param rotations (M,) of its poses
   void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const Mat3d> rotations);
-  /// Selects the bodies of some pairs, and those that carry them, for configure_selected().
+  /// Appends the moved bodies of some pairs, and those that carry them, each after its parent.
   /// \param pairs positions in the plan
-  /// \param selected receives their poses in `given`, if they have one there
-  void select(std::span<const std::uint64_t> pairs, const ConfigurationPoses::PoseBlock& given,
-              std::vector<Pose>& selected);
+  /// \param slots receives indices in Plan::moved
+  void select(std::span<const std::uint64_t> pairs, std::vector<std::uint32_t>& slots) const;
+  /// The pose of a moved body in a configuration, or the identity if its configurations do not give it.
+  Pose given_pose(std::uint32_t slot, const ConfigurationPoses::PoseBlock& given) const {
+    return moved_[slot].given == kNone ? Pose{} : given.poses[moved_[slot].given];
+  }
   /// Moves the selected bodies alone: others must not be read.
-  /// \param rotations of the poses that select() appended, in order
-  /// \returns the number of rotations used
-  std::size_t configure_selected(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
-                                 std::span<const Mat3d> rotations);
+  /// \param slots of select()
+  /// \param rotations (slots.size(),) of their given_pose()
+  void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const std::uint32_t> slots,
+                 std::span<const Mat3d> rotations);
   /// Limit on the configurations that a worker keeps, which bounds their memory.
   static std::uint64_t most(const engine::Scene& scene, const Plan& plan);
 
@@ -78,15 +81,13 @@ class BodyPoses {
   struct Moved {
     std::uint32_t given = kNone;   // index in Plan::bodies
     std::uint32_t first_part = 0;  // index into part_boxes_
-    bool is_selected = false;
-    std::uint8_t facts = 0;  // LinkFact bits
+    std::uint8_t facts = 0;        // LinkFact bits
     Pose local;
     double travel = 0;  // PlacedLink::travel
     BodyPlacement placement;
     PoseUncertainty uncertainty;  // if the plan has any
     Aabb box;                     // unless boxes_ is empty
   };
-  void select(std::uint32_t body);
   void place_moved(std::size_t i, const ConfigurationPoses::PoseBlock& given, const Mat3d* rotation);
 
   const engine::Scene& scene_;
