@@ -9,9 +9,9 @@
 #include <vector>
 
 #include "client/channel/channel.h"
-#include "client/client.h"
-#include "client/channel/fork_guard.h"
 #include "client/channel/hang_watch.h"
+#include "client/client.h"
+#include "wire/fork_guard.h"
 
 namespace clearance {
 

@@ -1,8 +1,6 @@
 // Members of Engine.
 #pragma once
 
-#include <unistd.h>
-
 #include <atomic>
 #include <cstdint>
 #include <memory>
@@ -19,6 +17,7 @@
 #include "engine/query/job_state.h"
 #include "engine/query/query_cost.h"
 #include "engine/state/pose_store.h"
+#include "wire/fork_guard.h"
 
 namespace clearance::engine {
 
@@ -41,7 +40,7 @@ struct Engine::Impl {
   mutable JobCache job_cache{scene};        // after `trees`, to which its jobs return theirs
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
-  pid_t process = getpid();
+  ForkGuard fork_guard;
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
@@ -83,7 +82,7 @@ struct Engine::Impl {
 
   // OpenMP's threads do not survive a fork, so a child that used them would hang.
   void check_process() const {
-    if (getpid() != process) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
+    if (fork_guard.forked()) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
   }
 };
 

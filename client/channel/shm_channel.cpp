@@ -10,11 +10,11 @@
 
 #include "client/channel/channel.h"
 #include "client/channel/connection_errors.h"
-#include "client/channel/fork_guard.h"
 #include "client/channel/reply_wait.h"
 #include "client/channel/shm_client_segment.h"
 #include "client/channel/shm_options.h"
 #include "client/channel/shm_socket.h"
+#include "wire/fork_guard.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
 

@@ -42,7 +42,7 @@ void ParallelJob::reset(const ReplyView& reply) {
   is_whole = false;
   ++plan_.round;
   plan_.keep_configurations();
-  plan_.begun_ns = monotonic_ns();
+  if (plan_.snapshot->oldest_receipt_ns != 0) plan_.begun_ns = monotonic_ns();  // of use for no other age (job_cache.h)
   reply_ = reply;
   units = 0;
   info = snapshot_info(plan_, context_.reference);

@@ -91,7 +91,8 @@ class ReducedJob final : public ParallelJob {
             !r.worth_threads(context_.light));
         if (!stage_done) return false;
       }
-      write(r.rows(static_cast<std::uint32_t>(first_), placement(0, first_)));
+      r.take_rows(static_cast<std::uint32_t>(first_), placement(0, first_), rows_);
+      write(rows_);
       info.pairs_evaluated += r.evaluated();
       begun_ = false;
       if (++first_ < plan_.size.configurations && slice.is_over()) return false;
@@ -113,6 +114,7 @@ class ReducedJob final : public ParallelJob {
   std::vector<ConfigurationBlock> blocks_;  // by worker, if whole_
   std::optional<Reduction> reduction_;      // if not whole_
   std::vector<std::vector<Row>> batch_rows_;
+  std::vector<Row> rows_;
   std::uint64_t first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
   bool begun_ = false;

@@ -20,13 +20,13 @@ class UnitRunner::Pass {
   // Units that are interrupted or have not begun.
   std::uint64_t left() const {
     const std::vector<std::uint64_t>& open = runner_.interrupted_;
-    return count_ - std::min<std::uint64_t>(from_, count_) + open.size() -
+    return count_ - std::min(from_, count_) + open.size() -
            static_cast<std::uint64_t>(std::count(open.begin(), open.end(), kNone64));
   }
 
   // Runs on the calling thread. Returns true once all units are done.
   bool run_alone(WorkMeter meter) {
-    work(0, 1, meter);
+    slice_.count(work(0, 1, meter, [&] { return from_++; }));
     return end_phase();
   }
 
@@ -58,22 +58,23 @@ class UnitRunner::Pass {
     if (open != kNone64 && unit_(open, worker, meter)) open = kNone64;
   }
 
-  // One thread's share: interrupted units of its workers, then new ones.
-  void work(int thread, int threads, WorkMeter meter) {
+  // One thread's share: interrupted units of its workers, then new ones. Returns the work in units.
+  // \param take returns the next unit
+  template <class Take>
+  std::uint64_t work(int thread, int threads, WorkMeter meter, const Take& take) {
     for (int worker = thread; worker < runner_.workers(); worker += threads) resume(worker, meter);
     std::uint64_t& open = runner_.interrupted_[static_cast<std::size_t>(thread)];
     while (open == kNone64 && !(meter.spent() > 0 && meter.is_over())) {
-      const std::uint64_t i = from_.fetch_add(1, std::memory_order_relaxed);
+      const std::uint64_t i = take();
       if (i >= count_) break;
       open = i;
       resume(thread, meter);
     }
-    spent_.fetch_add(meter.spent(), std::memory_order_relaxed);
+    return meter.spent();
   }
 
   bool end_phase() {
-    slice_.count(spent_.exchange(0));
-    next_ = std::min<std::uint64_t>(from_, count_);
+    next_ = std::min(from_, count_);
     return left() == 0;
   }
 
@@ -89,19 +90,23 @@ class UnitRunner::Pass {
   void run_team(int threads) {
     std::exception_ptr failure;  // an exception may not leave a parallel region
     std::atomic<std::chrono::nanoseconds::rep> worked{0};
+    std::atomic<std::uint64_t> spent{0}, from{from_};
     const Clock::time_point begin = Clock::now();
 #pragma omp parallel num_threads(threads)
     {
       const std::chrono::nanoseconds begun = thread_time();
       try {
         const FpEnvironment environment;
-        work(omp_get_thread_num(), omp_get_num_threads(), slice_.share());
+        spent += work(omp_get_thread_num(), omp_get_num_threads(), slice_.share(),
+                      [&] { return from.fetch_add(1, std::memory_order_relaxed); });
       } catch (...) {
 #pragma omp critical(clearance_job_failure)
         failure = std::current_exception();
       }
       worked.fetch_add((thread_time() - begun).count(), std::memory_order_relaxed);
     }
+    from_ = from;
+    slice_.count(spent);
     const Clock::time_point end = Clock::now();
     team_cost().learn(end - begin, std::chrono::nanoseconds(worked), end);
     if (runner_.teams_) runner_.teams_->fetch_add(1, std::memory_order_relaxed);
@@ -113,7 +118,7 @@ class UnitRunner::Pass {
   const std::uint64_t count_;
   WorkMeter& slice_;
   const Unit& unit_;
-  std::atomic<std::uint64_t> from_, spent_{0};
+  std::uint64_t from_;
 };
 
 bool UnitRunner::run(std::uint64_t& next, std::uint64_t count, WorkMeter& slice, const Unit& unit, bool alone) {

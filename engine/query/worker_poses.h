@@ -21,16 +21,27 @@ class WorkerPoses {
   /// Poses as given, or as joints determine them, of configurations [first, first + count), valid until the next call.
   ConfigurationPoses::PoseBlock given(std::uint64_t first, std::uint64_t count) { return given_.at(first, count); }
 
-  /// Poses in some configurations, valid until the next call.
-  std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations) {
+  /// Poses in some configurations, of the bodies of some pairs, valid until the next call.
+  /// \param pairs (configurations.size(),) positions in the plan
+  std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations,
+                                std::span<const std::span<const std::uint64_t>> pairs) {
     while (placed_.size() < configurations.size()) placed_.emplace_back(scene_, plan_, boxes_);
-    rotations_.resize(plan_.bodies.size());
+    slots_.clear();
+    selected_.clear();
+    ends_.clear();
     for (std::size_t i = 0; i < configurations.size(); ++i) {
-      if (placed_[i].is_at(configurations[i])) continue;
+      placed_[0].select(pairs[i], slots_);
+      ends_.push_back(slots_.size());
       const ConfigurationPoses::PoseBlock given = given_.at(configurations[i], 1);
-      rotations_of(given.poses, rotations_);
-      placed_[i].configure(configurations[i], given, rotations_);
+      while (selected_.size() < slots_.size())
+        selected_.push_back(placed_[0].given_pose(slots_[selected_.size()], given));
     }
+    rotations_.resize(selected_.size());
+    rotations_of(selected_, rotations_);
+    for (std::size_t i = 0, begin = 0; i < configurations.size(); begin = ends_[i++])
+      placed_[i].configure(configurations[i], given_.at(configurations[i], 1),
+                           std::span(slots_).subspan(begin, ends_[i] - begin),
+                           std::span(rotations_).subspan(begin, ends_[i] - begin));
     return {placed_.data(), configurations.size()};
   }
 
@@ -54,6 +65,10 @@ class WorkerPoses {
   const std::span<const Aabb> boxes_;  // of all bodies in the snapshot, or empty
   ConfigurationPoses given_;
   std::vector<BodyPoses> placed_;
+  // Of the bodies selected in some configurations.
+  std::vector<std::uint32_t> slots_;
+  std::vector<std::size_t> ends_;  // in slots_, by configuration
+  std::vector<Pose> selected_;
   std::vector<Mat3d> rotations_;
 };
 

@@ -112,7 +112,7 @@ std::uint64_t ConfigurationBlock::end(std::span<std::vector<Row>> rows) {
   assert(rows.size() == placed_.size());
   std::uint64_t evaluated = 0;
   for (std::size_t i = 0; i < placed_.size(); ++i) {
-    rows[i] = reductions_[i].rows(static_cast<std::uint32_t>(configurations_[i]), placed_[i]);
+    reductions_[i].take_rows(static_cast<std::uint32_t>(configurations_[i]), placed_[i], rows[i]);
     evaluated += reductions_[i].evaluated();
   }
   placed_ = {};

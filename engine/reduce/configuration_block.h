@@ -33,7 +33,7 @@ class ConfigurationBlock {
              std::span<const std::span<const std::uint64_t>> open);
   /// Continues until the slice is over. Returns true once all are reduced.
   bool advance(WorkMeter& meter);
-  /// Returns the number of evaluated pairs, and moves out the rows of each configuration.
+  /// Returns the number of evaluated pairs, and replaces `rows` by those of each configuration.
   std::uint64_t end(std::span<std::vector<Row>> rows);
 
  private:

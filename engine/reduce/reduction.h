@@ -62,8 +62,8 @@ class Reduction {
   /// none are left.
   bool collect_pairs(const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate);
   void take(std::span<const PairAnswer> answers);
-  /// The rows, once the stage is kDone.
-  std::vector<Row> rows(std::uint32_t configuration, const BodyPoses& placement);
+  /// Replaces `rows` by those of the configuration, once the stage is kDone.
+  void take_rows(std::uint32_t configuration, const BodyPoses& placement, std::vector<Row>& rows);
   std::uint64_t evaluated() const;  ///< pairs of this configuration
 
  private:

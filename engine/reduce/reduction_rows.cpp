@@ -124,19 +124,19 @@ Row Reduction::group_row(std::uint32_t g, const GroupResult& group, std::uint32_
   return row;
 }
 
-std::vector<Row> Reduction::rows(std::uint32_t configuration, const BodyPoses& placement) {
+void Reduction::take_rows(std::uint32_t configuration, const BodyPoses& placement, std::vector<Row>& rows) {
   assert(stage_ == kDone);
-  if (any()) return {decision(configuration, placement)};
-  std::vector<Row> rows;
-  if (within()) {
+  rows.clear();
+  if (any()) {
+    rows.push_back(decision(configuration, placement));
+  } else if (within()) {
     for (std::size_t i = 0; i < candidates_.size(); ++i)
       if (candidate_answers_[i].status != Status::kBeyond)
         rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
-    return rows;
+  } else {
+    const std::vector<GroupResult> groups = group_results(placement);
+    for (std::uint32_t g = 0; g < groups.size(); ++g) rows.push_back(group_row(g, groups[g], configuration, placement));
   }
-  const std::vector<GroupResult> groups = group_results(placement);
-  for (std::uint32_t g = 0; g < groups.size(); ++g) rows.push_back(group_row(g, groups[g], configuration, placement));
-  return rows;
 }
 
 }  // namespace clearance

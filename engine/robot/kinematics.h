@@ -13,10 +13,10 @@
 
 namespace clearance {
 
-/// place_batch() for one instruction set; all versions give the same bits.
+/// Kinematics for one instruction set; all versions give the same bits.
 struct KinematicKernel {
   std::string_view name;  ///< "avx512", "avx2", "baseline", "scalar"
-  void (*run)(const KinematicBatch&);
+  KinematicFunctions of;
 };
 /// Returns the versions that this machine can run, the fastest first.
 std::span<const KinematicKernel> kinematic_kernels();
@@ -62,7 +62,7 @@ class Kinematics {
 
   /// Computes the poses of all links.
   /// \param positions (K, columns()), radians and metres
-  /// \param roots X_w of each of roots(), none of them kBad
+  /// \param roots X_w of each of roots(), none of them kBad; empty if all are the identity
   /// \param poses (K, links()) X_w; NaN for a bad configuration, except for roots
   /// \param status (K,) kOk, or kBadPose if a position is NaN or beyond 1e6
   void place(std::span<const double> positions, std::span<const Pose> roots, std::span<Pose> poses,

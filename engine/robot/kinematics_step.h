@@ -54,8 +54,7 @@ CLEARANCE_INLINE void limit(const T& position, Mask* good) {
 
 /// cos(q/2) still + sin(q/2) turning.
 template <class T>
-CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const TwoPart<T>& position) {
-  const SinCos<T> half = sin_cos(position.value * T(0.5), position.rest * T(0.5));
+CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const SinCos<T>& half) {
   const Quaternion<T> a = constant<T>(step.still), b = constant<T>(step.turning);
   return {half.cosine * a.w + half.sine * b.w, half.cosine * a.x + half.sine * b.x, half.cosine * a.y + half.sine * b.y,
           half.cosine * a.z + half.sine * b.z};
@@ -63,35 +62,51 @@ CLEARANCE_INLINE Quaternion<T> turn_of(const KinematicStep& step, const TwoPart<
 
 }  // namespace detail
 
-/// Returns the frame of a step's link.
+/// Position of a step's joint.
+template <class T>
+struct JointMove {
+  TwoPart<T> half_angle;  ///< radians; meaningful if turns()
+  Vec3<T> offset;         ///< of the link's origin in the parent frame, metres
+};
+CLEARANCE_INLINE bool turns(const KinematicStep& step) {
+  return step.kind == KinematicStep::Kind::kTurning || step.kind == KinematicStep::Kind::kPlanar;
+}
 /// \param position returns the position of a column in the configuration
 /// \param good cleared for an invalid position
 template <class T, class Mask, class Load>
+CLEARANCE_INLINE JointMove<T> joint_move(const KinematicStep& step, const Load& position, Mask* good) {
+  using Kind = KinematicStep::Kind;
+  JointMove<T> move{{T(0.0), T(0.0)}, detail::constant<T>(step.at)};
+  if (step.kind == Kind::kFixed) return move;
+  TwoPart<T> q{position(step.column), T(0.0)};
+  detail::limit(q.value, good);
+  if (step.mimics) {
+    const TwoPart<T> scaled = exact_product(T(step.multiplier), q.value);
+    q = exact_sum(scaled.value, T(step.offset));
+    q.rest = q.rest + scaled.rest;
+    detail::limit(q.value, good);
+  }
+  if (step.kind != Kind::kTurning) move.offset = move.offset + detail::constant<T>(step.along[0]) * q.value;
+  if (step.kind == Kind::kPlanar) {
+    const T y = position(step.column + 1);
+    detail::limit(y, good);
+    move.offset = move.offset + detail::constant<T>(step.along[1]) * y;
+    q = {position(step.column + 2), T(0.0)};
+    detail::limit(q.value, good);
+  }
+  move.half_angle = {q.value * T(0.5), q.rest * T(0.5)};
+  return move;
+}
+
+/// Returns the frame of a step's link.
+/// \param position, good as those of joint_move()
+template <class T, class Mask, class Load>
 CLEARANCE_INLINE KinematicFrame<T> carried(const KinematicFrame<T>& from, const KinematicStep& step,
                                            const Load& position, Mask* good) {
-  using Kind = KinematicStep::Kind;
+  const JointMove<T> move = joint_move<T>(step, position, good);
   Quaternion<T> turn = detail::constant<T>(step.still);
-  Vec3<T> offset = detail::constant<T>(step.at);
-  if (step.kind != Kind::kFixed) {
-    TwoPart<T> q{position(step.column), T(0.0)};
-    detail::limit(q.value, good);
-    if (step.mimics) {
-      const TwoPart<T> scaled = exact_product(T(step.multiplier), q.value);
-      q = exact_sum(scaled.value, T(step.offset));
-      q.rest = q.rest + scaled.rest;
-      detail::limit(q.value, good);
-    }
-    if (step.kind != Kind::kTurning) offset = offset + detail::constant<T>(step.along[0]) * q.value;
-    if (step.kind == Kind::kPlanar) {
-      const T y = position(step.column + 1);
-      detail::limit(y, good);
-      offset = offset + detail::constant<T>(step.along[1]) * y;
-      q = {position(step.column + 2), T(0.0)};
-      detail::limit(q.value, good);
-    }
-    if (step.kind != Kind::kSliding) turn = detail::turn_of(step, q);
-  }
-  return {renormalised(product(from.q, turn)), from.t + turned(from.q, offset)};
+  if (turns(step)) turn = detail::turn_of(step, sin_cos(move.half_angle.value, move.half_angle.rest));
+  return {renormalised(product(from.q, turn)), from.t + turned(from.q, move.offset)};
 }
 
 /// Returns the travel of a step's joint (Kinematics::travel() is their maximum), in metres, rounded up. The value is 0
@@ -178,6 +193,47 @@ CLEARANCE_INLINE void place_batch(const KinematicBatch& batch) {
     Io::store(select(good, T(1.0), T(0.0)), usable);
     hand_out<kLanes>(batch, first, lanes, frames, usable);
   }
+}
+
+// Parts of one configuration, with its joints as lanes. Arrays are aligned to 64 bytes, and `count` is a multiple of
+// kMostLanes.
+
+/// sin_cos() of angles.
+/// \param angles (2, count) value and rest; replaced by sine and cosine
+template <class T, class Io>
+CLEARANCE_INLINE void sin_cos_in_lanes(double* angles, std::size_t count) {
+  for (std::size_t i = 0; i < count; i += Io::kLanes) {
+    const SinCos<T> found = sin_cos(Io::load(angles + i), Io::load(angles + count + i));
+    Io::store(found.sine, angles + i);
+    Io::store(found.cosine, angles + count + i);
+  }
+}
+/// turned() of vectors.
+/// \param q (4, count)
+/// \param v (3, count), replaced by the results
+template <class T, class Io>
+CLEARANCE_INLINE void turned_in_lanes(const double* q, double* v, std::size_t count) {
+  const auto load = [&](const double* from, std::size_t k) { return Io::load(from + k * count); };
+  for (std::size_t i = 0; i < count; i += Io::kLanes, q += Io::kLanes, v += Io::kLanes) {
+    const Vec3<T> u = turned(Quaternion<T>{load(q, 0), load(q, 1), load(q, 2), load(q, 3)},
+                             Vec3<T>{load(v, 0), load(v, 1), load(v, 2)});
+    Io::store(u.x, v);
+    Io::store(u.y, v + count);
+    Io::store(u.z, v + 2 * count);
+  }
+}
+
+/// These functions for one instruction set.
+struct KinematicFunctions {
+  void (*place_batch)(const KinematicBatch&);
+  void (*sin_cos)(double* angles, std::size_t count);
+  void (*turned)(const double* q, double* v, std::size_t count);
+};
+template <class T, class Io>
+constexpr KinematicFunctions kinematic_functions() {
+  return {[](const KinematicBatch& batch) { place_batch<T, Io>(batch); },
+          [](double* angles, std::size_t count) { sin_cos_in_lanes<T, Io>(angles, count); },
+          [](const double* q, double* v, std::size_t count) { turned_in_lanes<T, Io>(q, v, count); }};
 }
 
 }  // namespace clearance

@@ -12,7 +12,7 @@ struct PackIo {
   HWY_INLINE static Pack<double> load(const double* at) { return Pack<double>::load(at); }
   HWY_INLINE static void store(Pack<double> x, double* at) { x.store(at); }
 };
-static_assert(PackIo::kLanes <= kMostLanes);
+static_assert(kMostLanes % PackIo::kLanes == 0);
 
 }  // namespace CLEARANCE_ISA
 }  // namespace clearance

@@ -3,8 +3,8 @@
 
 namespace clearance {
 
-void run_lanes_kinematics_avx2(const KinematicBatch& batch) {
-  place_batch<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>(batch);
-}
+extern const KinematicFunctions kKinematicsAvx2;  // kinematics.cpp
+constexpr KinematicFunctions kKinematicsAvx2 =
+    kinematic_functions<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>();
 
 }  // namespace clearance

@@ -3,8 +3,8 @@
 
 namespace clearance {
 
-void run_lanes_kinematics_avx512(const KinematicBatch& batch) {
-  place_batch<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>(batch);
-}
+extern const KinematicFunctions kKinematicsAvx512;  // kinematics.cpp
+constexpr KinematicFunctions kKinematicsAvx512 =
+    kinematic_functions<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>();
 
 }  // namespace clearance

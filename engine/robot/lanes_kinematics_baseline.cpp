@@ -3,8 +3,8 @@
 
 namespace clearance {
 
-void run_lanes_kinematics_baseline(const KinematicBatch& batch) {
-  place_batch<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>(batch);
-}
+extern const KinematicFunctions kKinematicsBaseline;  // kinematics.cpp
+constexpr KinematicFunctions kKinematicsBaseline =
+    kinematic_functions<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>();
 
 }  // namespace clearance

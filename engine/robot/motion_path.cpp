@@ -13,10 +13,6 @@ constexpr double kAxisError = 0x1p-48;  // of a vector's component normal to an 
 
 using Kind = KinematicStep::Kind;
 
-bool turns(const KinematicStep& step) {
-  return step.kind == Kind::kTurning || step.kind == Kind::kPlanar;
-}
-
 double length_of(const Vec3d& v) {
   return std::hypot(v.x, v.y, v.z);
 }

@@ -83,8 +83,7 @@ void LinkMotion::make(std::span<const double> rows, std::size_t count, Pose* pos
       row[m.column] = fact & kLinkBad ? 0 : position;
     }
   }
-  const std::vector<Pose> roots(kinematics.roots().size());  // identity: poses are relative to the links' roots
-  kinematics.place(scratch.positions, roots, scratch.poses, scratch.status);
+  kinematics.place(scratch.positions, {}, scratch.poses, scratch.status);  // relative to the links' roots
   for (std::size_t k = 0; k < count; ++k) {
     std::vector<std::uint8_t> own;
     if (scratch.has_facts[k]) own = row_facts(rows.subspan(k * width, width));

@@ -60,68 +60,94 @@ BodyPoses::BodyPoses(const engine::Scene& scene, const Plan& plan, std::span<con
     : scene_(scene), plan_(plan), boxes_(boxes) {
   if (plan.query.configuration_count == 0) return;
   moved_slot_.assign(scene.bodies().size(), kNone);
+  moved_.resize(plan.moved.size());
   std::size_t parts = 0;
-  for (const std::uint32_t b : plan.moved) {
-    moved_slot_[b] = static_cast<std::uint32_t>(local_.size());
-    local_.push_back(plan.snapshot->local[b]);
-    facts_.push_back((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
-                     (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
-    first_part_.push_back(static_cast<std::uint32_t>(parts));
+  for (std::size_t i = 0; i < moved_.size(); ++i) {
+    const std::uint32_t b = plan.moved[i];
+    moved_slot_[b] = static_cast<std::uint32_t>(i);
+    Moved& moved = moved_[i];
+    moved.local = plan.snapshot->local[b];
+    moved.facts = static_cast<std::uint8_t>((plan.snapshot->given[b] ? 0 : kLinkUnplaced) |
+                                            (plan.snapshot->beyond_limits[b] ? kLinkBeyondLimits : 0));
+    moved.first_part = static_cast<std::uint32_t>(parts);
+    if (!plan.uncertainties.empty()) moved.travel = plan.uncertainties[b].link.travel;
     parts += scene.bodies()[b].parts.size();
   }
-  for (const std::uint32_t b : plan.moved)
-    travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
-  moved_.resize(local_.size());
-  rotation_of_.resize(local_.size(), nullptr);
-  moved_boxes_.resize(local_.size());
-  if (!plan.uncertainties.empty()) moved_uncertainties_.resize(local_.size());
+  for (std::size_t m = 0; m < plan.bodies.size(); ++m)
+    moved_[moved_slot_[plan.bodies[m]]].given = static_cast<std::uint32_t>(m);
   if (!boxes.empty()) part_boxes_.resize(parts);
 }
 
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
                           std::span<const Mat3d> rotations) {
   if (is_at(k)) return;
-  const std::size_t count = plan_.bodies.size();
-  assert(rotations.size() == count && given.poses.size() == count &&
-         (given.facts.empty() || given.facts.size() == count));
+  assert(rotations.size() == plan_.bodies.size());
   number_ = plan_.number(k);
+  is_whole_ = true;
   errors_ = given.errors;
+  for (std::size_t i = 0; i < moved_.size(); ++i)
+    place_moved(i, given, moved_[i].given == kNone ? nullptr : &rotations[moved_[i].given]);
+}
+
+void BodyPoses::select(std::span<const std::uint64_t> pairs, std::vector<std::uint32_t>& slots) const {
+  const auto begin = static_cast<std::ptrdiff_t>(slots.size());
+  for (const std::uint64_t p : pairs) {
+    const BodyPair pair = plan_.pairs.at(p);
+    for (std::uint32_t body : {pair.a, pair.b})
+      for (; body < moved_slot_.size() && moves(body); body = plan_.snapshot->parent[body])
+        slots.push_back(moved_slot_[body]);
+  }
+  std::sort(slots.begin() + begin, slots.end());
+  slots.erase(std::unique(slots.begin() + begin, slots.end()), slots.end());
+}
+
+void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
+                          std::span<const std::uint32_t> slots, std::span<const Mat3d> rotations) {
+  assert(rotations.size() == slots.size());
+  number_ = plan_.number(k);
+  is_whole_ = false;
+  errors_ = given.errors;
+  for (std::size_t i = 0; i < slots.size(); ++i)
+    place_moved(slots[i], given, moved_[slots[i]].given == kNone ? nullptr : &rotations[i]);
+}
+
+// Places a moved body, after the one that carries it.
+// \param rotation of its pose, if that is given
+void BodyPoses::place_moved(std::size_t i, const ConfigurationPoses::PoseBlock& given, const Mat3d* rotation) {
+  assert(given.poses.size() == plan_.bodies.size() &&
+         (given.facts.empty() || given.facts.size() == given.poses.size()));
+  Moved& moved = moved_[i];
+  if (const std::uint32_t m = moved.given; m != kNone) {
+    moved.local = given.poses[m];
+    moved.facts = given.facts.empty() ? 0 : given.facts[m];
+    if (!given.travels.empty()) moved.travel = given.travels[m];
+  }
   const PoseSnapshot& snapshot = *plan_.snapshot;
-  for (std::size_t m = 0; m < count; ++m) {
-    const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
-    local_[slot] = given.poses[m];
-    facts_[slot] = given.facts.empty() ? 0 : given.facts[m];
-    rotation_of_[slot] = &rotations[m];
-    if (!given.travels.empty()) travels_[slot] = given.travels[m];
+  const std::uint32_t number = plan_.moved[i], parent = snapshot.parent[number];
+  const Body& body = scene_.bodies()[number];
+  const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
+  const bool is_unplaced = (moved.facts & kLinkUnplaced) || body.cloud == CloudState::kAwaited;
+  moved.placement = place(is_unplaced ? nullptr : &moved.local, on, rotation);
+  moved.placement.beyond_limits |= (moved.facts & kLinkBeyondLimits) != 0;
+  if (moved.placement.status == Status::kOk && snapshot.placed[number].status == Status::kStalePose)
+    moved.placement.status = Status::kStalePose;  // through a joint that the query does not move
+  if (!plan_.uncertainties.empty() && moved.placement.status == Status::kOk) {
+    // Bodies that the query places are there now.
+    const double age_s =
+        rotation ? points_age_s(snapshot, number, plan_.begun_ns) : pose_age_s(snapshot, number, plan_.begun_ns);
+    PlacedLink link = plan_.uncertainties[number].link;
+    link.travel = moved.travel;
+    moved.uncertainty = uncertainty_of(body, moved.local, moved.placement.pose.t_w, age_s,
+                                       parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
   }
-  for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
-    const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
-    const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
-    const bool is_unplaced = (facts_[i] & kLinkUnplaced) || scene_.bodies()[body].cloud == CloudState::kAwaited;
-    moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation_of_[i]);
-    moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
-    if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
-      moved_[i].status = Status::kStalePose;  // through a joint that the query does not move
-    if (!moved_uncertainties_.empty() && moved_[i].status == Status::kOk) {
-      // Bodies that the query places are there now.
-      const double age_s =
-          rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
-      PlacedLink link = plan_.uncertainties[body].link;
-      link.travel = travels_[i];
-      moved_uncertainties_[i] =
-          uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                         parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
-    }
-    if (boxes_.empty()) continue;
-    Aabb* const parts = part_boxes_.data() + first_part_[i];
-    moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
-                               [&](std::size_t p, const Aabb& box) { parts[p] = box; });
-  }
+  if (boxes_.empty()) return;
+  Aabb* const parts = part_boxes_.data() + moved.first_part;
+  moved.box = body_box(body, moved.placement, slack(number), [&](std::size_t p, const Aabb& box) { parts[p] = box; });
 }
 
 Aabb BodyPoses::box(std::uint32_t body) const {
   if (boxes_.empty()) return body_box(scene_.bodies()[body], (*this)[body], slack(body));
-  return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_boxes_[moved_slot_[body]];
+  return moved_slot_.empty() || moved_slot_[body] == kNone ? boxes_[body] : moved_[moved_slot_[body]].box;
 }
 
 }  // namespace clearance

@@ -22,6 +22,19 @@ class BodyPoses {
   /// \param given (1, M) of it
   /// \param rotations (M,) of its poses
   void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const Mat3d> rotations);
+  /// Appends the moved bodies of some pairs, and those that carry them, each after its parent.
+  /// \param pairs positions in the plan
+  /// \param slots receives indices in Plan::moved
+  void select(std::span<const std::uint64_t> pairs, std::vector<std::uint32_t>& slots) const;
+  /// The pose of a moved body in a configuration, or the identity if its configurations do not give it.
+  Pose given_pose(std::uint32_t slot, const ConfigurationPoses::PoseBlock& given) const {
+    return moved_[slot].given == kNone ? Pose{} : given.poses[moved_[slot].given];
+  }
+  /// Moves the selected bodies alone: others must not be read.
+  /// \param slots of select()
+  /// \param rotations (slots.size(),) of their given_pose()
+  void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const std::uint32_t> slots,
+                 std::span<const Mat3d> rotations);
   /// Limit on the configurations that a worker keeps, which bounds their memory.
   static std::uint64_t most(const engine::Scene& scene, const Plan& plan);
 
@@ -29,16 +42,18 @@ class BodyPoses {
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// Plan::number() of the present configuration; constant if nothing moves.
   std::uint64_t number() const { return number_; }
-  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
+  /// Whether all bodies are placed for a configuration.
+  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || (is_whole_ && plan_.number(k) == number_); }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body]
+                                                             : moved_[moved_slot_[body]].placement;
   }
   bool has_uncertainties() const { return !plan_.uncertainties.empty(); }
   /// Uncertainty of a body, if has_uncertainties().
   const PoseUncertainty& uncertainty(std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.uncertainties[body]
-                                                             : moved_uncertainties_[moved_slot_[body]];
+                                                             : moved_[moved_slot_[body]].uncertainty;
   }
   Slack slack(std::uint32_t body) const {
     const Slack known = plan_.uncertainties.empty() ? Slack() : uncertainty(body).slack;
@@ -54,30 +69,36 @@ class BodyPoses {
   /// The box if it exists already, otherwise null.
   const Aabb* known_box(std::uint32_t body) const {
     if (boxes_.empty()) return nullptr;
-    return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_boxes_[moved_slot_[body]];
+    return moved_slot_.empty() || moved_slot_[body] == kNone ? &boxes_[body] : &moved_[moved_slot_[body]].box;
   }
   /// Boxes of the parts of a moved body with a usable pose, if they exist already, otherwise empty.
   std::span<const Aabb> known_part_boxes(std::uint32_t body) const {
     if (part_boxes_.empty() || moved_slot_[body] == kNone) return {};
-    return std::span(part_boxes_).subspan(first_part_[moved_slot_[body]], scene_.bodies()[body].parts.size());
+    return std::span(part_boxes_).subspan(moved_[moved_slot_[body]].first_part, scene_.bodies()[body].parts.size());
   }
 
  private:
+  struct Moved {
+    std::uint32_t given = kNone;   // index in Plan::bodies
+    std::uint32_t first_part = 0;  // index into part_boxes_
+    std::uint8_t facts = 0;        // LinkFact bits
+    Pose local;
+    double travel = 0;  // PlacedLink::travel
+    BodyPlacement placement;
+    PoseUncertainty uncertainty;  // if the plan has any
+    Aabb box;                     // unless boxes_ is empty
+  };
+  void place_moved(std::size_t i, const ConfigurationPoses::PoseBlock& given, const Mat3d* rotation);
+
   const engine::Scene& scene_;
   const Plan& plan_;
   std::span<const Aabb> boxes_;
   std::uint64_t number_ = ~std::uint64_t{0};
+  bool is_whole_ = false;                  // all bodies are at number_, not only the selected ones
   std::vector<std::uint32_t> moved_slot_;  // by body: index into moved_, or kNone; empty without configurations
-  std::vector<Pose> local_;                // of each moved body
-  std::vector<std::uint8_t> facts_;        // of each moved body, LinkFact bits
-  std::vector<const Mat3d*> rotation_of_;  // of local_, during configure()
-  std::vector<double> travels_;            // of local_: PlacedLink::travel
-  std::vector<BodyPlacement> moved_;
-  std::vector<PoseUncertainty> moved_uncertainties_;  // empty if the plan has none
-  std::span<const double> errors_;                    // of each moved body, in addition; may be empty
-  std::vector<Aabb> moved_boxes_;
+  std::vector<Moved> moved_;               // (Plan::moved,)
+  std::span<const double> errors_;         // of each moved body, in addition; may be empty
   std::vector<Aabb> part_boxes_;           // of all moved bodies
-  std::vector<std::uint32_t> first_part_;  // by moved body: index into part_boxes_
 };
 
 /// A box that contains the exact body at a placement.

@@ -159,18 +159,25 @@ TEST(Kinematics, AllInstructionSetsGiveTheSameBits) {
       for (std::size_t r = 0; r < kinematics.roots().size(); ++r) roots.push_back(random.pose(3, 1));
       std::vector<double> q(count * robot.columns.size());
       for (double& x : q) x = random.uniform(-1, 1) * (random.below(5) == 0 ? 1e6 : 3);
-      const auto placed = [&](const KinematicKernel& kernel) {
-        std::vector<Pose> poses(count * robot.links.size());
-        std::vector<Status> status(count);
-        kinematics.place(q, roots, poses, status, kernel);
+      const auto placed = [&](const KinematicKernel& kernel, std::size_t first, std::size_t rows) {
+        std::vector<Pose> poses(rows * robot.links.size());
+        std::vector<Status> status(rows);
+        kinematics.place(std::span(q).subspan(first * robot.columns.size(), rows * robot.columns.size()), roots, poses,
+                         status, kernel);
         return poses;
       };
-      const std::vector<Pose> alone = placed(kinematic_kernels().back());
+      const std::vector<Pose> alone = placed(kinematic_kernels().back(), 0, count);
       ASSERT_EQ(kinematic_kernels().back().name, "scalar");
       ASSERT_GE(kinematic_kernels().size(), 2u);
-      for (const KinematicKernel& kernel : kinematic_kernels())
-        EXPECT_EQ(std::memcmp(placed(kernel).data(), alone.data(), alone.size() * sizeof(Pose)), 0)
+      for (const KinematicKernel& kernel : kinematic_kernels()) {
+        EXPECT_EQ(std::memcmp(placed(kernel, 0, count).data(), alone.data(), alone.size() * sizeof(Pose)), 0)
             << kernel.name << ", " << count << " configurations of " << file;
+        for (std::size_t k = 0; k < count; ++k)  // lanes are joints
+          EXPECT_EQ(std::memcmp(placed(kernel, k, 1).data(), &alone[k * robot.links.size()],
+                                robot.links.size() * sizeof(Pose)),
+                    0)
+              << kernel.name << ", configuration " << k << " of " << count << " of " << file;
+      }
     }
   }
 }
