@@ -1,0 +1,118 @@
+#include "engine/query/covered_job.h"
+
+#include <algorithm>
+#include <numeric>
+#include <utility>
+
+namespace clearance {
+
+namespace {
+
+constexpr std::uint64_t kStatesPerUnit = 2;
+
+}  // namespace
+
+std::vector<std::uint64_t>& LeftStates::add(std::uint64_t configuration) {
+  const std::size_t i = configurations_.size();
+  configurations_.push_back(configuration);
+  if (pairs_.size() <= i) pairs_.emplace_back();
+  pairs_[i].clear();
+  return pairs_[i];
+}
+
+void LeftStates::add_all(std::uint64_t configuration, std::uint64_t pairs) {
+  std::vector<std::uint64_t>& all = add(configuration);
+  all.resize(pairs);
+  std::iota(all.begin(), all.end(), std::uint64_t{0});
+}
+
+std::span<const std::span<const std::uint64_t>> LeftStates::pairs() {
+  spans_.assign(pairs_.begin(), pairs_.begin() + static_cast<std::ptrdiff_t>(configurations_.size()));
+  return spans_;
+}
+
+CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
+    : ParallelJob(context, std::move(plan), reply),
+      near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
+  columns_.assign(boxes());
+  const Reduction::Boxes all{boxes(), columns_, near_pairs_};
+  block_ = ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers());
+  for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
+  take_covers();
+}
+
+bool CoveredJob::go_on(WorkMeter& slice) {
+  const bool done =
+      run_units(next_, (plan_.size.configurations + block_ - 1) / block_, slice,
+                [&](std::uint64_t unit, int worker, WorkMeter& meter) { return answer(unit * block_, worker, meter); });
+  if (!done) return false;
+  info.rows = info.total = plan_.size.configurations;
+  info.pairs_evaluated = evaluated_;
+  context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+  return true;
+}
+
+void CoveredJob::rewind() {
+  next_ = evaluated_ = 0;
+  if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
+}
+
+void CoveredJob::take_covers() {
+  covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
+  covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
+}
+
+// The rows of one block of configurations.
+bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
+  Worker& share = shares_[static_cast<std::size_t>(worker)];
+  if (!share.block.has_begun()) {
+    const std::uint64_t count = std::min(block_, plan_.size.configurations - begin);
+    share.left.clear();
+    if (covers_) {
+      begin_by_covers(share, begin, count, worker);
+      meter.count(1 + count / kStatesPerUnit);
+      if (!share.block.has_begun()) return true;
+    } else {
+      share.block.begin(placements(worker, begin, count), begin);
+      share.all.resize(count);
+      std::iota(share.all.begin(), share.all.end(), begin);
+    }
+  }
+  if (!share.block.advance(meter)) return false;
+  const std::span<const std::uint64_t> left = covers_ ? share.left.configurations() : share.all;
+  share.rows.resize(left.size());
+  evaluated_.fetch_add(share.block.end(share.rows), std::memory_order_relaxed);
+  for (std::size_t i = 0; i < left.size(); ++i)
+    if (covers_)
+      write_exact(left[i], i, worker, share.rows[i][0]);
+    else
+      write_row(reply_, left[i], share.rows[i][0]);
+  return true;
+}
+
+// Answers a block by covers, and begins the exact evaluation of the states that are left.
+void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker) {
+  const std::size_t stride = plan_.bodies.size(), joints = plan_.joints.size();
+  const ConfigurationPoses::PoseBlock given = worker_poses(worker).given(begin, count);
+  share.usable.resize(count);
+  for (std::uint64_t k = 0; k < count; ++k) {
+    const auto facts = given.facts.subspan(k * stride, stride);
+    share.usable[k] =
+        covers_->holds_for(plan_.positions.subspan((begin + k) * joints, joints)) &&
+        std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+  }
+  const double* const positions = plan_.positions.data() + begin * joints;
+  answer_by_covers({begin, count, given.poses.data(), stride, share.usable.data(), positions, joints}, worker,
+                   share.left);
+  const std::span<const std::uint64_t> left = share.left.configurations();
+  if (left.empty()) return;
+  const std::span<const BodyPoses> placed =
+      left.size() == count ? placements(worker, begin, count) : worker_poses(worker).at(left);
+  share.block.begin(placed, left, share.left.pairs());
+}
+
+void CoveredJob::write_exact(std::uint64_t configuration, std::size_t, int, Row& row) {
+  write_row(reply_, configuration, row);
+}
+
+}  // namespace clearance

@@ -1,0 +1,83 @@
+// Base class of jobs whose states covers answer as far as they can.
+#pragma once
+
+#include <atomic>
+#include <cstdint>
+#include <memory>
+#include <span>
+#include <vector>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/query/parallel_job.h"
+#include "engine/reduce/configuration_block.h"
+
+namespace clearance {
+
+/// States that covers leave to the exact engine, each with the pairs to evaluate.
+class LeftStates {
+ public:
+  void clear() { configurations_.clear(); }
+  /// Adds a state. Returns its list of positions of pairs, empty so far, which must become ascending.
+  std::vector<std::uint64_t>& add(std::uint64_t configuration);
+  /// Adds a state with all pairs.
+  void add_all(std::uint64_t configuration, std::uint64_t pairs);
+  std::span<const std::uint64_t> configurations() const { return configurations_; }
+  /// (configurations().size(),)
+  std::span<const std::span<const std::uint64_t>> pairs();
+
+ private:
+  std::vector<std::uint64_t> configurations_;
+  std::vector<std::vector<std::uint64_t>> pairs_;  // of configurations_ and more, whose memory is reused
+  std::vector<std::span<const std::uint64_t>> spans_;
+};
+
+/// Answers blocks of states by covers as far as these have been made, and lets the exact engine evaluate the pairs that
+/// they leave. One row a state.
+class CoveredJob : public ParallelJob {
+ public:
+  CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply);
+
+  bool go_on(WorkMeter& slice) final;
+  void rewind() final;
+
+ protected:
+  /// Consecutive states.
+  struct States {
+    std::uint64_t begin, count;
+    const Pose* poses;  ///< (count, stride)
+    std::size_t stride;
+    const std::uint8_t* usable;  ///< (count,) 0 if the bounds of covers do not hold
+    const double* positions;     ///< (count, position_stride)
+    std::size_t position_stride;
+  };
+  /// Writes the rows of the states that covers answer, and adds the others to `left`, ascending.
+  virtual void answer_by_covers(const States& states, int worker, LeftStates& left) = 0;
+  /// Writes the row of a state in `left`, the `index`-th of them.
+  virtual void write_exact(std::uint64_t configuration, std::size_t index, int worker, Row& row);
+  const CoverPlan& covers() const { return *covers_; }
+
+ private:
+  struct Worker {
+    explicit Worker(ConfigurationBlock&& of) : block(std::move(of)) {}
+
+    ConfigurationBlock block;
+    std::vector<std::uint8_t> usable;
+    LeftStates left;
+    std::vector<std::uint64_t> all;  // configurations, without covers
+    std::vector<std::vector<Row>> rows;
+  };
+  void take_covers();
+  bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
+  void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker);
+
+  BoxColumns columns_;
+  NearPairs near_pairs_;
+  std::unique_ptr<const CoverPlan> covers_;
+  std::uint64_t covers_revision_ = 0;
+  std::uint64_t block_ = 1;  // configurations
+  std::vector<Worker> shares_;
+  std::uint64_t next_ = 0;
+  std::atomic<std::uint64_t> evaluated_{0};
+};
+
+}  // namespace clearance
