@@ -69,6 +69,7 @@ class DistanceBounder {
     t = t < l.most ? t : l.most;
     t = t < 0 ? 0 : t > kMost ? kMost : t;
     threshold_ = static_cast<float>(t * (1 + 0x1p-23));
+    width_ = upper_ - threshold_;
   }
   /// Takes the upper bounds of eight balls or pairs.
   template <class Position>
@@ -179,9 +180,18 @@ class DistanceBounder {
     return item.obstacle == kNone ? v_.moved_pairs[item.at].position
                                   : v_.position[std::size_t{item.obstacle} * v_.columns + item.at];
   }
+  static float stand_out(const BallPacket& packet, int i) {
+    return packet.outer[i] - (packet.inner[i] > 0 ? packet.inner[i] : 0);
+  }
+  /// Whether the children of balls, and theirs, may be small enough for the width that is permitted. A level's balls
+  /// stand out by a third of those of the level above, or less.
+  /// \param width stand-out of the balls
+  bool is_worth_children(int level, float width) const {
+    return level < kLevels && width < width_ * (level == 1 ? 10.0f : 3.5f);
+  }
   /// Adds work to a level, or leaves the pair.
   void push(int level, const DistanceItem& item, bool is_smallest) {
-    if (is_smallest || level > batch_.limits.deepest || count_[level - 1] == kMostDistanceItems || packets_left_ <= 0)
+    if (is_smallest || count_[level - 1] == kMostDistanceItems || packets_left_ <= 0)
       return leave(position_of(item), item.lower);
     room_.items[(level - 1) * static_cast<int>(kMostDistanceItems) + static_cast<int>(count_[level - 1]++)] = item;
   }
@@ -218,7 +228,7 @@ class DistanceBounder {
     DistanceItem* const items = room_.items + (level - 1) * static_cast<int>(kMostDistanceItems);
     const std::uint32_t count = count_[level - 1];
     if (count == 0) return;
-    const bool is_decided = !batch_.limits.narrows_least && is_one_pair(items, count);
+    const bool is_decided = width_ <= 0 && is_one_pair(items, count);
     std::uint32_t first = 0;
     for (std::uint32_t i = 1; i < count; ++i)
       if (items[i].lower < items[first].lower) first = i;
@@ -272,7 +282,8 @@ class DistanceBounder {
     Bits open = sift(Eight::load(gaps.low) - (Eight::load(packet.outer) + Eight(v_.grow[cell])), used, lower, same);
     for (; open; open &= open - 1) {
       const int i = lowest(open);
-      push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0}, packet.children[i] == kNone);
+      push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0},
+           packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i)));
     }
   }
 
@@ -323,7 +334,8 @@ class DistanceBounder {
       for (Bits open = sift(d - (outer + Eight(of.b.outer[j])), used, lower, same); open; open &= open - 1) {
         const int i = lowest(open);
         push(level + 1, {lower[i], kNone, item.at, of.a.children[i], of.b.children[j]},
-             of.a.children[i] == kNone || of.b.children[j] == kNone);
+             of.a.children[i] == kNone || of.b.children[j] == kNone ||
+                 !is_worth_children(level, stand_out(of.a, i) + stand_out(of.b, j)));
       }
     }
   }
@@ -333,7 +345,7 @@ class DistanceBounder {
   const DistanceRoom& room_;
   PlacedBalls placed_;
   float table_low_[kMostTabledPairs];
-  float upper_ = 0, aside_ = 0, threshold_ = 0;
+  float upper_ = 0, aside_ = 0, threshold_ = 0, width_ = 0;
   std::uint64_t upper_at_ = 0, aside_at_ = 0, hit_ = 0;
   std::uint32_t begin_ = 0, left_ = 0, count_[kLevels] = {};
   bool overflow_ = false;

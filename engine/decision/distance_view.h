@@ -15,9 +15,7 @@ namespace clearance {
 struct DistanceLimits {
   double scale[2] = {1, 1}, shift[2] = {0, 0};
   double most = std::numeric_limits<double>::infinity();
-  int deepest = 3;             ///< level of the smallest balls, 0 to 3
-  bool any_overlap = false;    ///< an overlapping pair ends the search; otherwise the first one is requested
-  bool narrows_least = false;  ///< the nearest pair is worth smaller balls though no other pair is left
+  bool any_overlap = false;  ///< an overlapping pair ends the search; otherwise the first one is requested
 };
 
 /// States whose least distances are bounded.

@@ -54,12 +54,11 @@ class LeastDistanceJob final : public CoveredJob {
       limits_.scale[0] = kUp, limits_.shift[0] = -kShareOfCovers * abs_tol;
       limits_.scale[1] = kUp - kShareOfCovers * rel_tol;
       limits_.most = plan_.query.max_distance;
-      limits_.any_overlap = limits_.narrows_least = true;
+      limits_.any_overlap = true;
     } else {
       const double far = loser_beyond(1, options_.limits) - loser_beyond(0, options_.limits);
       limits_.scale[0] = limits_.scale[1] = far * kUp;
       limits_.shift[0] = limits_.shift[1] = loser_beyond(0, options_.limits) * kUp;
-      limits_.deepest = 1;
     }
   }
 
