@@ -107,9 +107,8 @@ void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64
                    share.left);
   const std::span<const std::uint64_t> left = share.left.configurations();
   if (left.empty()) return;
-  const std::span<const BodyPoses> placed =
-      left.size() == count ? placements(worker, begin, count) : worker_poses(worker).at(left);
-  share.block.begin(placed, left, share.left.pairs());
+  const auto pairs = share.left.pairs();
+  share.block.begin(worker_poses(worker).at(left, pairs), left, pairs);
 }
 
 void CoveredJob::write_exact(std::uint64_t configuration, std::size_t, int, Row& row) {

@@ -21,16 +21,13 @@ class WorkerPoses {
   /// Poses as given, or as joints determine them, of configurations [first, first + count), valid until the next call.
   ConfigurationPoses::PoseBlock given(std::uint64_t first, std::uint64_t count) { return given_.at(first, count); }
 
-  /// Poses in some configurations, valid until the next call.
-  std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations) {
+  /// Poses in some configurations, of the bodies of some pairs, valid until the next call.
+  /// \param pairs (configurations.size(),) positions in the plan
+  std::span<const BodyPoses> at(std::span<const std::uint64_t> configurations,
+                                std::span<const std::span<const std::uint64_t>> pairs) {
     while (placed_.size() < configurations.size()) placed_.emplace_back(scene_, plan_, boxes_);
-    rotations_.resize(plan_.bodies.size());
-    for (std::size_t i = 0; i < configurations.size(); ++i) {
-      if (placed_[i].is_at(configurations[i])) continue;
-      const ConfigurationPoses::PoseBlock given = given_.at(configurations[i], 1);
-      rotations_of(given.poses, rotations_);
-      placed_[i].configure(configurations[i], given, rotations_);
-    }
+    for (std::size_t i = 0; i < configurations.size(); ++i)
+      placed_[i].configure(configurations[i], given_.at(configurations[i], 1), pairs[i]);
     return {placed_.data(), configurations.size()};
   }
 

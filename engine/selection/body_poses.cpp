@@ -72,7 +72,9 @@ BodyPoses::BodyPoses(const engine::Scene& scene, const Plan& plan, std::span<con
   for (const std::uint32_t b : plan.moved)
     travels_.push_back(plan.uncertainties.empty() ? 0 : plan.uncertainties[b].link.travel);
   moved_.resize(local_.size());
-  rotation_of_.resize(local_.size(), nullptr);
+  given_.resize(local_.size(), kNone);
+  for (std::size_t m = 0; m < plan.bodies.size(); ++m)
+    given_[moved_slot_[plan.bodies[m]]] = static_cast<std::uint32_t>(m);
   moved_boxes_.resize(local_.size());
   if (!plan.uncertainties.empty()) moved_uncertainties_.resize(local_.size());
   if (!boxes.empty()) part_boxes_.resize(parts);
@@ -81,42 +83,73 @@ BodyPoses::BodyPoses(const engine::Scene& scene, const Plan& plan, std::span<con
 void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
                           std::span<const Mat3d> rotations) {
   if (is_at(k)) return;
-  const std::size_t count = plan_.bodies.size();
-  assert(rotations.size() == count && given.poses.size() == count &&
-         (given.facts.empty() || given.facts.size() == count));
+  assert(rotations.size() == plan_.bodies.size());
   number_ = plan_.number(k);
+  is_whole_ = true;
   errors_ = given.errors;
-  const PoseSnapshot& snapshot = *plan_.snapshot;
-  for (std::size_t m = 0; m < count; ++m) {
-    const std::uint32_t slot = moved_slot_[plan_.bodies[m]];
-    local_[slot] = given.poses[m];
-    facts_[slot] = given.facts.empty() ? 0 : given.facts[m];
-    rotation_of_[slot] = &rotations[m];
-    if (!given.travels.empty()) travels_[slot] = given.travels[m];
+  for (std::size_t i = 0; i < plan_.moved.size(); ++i)
+    place_moved(i, given, given_[i] == kNone ? nullptr : &rotations[given_[i]]);
+}
+
+void BodyPoses::configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given,
+                          std::span<const std::uint64_t> pairs) {
+  if (is_at(k)) return;
+  number_ = plan_.number(k);
+  is_whole_ = false;
+  errors_ = given.errors;
+  is_wanted_.assign(plan_.moved.size(), 0);
+  for (const std::uint64_t p : pairs) {
+    const BodyPair pair = plan_.pairs.at(p);
+    want(pair.a);
+    want(pair.b);
   }
   for (std::size_t i = 0; i < plan_.moved.size(); ++i) {
-    const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
-    const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
-    const bool is_unplaced = (facts_[i] & kLinkUnplaced) || scene_.bodies()[body].cloud == CloudState::kAwaited;
-    moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation_of_[i]);
-    moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
-    if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
-      moved_[i].status = Status::kStalePose;  // through a joint that the query does not move
-    if (!moved_uncertainties_.empty() && moved_[i].status == Status::kOk) {
-      // Bodies that the query places are there now.
-      const double age_s =
-          rotation_of_[i] ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
-      PlacedLink link = plan_.uncertainties[body].link;
-      link.travel = travels_[i];
-      moved_uncertainties_[i] =
-          uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
-                         parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
-    }
-    if (boxes_.empty()) continue;
-    Aabb* const parts = part_boxes_.data() + first_part_[i];
-    moved_boxes_[i] = body_box(scene_.bodies()[body], moved_[i], slack(body),
-                               [&](std::size_t p, const Aabb& box) { parts[p] = box; });
+    if (!is_wanted_[i]) continue;
+    Mat3d rotation;
+    if (given_[i] != kNone) rotation = rotation_of(given.poses[given_[i]]);
+    place_moved(i, given, given_[i] == kNone ? nullptr : &rotation);
   }
+}
+
+// Marks a body and those that carry it.
+void BodyPoses::want(std::uint32_t body) {
+  for (; body < moved_slot_.size() && moved_slot_[body] != kNone && !is_wanted_[moved_slot_[body]];
+       body = plan_.snapshot->parent[body])
+    is_wanted_[moved_slot_[body]] = 1;
+}
+
+// Places a moved body, after the one that carries it.
+// \param rotation of its pose, if that is given
+void BodyPoses::place_moved(std::size_t i, const ConfigurationPoses::PoseBlock& given, const Mat3d* rotation) {
+  assert(given.poses.size() == plan_.bodies.size() &&
+         (given.facts.empty() || given.facts.size() == given.poses.size()));
+  if (const std::uint32_t m = given_[i]; m != kNone) {
+    local_[i] = given.poses[m];
+    facts_[i] = given.facts.empty() ? 0 : given.facts[m];
+    if (!given.travels.empty()) travels_[i] = given.travels[m];
+  }
+  const PoseSnapshot& snapshot = *plan_.snapshot;
+  const std::uint32_t body = plan_.moved[i], parent = snapshot.parent[body];
+  const BodyPlacement* const on = parent == kNone ? nullptr : &(*this)[parent];
+  const bool is_unplaced = (facts_[i] & kLinkUnplaced) || scene_.bodies()[body].cloud == CloudState::kAwaited;
+  moved_[i] = place(is_unplaced ? nullptr : &local_[i], on, rotation);
+  moved_[i].beyond_limits |= (facts_[i] & kLinkBeyondLimits) != 0;
+  if (moved_[i].status == Status::kOk && snapshot.placed[body].status == Status::kStalePose)
+    moved_[i].status = Status::kStalePose;  // through a joint that the query does not move
+  if (!moved_uncertainties_.empty() && moved_[i].status == Status::kOk) {
+    // Bodies that the query places are there now.
+    const double age_s =
+        rotation ? points_age_s(snapshot, body, plan_.begun_ns) : pose_age_s(snapshot, body, plan_.begun_ns);
+    PlacedLink link = plan_.uncertainties[body].link;
+    link.travel = travels_[i];
+    moved_uncertainties_[i] =
+        uncertainty_of(scene_.bodies()[body], local_[i], moved_[i].pose.t_w, age_s,
+                       parent == kNone ? nullptr : &uncertainty(parent), on && is_composed(*on), link);
+  }
+  if (boxes_.empty()) return;
+  Aabb* const parts = part_boxes_.data() + first_part_[i];
+  moved_boxes_[i] =
+      body_box(scene_.bodies()[body], moved_[i], slack(body), [&](std::size_t p, const Aabb& box) { parts[p] = box; });
 }
 
 Aabb BodyPoses::box(std::uint32_t body) const {

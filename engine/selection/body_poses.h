@@ -22,6 +22,9 @@ class BodyPoses {
   /// \param given (1, M) of it
   /// \param rotations (M,) of its poses
   void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const Mat3d> rotations);
+  /// The same for the bodies of some pairs alone: others must not be read.
+  /// \param pairs positions in the plan
+  void configure(std::uint64_t k, const ConfigurationPoses::PoseBlock& given, std::span<const std::uint64_t> pairs);
   /// Limit on the configurations that a worker keeps, which bounds their memory.
   static std::uint64_t most(const engine::Scene& scene, const Plan& plan);
 
@@ -29,7 +32,8 @@ class BodyPoses {
   bool moves(std::uint32_t body) const { return !moved_slot_.empty() && moved_slot_[body] != kNone; }
   /// Plan::number() of the present configuration; constant if nothing moves.
   std::uint64_t number() const { return number_; }
-  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || plan_.number(k) == number_; }
+  /// Whether all bodies are placed for a configuration.
+  bool is_at(std::uint64_t k) const { return moved_slot_.empty() || (is_whole_ && plan_.number(k) == number_); }
 
   const BodyPlacement& operator[](std::uint32_t body) const {
     return moved_slot_.empty() || moved_slot_[body] == kNone ? plan_.snapshot->placed[body] : moved_[moved_slot_[body]];
@@ -63,14 +67,19 @@ class BodyPoses {
   }
 
  private:
+  void want(std::uint32_t body);
+  void place_moved(std::size_t i, const ConfigurationPoses::PoseBlock& given, const Mat3d* rotation);
+
   const engine::Scene& scene_;
   const Plan& plan_;
   std::span<const Aabb> boxes_;
   std::uint64_t number_ = ~std::uint64_t{0};
+  bool is_whole_ = false;
   std::vector<std::uint32_t> moved_slot_;  // by body: index into moved_, or kNone; empty without configurations
   std::vector<Pose> local_;                // of each moved body
   std::vector<std::uint8_t> facts_;        // of each moved body, LinkFact bits
-  std::vector<const Mat3d*> rotation_of_;  // of local_, during configure()
+  std::vector<std::uint32_t> given_;       // of each moved body: index in Plan::bodies, or kNone
+  std::vector<std::uint8_t> is_wanted_;    // of each moved body, during configure()
   std::vector<double> travels_;            // of local_: PlacedLink::travel
   std::vector<BodyPlacement> moved_;
   std::vector<PoseUncertainty> moved_uncertainties_;  // empty if the plan has none
