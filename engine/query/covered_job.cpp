@@ -39,9 +39,9 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
   take_covers();
 }
 
-void CoveredJob::make_blocks(double share) {
-  options_.limits.abs_tol *= share;
-  options_.limits.rel_tol *= share;
+void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
+  options_.limits.abs_tol = abs_tol;
+  options_.limits.rel_tol = rel_tol;
   const Reduction::Boxes all{boxes(), columns_, near_pairs_};
   for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
 }

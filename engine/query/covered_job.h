@@ -42,8 +42,9 @@ class CoveredJob : public ParallelJob {
   void rewind() final;
 
  protected:
-  /// \param share of the tolerances that the exact engine's intervals may have
-  void make_blocks(double share = 1);
+  /// Makes what the exact engine works with.
+  /// \param abs_tol, rel_tol of its intervals
+  void make_blocks(double abs_tol, double rel_tol);
   /// Consecutive states.
   struct States {
     std::uint64_t begin, count;

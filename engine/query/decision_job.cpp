@@ -18,7 +18,7 @@ class DecisionJob final : public CoveredJob {
         any_hit_((plan_.size.fields & ~(kFieldVerdict | kFieldConfiguration)) == 0),
         needs_no_row_((plan_.size.fields & ~(kFieldVerdict | kFieldConfiguration | kFieldPair)) == 0),
         rooms_(static_cast<std::size_t>(workers())) {
-    make_blocks();
+    make_blocks(plan_.query.abs_tol, plan_.query.rel_tol);
     free_.answer = beyond_all_margins(plan_);
     hit_.answer.status = Status::kOk;
   }

@@ -5,7 +5,6 @@
 #include <vector>
 
 #include "engine/decision/distance_view.h"
-#include "engine/decision/slack_bounds.h"
 #include "engine/query/covered_job.h"
 
 namespace clearance {
@@ -19,21 +18,12 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 // Shares of such a tolerance that covers and the exact engine may use: the bounds of a row may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
-
-constexpr double kMostSlack = 1e-9;  // metres, in addition to both
+// Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
+// wide tolerance.
+constexpr double kMostContact = 1e-6;
 
 bool has_wide_tolerance(const Plan& plan) {
   return plan.query.abs_tol >= kWideAbsTol || plan.query.rel_tol >= kWideRelTol;
-}
-// Whether a pair has slack, which widens its interval beyond the tolerance. The exact engine reports that.
-bool has_slack(const engine::Scene& scene, const Plan& plan) {
-  if (plan.uncertainties.empty()) return false;
-  const SlackBounds slack(scene, plan);
-  for (std::uint64_t p = 0; p < plan.pairs.size(); ++p) {
-    const Slack of_pair = slack.of(plan.pairs.at(p));
-    if (of_pair.inner + of_pair.outer > kMostSlack) return true;
-  }
-  return false;
 }
 
 // Bounds the least distance of states by covers as far as they have been made, and lets the exact engine evaluate the
@@ -42,13 +32,14 @@ class LeastDistanceJob final : public CoveredJob {
  public:
   LeastDistanceJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
       : CoveredJob(context, std::move(plan), reply),
-        wide_(has_wide_tolerance(plan_) && !has_slack(scene(), plan_)),
+        wide_(has_wide_tolerance(plan_)),
         rooms_(static_cast<std::size_t>(workers())) {
-    make_blocks(wide_ ? kShareOfExact : 1);
+    const double abs_tol = plan_.query.abs_tol, rel_tol = plan_.query.rel_tol;
+    make_blocks(wide_ ? std::min(abs_tol, kMostContact) : abs_tol,
+                wide_ ? std::max(kShareOfExact * rel_tol, std::min(rel_tol, 1e-6)) : rel_tol);
     constexpr std::uint32_t kOfBounds =
         kDefaultFields | kFieldBounds | kFieldFlags | kFieldPair | kFieldPairLower | kFieldConfiguration;
     needs_no_points_ = wide_ && (plan_.size.fields & ~kOfBounds) == 0;
-    const double abs_tol = plan_.query.abs_tol, rel_tol = plan_.query.rel_tol;
     constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of bounds by covers
     if (wide_) {
       limits_.scale[0] = kUp, limits_.shift[0] = -kShareOfCovers * abs_tol;
@@ -76,10 +67,8 @@ class LeastDistanceJob final : public CoveredJob {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     bound(states, room);
     room.aside.clear();
-    const bool leaves_all = !wide_ && plan_.query.max_distance < kInf;
     for (std::uint64_t k = 0; k < states.count; ++k) {
-      DistanceBounds& bounds = room.bounds[k];
-      bounds.is_listed &= !leaves_all;
+      const DistanceBounds& bounds = room.bounds[k];
       if (write_bounded(bounds, states.begin + k)) continue;
       leave(room, bounds, states.begin + k, left);
       room.aside.emplace_back(bounds.is_listed && wide_ ? bounds.lower : kInf, bounds.lower_at);
@@ -151,12 +140,12 @@ class LeastDistanceJob final : public CoveredJob {
     pairs.erase(std::unique(pairs.begin(), pairs.end()), pairs.end());
   }
 
-  // The row reaches down to what covers laid aside. Its status is that of the query's tolerance, of which the exact
-  // engine had a share.
   void write_exact(std::uint64_t configuration, std::size_t index, int worker, Row& row) override {
     if (wide_ && !std::isnan(row.answer.distance)) widen(row, index, worker);
     write_row(reply_, configuration, row);
   }
+  // The row reaches down to what covers laid aside. Its status is that of the query's tolerance; the exact engine had a
+  // narrower one, beyond which only slack may have widened its intervals.
   void widen(Row& row, std::size_t index, int worker) const {
     PairAnswer& answer = row.answer;
     if (index != kNone) {
@@ -170,8 +159,10 @@ class LeastDistanceJob final : public CoveredJob {
       answer.status = Status::kUnconverged;
       answer.distance = answer.upper;
     }
+    const bool is_narrow = is_narrow_enough(answer.lower, answer.upper);
+    if (is_narrow) answer.flags &= static_cast<std::uint16_t>(~kFlagUncertaintyLimited);
     if (answer.lower > 0 && (answer.status == Status::kOk || answer.status == Status::kUnconverged))
-      answer.status = is_narrow_enough(answer.lower, answer.upper) ? Status::kOk : Status::kUnconverged;
+      answer.status = is_narrow || (answer.flags & kFlagUncertaintyLimited) ? Status::kOk : Status::kUnconverged;
   }
 
   static constexpr std::uint64_t kMostLeft = 32;  // pairs of a state, on average; beyond it all are left
