@@ -42,7 +42,7 @@ class CoveredJob : public ParallelJob {
   void rewind() final;
 
  protected:
-  /// Makes what the exact engine works with.
+  /// Prepares the exact engine.
   /// \param abs_tol, rel_tol of its intervals
   void make_blocks(double abs_tol, double rel_tol);
   /// Consecutive states.

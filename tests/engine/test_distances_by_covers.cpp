@@ -9,33 +9,11 @@
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/distance_view.h"
 #include "engine/selection/configuration_poses.h"
-#include "tests/engine/crowded_arm.h"
+#include "tests/engine/least_distances.h"
 #include "tests/engine/same_rows.h"
 
 namespace clearance::test {
 namespace {
-
-constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr std::uint32_t kBoundFields = kDefaultFields | kFieldPair | kFieldPairLower | kFieldFlags | kFieldBounds;
-
-struct Tolerance {
-  double abs, rel;
-};
-
-ArmStates least_distances(const engine::Scene& scene, int count) {
-  ArmStates states(scene, count);
-  states.query.reduce = Reduce::kMin;
-  states.query.fields = kBoundFields;
-  return states;
-}
-Answer bounds_of(const engine::Engine& engine, QueryView query, const Tolerance& tolerance) {
-  query.abs_tol = tolerance.abs;
-  query.rel_tol = tolerance.rel;
-  return evaluate(engine, query);
-}
-bool has(const Answer& answer, std::uint64_t row, Status status) {
-  return answer.view.status[row] == static_cast<std::uint8_t>(status);
-}
 
 void narrow_tolerances_keep_every_bit(const CoverEngines& engines) {
   ArmStates s = least_distances(engines.with.scene(), 600);
@@ -51,31 +29,6 @@ void narrow_tolerances_keep_every_bit(const CoverEngines& engines) {
     EXPECT_GT(counts[static_cast<std::size_t>(Status::kOverlap)], 50u);
     EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated / 2) << "covers leave most pairs out";
   }
-}
-
-/// Expects the exact distances in the rows, and no row wider than the tolerance. Returns how many are apart.
-int expect_true_rows(const Answer& exact, const Answer& rows, const Tolerance& tolerance, std::uint64_t count) {
-  int apart = 0;
-  for (std::uint64_t k = 0; k < count; ++k) {
-    const double lower = rows.view.lower[k], upper = rows.view.upper[k];
-    EXPECT_LE(lower, exact.view.upper[k]) << k;
-    EXPECT_GE(upper, exact.view.lower[k]) << k;
-    EXPECT_LE(rows.view.bounds[2 * k], lower) << k;
-    EXPECT_GE(rows.view.bounds[2 * k + 1], upper) << k;
-    if (has(exact, k, Status::kOverlap)) {
-      EXPECT_TRUE(has(rows, k, Status::kOverlap)) << k << ": an overlap is proved at any tolerance";
-      EXPECT_EQ(upper, 0) << k;
-    } else if (has(exact, k, Status::kOk)) {
-      ++apart;
-      EXPECT_TRUE(has(rows, k, Status::kOk)) << k << ": status " << int(rows.view.status[k]);
-      EXPECT_GT(lower, 0) << k << ": a distance is not reported as contact";
-      if (!(rows.view.flags[k] & kFlagUncertaintyLimited)) {
-        EXPECT_LE(upper - lower, std::max(tolerance.abs, tolerance.rel * upper)) << k;
-      }
-      EXPECT_EQ(rows.view.distance[k], upper) << k;
-    }
-  }
-  return apart;
 }
 
 void wide_tolerances_contain_the_distance(const CoverEngines& engines) {
@@ -126,15 +79,6 @@ void points_are_those_of_the_distance(const CoverEngines& engines) {
     const double *a = rows.view.point_a + 3 * k, *b = rows.view.point_b + 3 * k;
     EXPECT_NEAR(std::hypot(a[0] - b[0], a[1] - b[1], a[2] - b[2]), rows.view.upper[k], 1e-9) << k;
   }
-}
-
-/// Pairs of a body and the links beyond the elbow.
-std::vector<BodyPair> pairs_with(const engine::Scene& scene, const std::string& body) {
-  std::vector<BodyPair> pairs;
-  for (std::uint32_t b = scene.find_body("arm/elbow"); b < scene.bodies().size(); ++b)
-    if (scene.bodies()[b].robot != kNone && !scene.bodies()[b].parts.empty())
-      pairs.push_back({scene.find_body(body), b});
-  return pairs;
 }
 
 void states_beyond_max_distance_are_proved(const CoverEngines& engines) {
@@ -192,7 +136,7 @@ void every_kernel_gives_the_same_bounds(const CoverEngines& engines) {
       std::vector<LeftPair> left(300 * 64);
       std::vector<float> lows(std::size_t{view.obstacle_count} * view.columns + moved_inner.size());
       std::vector<DistanceItem> items(3 * kMostDistanceItems);
-      DistanceLimits limits{{1, 1}, {-width, -width}, kInf, width > 0};
+      const DistanceLimits limits{.shift = {-width, -width}, .any_overlap = width > 0};
       kernel.run({&view, moved_inner.data(), limits, block.poses.data(), plan.bodies.size(), 300, usable.data(),
                   plan.positions.data(), plan.joints.size()},
                  {found.data(), left.data(), static_cast<std::uint32_t>(left.size()), lows.data(), items.data()});
