@@ -49,7 +49,9 @@ class LeastBounds {
     if (!better) return;
     alignas(32) float values[kBalls];
     upper.store(values);
-    for (Bits b = better; b; b &= b - 1) take_upper(values[lowest(b)], position(lowest(b)));
+    int least = lowest(better);
+    for (Bits b = better; b; b &= b - 1) least = values[lowest(b)] < values[least] ? lowest(b) : least;
+    take_upper(values[least], position(least));
   }
   void take_upper(float upper, std::uint64_t position) {
     if (!(upper < upper_)) return;
