@@ -128,7 +128,13 @@ void every_kernel_gives_the_same_bounds(const CoverEngines& engines) {
   const auto block = poses.at(0, 300);
   const std::vector<std::uint8_t> usable(300, 1);
   const std::vector<float> moved_inner(view.moved_pair_count + BallPacket::kBalls, BallPacket::kNoRadius);
-  for (const double width : {0.0, 0.002, 0.02}) {
+  s.query.reduce = Reduce::kNone;
+  s.query.fields = kDefaultFields | kFieldPair;
+  const Answer exact = bounds_of(engines.without, s.query, {0, 1e-12});  // (states, pairs)
+  const std::uint64_t pairs = plan.pairs.size();
+  ASSERT_EQ(exact.size.rows, 300 * pairs);
+  ASSERT_EQ(exact.view.pair[pairs - 1].b, plan.pairs.at(pairs - 1).b);
+  for (const double width : {0.0, 0.002, 0.005, 0.02}) {
     std::vector<Bounds> first;
     std::vector<std::uint64_t> first_left;
     for (const DistanceKernel& kernel : distance_kernels()) {
@@ -145,7 +151,15 @@ void every_kernel_gives_the_same_bounds(const CoverEngines& engines) {
       for (const DistanceBounds& b : found) {
         bounds.emplace_back(b.lower, b.upper, b.lower_at, b.upper_at, b.is_listed, b.left_begin, b.left_end);
         for (std::uint32_t i = b.left_begin; i < b.left_end; ++i) positions.push_back(left[i].position);
-        EXPECT_TRUE(b.is_listed);
+        ASSERT_TRUE(b.is_listed);
+        const auto first_left_of = left.begin() + b.left_begin, last_left_of = left.begin() + b.left_end;
+        const std::uint64_t row = (bounds.size() - 1) * pairs;
+        for (std::uint64_t p = 0; p < pairs && b.upper > 0; ++p) {
+          const bool is_left =
+              std::any_of(first_left_of, last_left_of, [&](const LeftPair& pair) { return pair.position == p; });
+          EXPECT_TRUE(is_left || exact.view.upper[row + p] >= b.lower) << kernel.name << ", pair " << p;
+        }
+        EXPECT_GE(std::max(b.upper, 0.0), exact.view.lower[row + b.upper_at]) << kernel.name;
       }
       EXPECT_GT(positions.size(), width == 0.02 ? 0u : 100u) << kernel.name << ": some pairs are left";
       if (first.empty()) first = bounds, first_left = positions;
