@@ -9,7 +9,7 @@
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/distance_view.h"
 #include "engine/selection/configuration_poses.h"
-#include "tests/engine/least_distances.h"
+#include "tests/engine/decision/least_distances.h"
 #include "tests/engine/same_rows.h"
 
 namespace clearance::test {
