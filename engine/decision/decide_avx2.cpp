@@ -1,5 +1,6 @@
 #define CLEARANCE_ISA decide_avx2
 #include "engine/decision/decide_kernel.h"
+#include "engine/decision/distance_kernel.h"
 
 namespace clearance {
 
@@ -9,6 +10,10 @@ void run_decide_avx2(const DecisionBatch& batch, const DecisionRoom& room) {
 
 SpanDecision run_decide_span_avx2(const SpanBatch& batch) {
   return decide_avx2::decide_span(batch);
+}
+
+void run_distances_avx2(const DistanceBatch& batch, const DistanceRoom& room) {
+  decide_avx2::bound_distances(batch, room);
 }
 
 }  // namespace clearance

@@ -1,5 +1,6 @@
 #define CLEARANCE_ISA decide_baseline
 #include "engine/decision/decide_kernel.h"
+#include "engine/decision/distance_kernel.h"
 
 namespace clearance {
 
@@ -9,6 +10,10 @@ void run_decide_baseline(const DecisionBatch& batch, const DecisionRoom& room) {
 
 SpanDecision run_decide_span_baseline(const SpanBatch& batch) {
   return decide_baseline::decide_span(batch);
+}
+
+void run_distances_baseline(const DistanceBatch& batch, const DistanceRoom& room) {
+  decide_baseline::bound_distances(batch, room);
 }
 
 }  // namespace clearance

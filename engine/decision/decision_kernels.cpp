@@ -1,18 +1,21 @@
 #include <vector>
 
 #include "engine/base/instruction_sets.h"
-#include "engine/decision/decision_view.h"
+#include "engine/decision/distance_view.h"
 
 namespace clearance {
 
 #ifdef CLEARANCE_LANES_X86
 void run_decide_avx512(const DecisionBatch&, const DecisionRoom&);
 SpanDecision run_decide_span_avx512(const SpanBatch&);
+void run_distances_avx512(const DistanceBatch&, const DistanceRoom&);
 void run_decide_avx2(const DecisionBatch&, const DecisionRoom&);
 SpanDecision run_decide_span_avx2(const SpanBatch&);
+void run_distances_avx2(const DistanceBatch&, const DistanceRoom&);
 #endif
 void run_decide_baseline(const DecisionBatch&, const DecisionRoom&);
 SpanDecision run_decide_span_baseline(const SpanBatch&);
+void run_distances_baseline(const DistanceBatch&, const DistanceRoom&);
 
 std::span<const DecisionKernel> decision_kernels() {
   static const auto& kernels = *new std::vector<DecisionKernel>([] {  // queries may outlast main()
@@ -22,6 +25,19 @@ std::span<const DecisionKernel> decision_kernels() {
     if (has_avx2_lanes()) k.push_back({"avx2", run_decide_avx2, run_decide_span_avx2});
 #endif
     k.push_back({"baseline", run_decide_baseline, run_decide_span_baseline});
+    return k;
+  }());
+  return kernels;
+}
+
+std::span<const DistanceKernel> distance_kernels() {
+  static const auto& kernels = *new std::vector<DistanceKernel>([] {
+    std::vector<DistanceKernel> k;
+#ifdef CLEARANCE_LANES_X86
+    if (has_avx512_lanes()) k.push_back({"avx512", run_distances_avx512});
+    if (has_avx2_lanes()) k.push_back({"avx2", run_distances_avx2});
+#endif
+    k.push_back({"baseline", run_distances_baseline});
     return k;
   }());
   return kernels;

@@ -104,10 +104,14 @@ class PlacedBalls {
                reinterpret_cast<Row>(root_.z[begin]), gaps);
   }
   HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
+  /// Distances of the roots of eight columns from a point.
+  HWY_INLINE Eight distances_to_roots(std::uint32_t begin, const std::array<float, 3>& point) const {
+    const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
+    return distances(c, point[0], point[1], point[2]);
+  }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
-    const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
-    return greater(distances(c, centre[0], centre[1], centre[2]), bound) == 0xff;
+    return greater(distances_to_roots(begin, centre), bound) == 0xff;
   }
   /// Distances of the roots of eight pairs of bodies, and how far both move.
   HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {
@@ -155,11 +159,13 @@ class PlacedBalls {
     has_children_[body] = true;
     return children_[body];
   }
+  HWY_INLINE Eight distances_to_root(const Centres& c, std::uint32_t other) const {
+    return distances(c.points(), root_.x[other], root_.y[other], root_.z[other]);
+  }
   /// Balls that are near the root of another body.
   HWY_INLINE Bits near_root(const BallPacket& packet, const Centres& c, std::uint32_t other, float grow) const {
     const Eight bound = Eight::load(packet.outer) + Eight(v_.moved_root_outer[other] + grow);
-    const Eight d = distances(c.points(), root_.x[other], root_.y[other], root_.z[other]);
-    return ~greater(d, bound) & first(packet.count);
+    return ~greater(distances_to_root(c, other), bound) & first(packet.count);
   }
 
  private:

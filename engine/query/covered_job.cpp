@@ -36,10 +36,15 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
     : ParallelJob(context, std::move(plan), reply),
       near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
   columns_.assign(boxes());
-  const Reduction::Boxes all{boxes(), columns_, near_pairs_};
   block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
-  for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
   take_covers();
+}
+
+void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
+  options_.limits.abs_tol = abs_tol;
+  options_.limits.rel_tol = rel_tol;
+  const Reduction::Boxes all{boxes(), columns_, near_pairs_};
+  for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
 }
 
 bool CoveredJob::go_on(WorkMeter& slice) {
@@ -83,11 +88,7 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
   const std::span<const std::uint64_t> left = covers_ ? share.left.configurations() : share.all;
   share.rows.resize(std::max(share.rows.size(), left.size()));
   evaluated_.fetch_add(share.block.end(std::span(share.rows).first(left.size())), std::memory_order_relaxed);
-  for (std::size_t i = 0; i < left.size(); ++i)
-    if (covers_)
-      write_exact(left[i], i, worker, share.rows[i][0]);
-    else
-      write_row(reply_, left[i], share.rows[i][0]);
+  for (std::size_t i = 0; i < left.size(); ++i) write_exact(left[i], covers_ ? i : kNone, worker, share.rows[i][0]);
   return true;
 }
 

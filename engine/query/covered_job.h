@@ -35,12 +35,16 @@ class LeftStates {
 /// they leave. One row a state.
 class CoveredJob : public ParallelJob {
  public:
+  /// The constructor of a derived class calls make_blocks().
   CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
   bool go_on(WorkMeter& slice) final;
   void rewind() final;
 
  protected:
+  /// Prepares the exact engine.
+  /// \param abs_tol, rel_tol of its intervals
+  void make_blocks(double abs_tol, double rel_tol);
   /// Consecutive states.
   struct States {
     std::uint64_t begin, count;
@@ -52,7 +56,8 @@ class CoveredJob : public ParallelJob {
   };
   /// Writes the rows of the states that covers answer, and adds the others to `left`, ascending.
   virtual void answer_by_covers(const States& states, int worker, LeftStates& left) = 0;
-  /// Writes the row of a state in `left`, the `index`-th of them.
+  /// Writes the row of a state that the exact engine answered.
+  /// \param index of the state in `left`, or kNone without covers
   virtual void write_exact(std::uint64_t configuration, std::size_t index, int worker, Row& row);
   const CoverPlan& covers() const { return *covers_; }
 

@@ -19,6 +19,7 @@ class DecisionJob final : public CoveredJob {
         needs_no_row_((plan_.size.fields & ~(kFieldVerdict | kFieldConfiguration | kFieldPair)) == 0),
         rooms_(static_cast<std::size_t>(workers())),
         free_(beyond_all_margins(plan_)) {
+    make_blocks(plan_.query.abs_tol, plan_.query.rel_tol);
     hit_.status = Status::kOk;
   }
 

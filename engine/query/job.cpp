@@ -13,6 +13,7 @@ std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, c
   const bool is_cacheable = plan.question && JobCache::keeps(plan.size);
   const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job
                     : covers_may_decide(context, plan) ? make_decision_job
+                    : covers_may_bound(context, plan)  ? make_least_distance_job
                                                        : make_reduced_job;
   std::unique_ptr<Job::State> job = make(context, std::move(plan), reply);
   if (is_cacheable) job->keeper = context.job_cache;

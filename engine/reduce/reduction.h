@@ -55,7 +55,8 @@ class Reduction {
   /// configurations (configuration_block.h). Runs a scan.
   /// \param gaps of all pairs' boxes, in order
   void scan(std::span<const double> gaps, const BodyPoses& placement);
-  /// Scans some pairs alone: of Reduce::kAny, all that are not proved to be beyond their margins.
+  /// Scans some pairs alone. Of Reduce::kAny, they must contain all that are not proved to be beyond their margins; of
+  /// Reduce::kMin, all that may win or lower the interval.
   /// \param positions ascending
   void scan(std::span<const std::uint64_t> positions, const BodyPoses& placement);
   /// Appends the seeds or candidates to evaluate next; take() receives their answers in that order. Returns false if
@@ -141,6 +142,7 @@ class Reduction {
   void widen(Row& row, double lower, const BodyPoses& placement) const;
 
   static constexpr std::uint64_t kBlock = 4096;                 // pairs whose boxes one unit compares
+  static constexpr std::size_t kMostSeeds = 4;                  // pairs of a minimum that are all evaluated at first
   static constexpr std::uint64_t kUnitsPerScan = kBlock / 128;  // of work: boxes are compared eight at a time
   static constexpr std::uint64_t kProbes = 64;                  // bodies whose pairs one unit finds in a tree
   static constexpr std::uint64_t kTreeBlocks = 8;               // or blocks of a tree in one unit

@@ -44,10 +44,18 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
 }
 
 void Reduction::scan(std::span<const std::uint64_t> positions, const BodyPoses& placement) {
-  assert(any() && stage_ == kScan);
+  assert((any() && stage_ == kScan) || plan_.query.reduce == Reduce::kMin);
+  if (stage_ == kSeedScan && positions.size() <= kMostSeeds) {
+    seeds_.assign(positions.begin(), positions.end());
+    return;
+  }
   for (const std::uint64_t p : positions) {
     const BodyPair pair = plan_.pairs.at(p);
-    offer(p, pair, box_gap(scene_, placement, pair), workers_[0], placement);
+    const double gap = box_gap(scene_, placement, pair);
+    if (stage_ == kSeedScan)
+      workers_[0].seed[0] = std::min(workers_[0].seed[0], Seed{gap, p});
+    else
+      offer(p, pair, gap, workers_[0], placement);
   }
 }
 
@@ -55,8 +63,9 @@ void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std:
                       WorkerState& worker, const BodyPoses& placement) const {
   if (stage_ == kSeedScan) {
     for (std::uint64_t i = 0; i < pairs.size(); ++i)
-      for_groups(pairs[i],
-                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
+      for_groups(pairs[i], [&](std::uint32_t g) {
+        worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i});
+      });
   } else {
     for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
   }

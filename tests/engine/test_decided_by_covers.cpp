@@ -6,66 +6,16 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/selection/configuration_poses.h"
-#include "tests/engine/arm_scene.h"
+#include "tests/engine/crowded_arm.h"
 #include "tests/engine/same_rows.h"
 
 namespace clearance::test {
 namespace {
 
-constexpr std::chrono::minutes kPatience{10};
 constexpr std::uint32_t kRows = kAllFields & ~kFieldGradient;
 
-/// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
-engine::Scene crowded_scene() {
-  engine::RobotOptions arm = at_home();
-  arm.link_padding = {{"fore", 0.01}};
-  engine::Scene scene = arm_scene(arm);
-  scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.4}}});
-  const auto still = [](Vec3d at, double angle) {
-    return engine::Scene::BodyOptions{.is_static = true,
-                                      .pose = Pose{at, std::cos(angle / 2), 0, std::sin(angle / 2), 0}};
-  };
-  scene.add_capsule("rod", 0.05, 0.6, still({-0.4, 0.3, 0.4}, 0.7));
-  scene.add_cylinder("post", 0.08, 0.8, still({0.3, -0.5, 0.4}, 0));
-  scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
-  Random random(11);
-  scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
-  scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
-  // Neighbours overlap in every state.
-  const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",
-                                          "arm/flange", "arm/left_finger", "arm/right_finger", "held"};
-  for (std::size_t a = 0; a < chain.size(); ++a)
-    for (std::size_t b = a + 1; b < chain.size() && (b <= a + 2 || a >= 3); ++b) scene.ignore(chain[a], chain[b]);
-  return scene;
-}
-
-/// The same scene with and without covers.
-struct Engines {
-  engine::Engine with{crowded_scene(), {.backend = "cpu", .threads = 2}};
-  engine::Engine without{crowded_scene(), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff}};
-};
-
-/// States of the arm, anywhere within its limits.
-struct States {
-  std::vector<std::uint32_t> joints;
-  std::vector<double> positions;
-  QueryView query;
-
-  States(const engine::Scene& scene, int count) : joints(joints_of(scene, "arm")) {
-    Random random(5);
-    for (int i = 0; i < count; ++i)
-      for (const std::uint32_t j : joints)
-        positions.push_back(random.uniform(scene.joints()[j].lower, scene.joints()[j].upper));
-    query.joints = joints;
-    query.positions = positions;
-    query.configuration_count = static_cast<std::uint32_t>(count);
-    query.reduce = Reduce::kAny;
-    query.fields = kRows;
-  }
-};
-
-void rows_have_the_bits_that_they_have_without(const Engines& engines) {
-  States c(engines.with.scene(), 600);
+void rows_have_the_bits_that_they_have_without(const CoverEngines& engines) {
+  ArmStates c(engines.with.scene(), 600);
   std::uint64_t free = 0, hit = 0;
   for (const double margin : {0.0, 0.02}) {
     c.query.margin = margin;
@@ -79,8 +29,8 @@ void rows_have_the_bits_that_they_have_without(const Engines& engines) {
   EXPECT_GT(hit, 100u);
 }
 
-void verdicts_and_pairs_are_those_of_the_rows(const Engines& engines) {
-  States c(engines.with.scene(), 600);
+void verdicts_and_pairs_are_those_of_the_rows(const CoverEngines& engines) {
+  ArmStates c(engines.with.scene(), 600);
   c.query.fields = kFieldVerdict | kFieldPair;
   const Answer rows = evaluate(engines.without, c.query), pairs = evaluate(engines.with, c.query);
   c.query.fields = kFieldVerdict;
@@ -98,8 +48,8 @@ void verdicts_and_pairs_are_those_of_the_rows(const Engines& engines) {
   EXPECT_LT(bare.info.pairs_evaluated, 600u) << "covers decide most states alone";
 }
 
-void motions_have_the_verdicts_that_they_have_without(const Engines& engines) {
-  States c(engines.with.scene(), 600);
+void motions_have_the_verdicts_that_they_have_without(const CoverEngines& engines) {
+  ArmStates c(engines.with.scene(), 600);
   const std::size_t joints = c.joints.size();
   for (std::size_t k = 1; k < 600; k += 2)  // a tenth of the way to the next state
     for (std::size_t j = 0; j < joints; ++j) {
@@ -124,8 +74,8 @@ void motions_have_the_verdicts_that_they_have_without(const Engines& engines) {
   }
 }
 
-void every_kernel_gives_the_same_decisions(const Engines& engines) {
-  States c(engines.with.scene(), 300);
+void every_kernel_gives_the_same_decisions(const CoverEngines& engines) {
+  ArmStates c(engines.with.scene(), 300);
   const engine::Engine& engine = engines.with;
   const PoseStore store(engine.scene(), std::chrono::seconds(1));
   Plan plan = make_plan(c.query, engine.scene(), store.snapshot(), 1u << 20, true);
@@ -158,13 +108,13 @@ void every_kernel_gives_the_same_decisions(const Engines& engines) {
   }
 }
 
-void bodies_without_a_pose_are_reported_as_without(const Engines& engines) {
-  States c(engines.with.scene(), 50);
+void bodies_without_a_pose_are_reported_as_without(const CoverEngines& engines) {
+  ArmStates c(engines.with.scene(), 50);
   engine::Engine::Options options{.backend = "cpu", .threads = 1, .cover_store = engines.with.cover_store()};
   engine::Scene scene = crowded_scene();
   scene.add_box("lost", {0.1, 0.1, 0.1}, {.requires_pose = true});
   const engine::Engine with(engine::Scene(scene), options);
-  ASSERT_TRUE(with.wait_covers(kPatience));
+  ASSERT_TRUE(with.wait_covers(kCoversPatience));
   options.covers = engine::Covers::kOff;
   options.cover_store = nullptr;
   const engine::Engine without(engine::Scene(scene), options);
@@ -176,8 +126,8 @@ void bodies_without_a_pose_are_reported_as_without(const Engines& engines) {
 // In one process: the covers take seconds.
 TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
   ::setenv("CLEARANCE_CACHE", "off", 1);
-  const Engines engines;
-  ASSERT_TRUE(engines.with.wait_covers(kPatience));
+  const CoverEngines engines;
+  ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
   rows_have_the_bits_that_they_have_without(engines);
   verdicts_and_pairs_are_those_of_the_rows(engines);
   motions_have_the_verdicts_that_they_have_without(engines);

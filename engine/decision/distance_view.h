@@ -1,0 +1,73 @@
+// Input and output of the kernel of distances, as plain arrays.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <limits>
+#include <span>
+
+#include "engine/decision/decision_view.h"
+
+namespace clearance {
+
+/// How far the least distance of a state is bounded. With the least upper bound U so far, pairs with a lower bound above
+/// max(0, min(scale[i] U + shift[i], most)) are laid aside. It only falls as U does.
+struct DistanceLimits {
+  double scale[2] = {1, 1}, shift[2] = {0, 0};
+  double most = std::numeric_limits<double>::infinity();
+  bool any_overlap = false;  ///< an overlapping pair ends the search; otherwise the first one is requested
+};
+
+/// States whose least distances are bounded.
+struct DistanceBatch {
+  const DecisionView* view;  ///< for margins of 0
+  const float* moved_inner;  ///< (moved_pairs,) and more, up to a multiple of 8: their roots' inner radii with shrink
+  DistanceLimits limits;
+  const Pose* poses;  ///< (states, stride)
+  std::size_t stride, states;
+  const std::uint8_t* usable;  ///< (states,) 0 if the bounds do not hold
+  const double* positions;     ///< (states, position_stride) of joints
+  std::size_t position_stride;
+};
+
+/// A pair that may be the nearest.
+struct LeftPair {
+  std::uint64_t position;  ///< in the plan
+  float lower;             ///< metres
+};
+
+/// Result of one state. Every pair of the view is either left, or no nearer than `lower`.
+struct DistanceBounds {
+  double lower = 0, upper = 0;  ///< `upper` bounds the least distance; at most 0 if a pair is proved to overlap
+  std::uint64_t lower_at = 0, upper_at = 0;  ///< positions of the pairs that give them
+  bool is_listed = false;                    ///< otherwise, nothing is known
+  std::uint32_t left_begin = 0, left_end = 0;
+};
+
+/// Work of the search: balls of a pair whose children come next.
+struct DistanceItem {
+  float lower;             ///< of the balls
+  std::uint32_t obstacle;  ///< or kNone: a pair of moved bodies
+  std::uint32_t at;        ///< body, or index of DecisionView::moved_pairs
+  std::uint32_t a, b;      ///< packets of balls; b for moved pairs
+};
+inline constexpr std::uint32_t kMostDistanceItems = 512;  ///< of one level
+
+/// Receives bounds and the pairs left: arrays that the caller owns.
+struct DistanceRoom {
+  DistanceBounds* bounds;  ///< (states,)
+  LeftPair* left;
+  std::uint32_t capacity;  ///< of `left`
+  float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8
+  DistanceItem* items;     ///< (3, kMostDistanceItems)
+};
+
+/// One version of the kernel; all give the same results.
+struct DistanceKernel {
+  const char* name;
+  void (*run)(const DistanceBatch&, const DistanceRoom&);
+};
+/// The versions that this machine can run, the fastest first.
+std::span<const DistanceKernel> distance_kernels();
+
+}  // namespace clearance

@@ -1,0 +1,65 @@
+// The tests' arm in a crowded scene, with and without covers.
+#pragma once
+
+#include <chrono>
+#include <cmath>
+#include <string>
+#include <vector>
+
+#include "tests/engine/arm_scene.h"
+#include "tests/engine/engine_test_util.h"
+
+namespace clearance::test {
+
+inline constexpr std::chrono::minutes kCoversPatience{10};
+
+/// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
+inline engine::Scene crowded_scene() {
+  engine::RobotOptions arm = at_home();
+  arm.link_padding = {{"fore", 0.01}};
+  engine::Scene scene = arm_scene(arm);
+  scene.add_half_space("floor", {.pose = Pose{{0, 0, -0.4}}});
+  const auto still = [](Vec3d at, double angle) {
+    return engine::Scene::BodyOptions{.is_static = true,
+                                      .pose = Pose{at, std::cos(angle / 2), 0, std::sin(angle / 2), 0}};
+  };
+  scene.add_capsule("rod", 0.05, 0.6, still({-0.4, 0.3, 0.4}, 0.7));
+  scene.add_cylinder("post", 0.08, 0.8, still({0.3, -0.5, 0.4}, 0));
+  scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
+  Random random(11);
+  scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
+  scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
+  // Neighbours overlap in every state.
+  const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",
+                                          "arm/flange", "arm/left_finger", "arm/right_finger", "held"};
+  for (std::size_t a = 0; a < chain.size(); ++a)
+    for (std::size_t b = a + 1; b < chain.size() && (b <= a + 2 || a >= 3); ++b) scene.ignore(chain[a], chain[b]);
+  return scene;
+}
+
+/// The same scene with and without covers.
+struct CoverEngines {
+  engine::Engine with{crowded_scene(), {.backend = "cpu", .threads = 2}};
+  engine::Engine without{crowded_scene(), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff}};
+};
+
+/// States of the arm, anywhere within its limits.
+struct ArmStates {
+  std::vector<std::uint32_t> joints;
+  std::vector<double> positions;
+  QueryView query;
+
+  ArmStates(const engine::Scene& scene, int count) : joints(joints_of(scene, "arm")) {
+    Random random(5);
+    for (int i = 0; i < count; ++i)
+      for (const std::uint32_t j : joints)
+        positions.push_back(random.uniform(scene.joints()[j].lower, scene.joints()[j].upper));
+    query.joints = joints;
+    query.positions = positions;
+    query.configuration_count = static_cast<std::uint32_t>(count);
+    query.reduce = Reduce::kAny;
+    query.fields = kAllFields & ~kFieldGradient;
+  }
+};
+
+}  // namespace clearance::test
