@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "engine/base/fp_environment.h"
+#include "engine/cover/mesh_cells.h"
+#include "engine/cover/mesh_depth.h"
 #include "engine/decomposition/fan.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
@@ -19,6 +21,9 @@ constexpr double kRounding = kCoverRounding, kUp = kCoverUp;
 constexpr std::size_t kMostVertices = 1500, kMostOfPart = 400, kLeastOfPart = 32;
 /// Hulls of more vertices are not divided into a fan, which takes quadratic time.
 constexpr std::size_t kMostOfFan = 2000;
+/// Cells of all meshes together, and of one at least; vertices of a cell's hull, above which it is replaced by a hull of
+/// fewer.
+constexpr std::size_t kMostCells = 600, kLeastCells = 100, kMostOfCell = 16;
 /// Vertices of a hull without volume, to which distances are computed.
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
@@ -160,8 +165,30 @@ Fan fan_of_few(std::span<const Vec3d> vertices) {
   return {{vertices.begin(), vertices.end()}, {{0, std::min(1u, last), last, last}}, 0};
 }
 
+/// The fan of a cell's points. Its own excess is added to `growth`.
+Fan fan_of_cell(std::span<const Vec3d> points, std::size_t most_vertices, double& growth) {
+  if (points.size() <= 3) return fan_of_few(points);
+  if (std::optional<FewVertices> few = few_vertices(points, most_vertices)) {
+    growth = (growth + few->excess) * kUp;
+    return std::move(few->fan);
+  }
+  double reach = 0;
+  ConvexPart box;
+  Vec3d low = points[0], high = low;
+  for (const Vec3d& p : points) {
+    reach = std::max(reach, length(p));
+    for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+  }
+  growth = (growth + 8 * kRounding * reach) * kUp;
+  if (points.size() <= kMostOfFlat)
+    if (std::optional<Fan> fan = fan_around(points)) return std::move(*fan);
+  box.centre = (low + high) * 0.5, box.half = (high - low) * 0.5;
+  return box_around(box);
+}
+
 bool has_no_cover(const ConvexPartPtr& part) {
-  return is_half_space(*part) || part->surface || !(part->rho + part->radius <= kMaxReach);
+  return is_half_space(*part) || (part->surface && part->surface->is_cloud()) ||
+         !(part->rho + part->radius <= kMaxReach);
 }
 
 }  // namespace
@@ -171,13 +198,16 @@ std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   if (parts.empty() || parts.size() > kMostParts || std::any_of(parts.begin(), parts.end(), has_no_cover)) return {};
   CoverShape shape;
   for (const ConvexPartPtr& part : parts)
-    shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
+    if (part->surface)
+      shape.add_mesh(*part, std::max(kMostCells / parts.size(), kLeastCells));
+    else
+      shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
   return shape;
 }
 
 void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
   reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
-  Part added{part.primitive, part.vertices, {}, part.radius};
+  Part added{part.primitive, nullptr, part.vertices, {}, part.radius};
   std::optional<Fan> fan;
   double growth = part.radius;
   if (part.primitive) {
@@ -203,6 +233,19 @@ void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
   add(*fan, growth);
 }
 
+void CoverShape::add_mesh(const ConvexPart& part, std::size_t most_cells) {
+  reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
+  const MeshCells cells = mesh_cells(*part.surface, most_cells);
+  const std::size_t most_vertices = std::clamp(kMostVertices / cells.points.size(), kMostOfCell, kMostOfPart);
+  for (const std::vector<Vec3d>& points : cells.points) {
+    double growth = (part.radius + cells.growth) * kUp;
+    const Fan fan = fan_of_cell(points, most_vertices, growth);
+    add(fan, growth);
+  }
+  has_inside_ = has_inside_ || part.radius > 0 || part.surface->is_solid();
+  parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
+}
+
 void CoverShape::add(const Fan& fan, double growth) {
   for (const auto& tetrahedron : fan.parts) {
     CoverSimplex simplex{{}, (growth + fan.off) * kUp};
@@ -213,6 +256,7 @@ void CoverShape::add(const Fan& fan, double growth) {
 }
 
 double CoverShape::Part::inside(const Vec3d& c) const {
+  if (surface) return depth_in_mesh(*surface, c) + radius;
   if (core) {
     const double depth = in_core(*core, c);
     return (depth > 0 ? depth : -length(c)) + radius;  // the origin is a point of the core
