@@ -21,9 +21,12 @@ constexpr double kRounding = kCoverRounding, kUp = kCoverUp;
 constexpr std::size_t kMostVertices = 1500, kMostOfPart = 400, kLeastOfPart = 32;
 /// Hulls of more vertices are not divided into a fan, which takes quadratic time.
 constexpr std::size_t kMostOfFan = 2000;
-/// Cells of all meshes together, and of one at least; vertices of a cell's hull, above which it is replaced by a hull of
-/// fewer.
-constexpr std::size_t kMostCells = 600, kLeastCells = 100, kMostOfCell = 16;
+/// Cells of all meshes together, and of one at least.
+constexpr std::size_t kMostCells = 600, kLeastCells = 100;
+/// A cell's hull is replaced by one of fewer vertices that it exceeds by at most this share of the mesh's size, if
+/// enough.
+constexpr double kExcessOfCell = 0x1p-10;
+constexpr std::size_t kLeastOfCell = 12;
 /// Vertices of a hull without volume, to which distances are computed.
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
@@ -165,25 +168,36 @@ Fan fan_of_few(std::span<const Vec3d> vertices) {
   return {{vertices.begin(), vertices.end()}, {{0, std::min(1u, last), last, last}}, 0};
 }
 
-/// The fan of a cell's points. Its own excess is added to `growth`.
-Fan fan_of_cell(std::span<const Vec3d> points, std::size_t most_vertices, double& growth) {
-  if (points.size() <= 3) return fan_of_few(points);
-  if (std::optional<FewVertices> few = few_vertices(points, most_vertices)) {
-    growth = (growth + few->excess) * kUp;
-    return std::move(few->fan);
+/// A fan, and how far the hull exceeds it.
+struct GrownFan {
+  Fan fan;
+  double excess;  // metres
+};
+
+/// The fan of a hull of few vertices that exceeds it by at most `most`, if that can be proved, or else of all.
+std::optional<GrownFan> fan_of_cell(std::span<const Vec3d> points, double most) {
+  for (std::size_t count = kLeastOfCell; count <= kMostOfPart; count *= 2) {
+    std::optional<FewVertices> few = few_vertices(points, count);
+    if (!few) break;
+    if (few->excess <= most) return GrownFan{std::move(few->fan), few->excess};
+    if (count >= points.size()) break;
   }
+  if (points.size() > kMostOfFan) return {};
+  if (std::optional<Fan> fan = fan_of(points); fan && fan->off <= most) return GrownFan{std::move(*fan), 0};
   double reach = 0;
-  ConvexPart box;
+  for (const Vec3d& p : points) reach = std::max(reach, length(p));
+  if (std::optional<Fan> fan = fan_around(points)) return GrownFan{std::move(*fan), 8 * kRounding * reach};
+  return {};
+}
+
+/// The box around a cell's points.
+GrownFan box_of_cell(std::span<const Vec3d> points) {
   Vec3d low = points[0], high = low;
-  for (const Vec3d& p : points) {
-    reach = std::max(reach, length(p));
+  for (const Vec3d& p : points)
     for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
-  }
-  growth = (growth + 8 * kRounding * reach) * kUp;
-  if (points.size() <= kMostOfFlat)
-    if (std::optional<Fan> fan = fan_around(points)) return std::move(*fan);
+  ConvexPart box;
   box.centre = (low + high) * 0.5, box.half = (high - low) * 0.5;
-  return box_around(box);
+  return {box_around(box), 8 * kRounding * (norm(low) + norm(high))};
 }
 
 bool has_no_cover(const ConvexPartPtr& part) {
@@ -236,11 +250,13 @@ void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
 void CoverShape::add_mesh(const ConvexPart& part, std::size_t most_cells) {
   reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
   const MeshCells cells = mesh_cells(*part.surface, most_cells);
-  const std::size_t most_vertices = std::clamp(kMostVertices / cells.points.size(), kMostOfCell, kMostOfPart);
   for (const std::vector<Vec3d>& points : cells.points) {
-    double growth = (part.radius + cells.growth) * kUp;
-    const Fan fan = fan_of_cell(points, most_vertices, growth);
-    add(fan, growth);
+    std::optional<GrownFan> cell;
+    if (points.size() <= 3)
+      cell = {fan_of_few(points), 0};
+    else if (!(cell = fan_of_cell(points, kExcessOfCell * part.spread)))
+      cell = box_of_cell(points);
+    add(cell->fan, (part.radius + cells.growth + cell->excess) * kUp);
   }
   has_inside_ = has_inside_ || part.radius > 0 || part.surface->is_solid();
   parts_.push_back({nullptr, part.surface, {}, {}, part.radius});

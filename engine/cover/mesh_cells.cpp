@@ -17,7 +17,7 @@ namespace {
 /// into the wrong cell only.
 constexpr double kOverlap = 0x1p-40;
 /// Cells are not divided below these shares of the size: of an edge, and of the stand-out of its hull.
-constexpr double kLeastEdge = 0x1p-9, kLeastStandOut = 0x1p-10;
+constexpr double kLeastEdge = 0x1p-9, kLeastStandOut = 0x1p-9;
 /// Polygons and points that the estimate of a stand-out uses.
 constexpr std::size_t kMostSampled = 48, kMostSampledPoints = 192;
 
