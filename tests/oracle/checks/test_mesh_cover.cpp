@@ -127,6 +127,36 @@ TEST(MeshCover, HoldsPointsOnEveryLevel) {
   }
 }
 
+/// Whether the hull of some points, grown, holds a point.
+bool holds(const std::vector<Vec3d>& points, double growth, const Vec3d& p) {
+  for (int k = 0; k < 3; ++k) {
+    const auto along = [k](const Vec3d& a, const Vec3d& b) { return a[k] < b[k]; };
+    const auto [low, high] = std::minmax_element(points.begin(), points.end(), along);
+    if (p[k] < (*low)[k] - growth || p[k] > (*high)[k] + growth) return false;
+  }
+  return exact::exact_distance({points, 0}, Pose{}, {std::span(&p, 1), 0}, Pose{}).distance.compare(growth) <= 0;
+}
+
+TEST(MeshCover, CellsHoldTheBody) {
+  Random random(51);
+  for (const MeshBody& body : bodies()) {
+    SCOPED_TRACE(body.kind);
+    const ConvexPartPtr part = body.part();
+    const MeshCells cells = mesh_cells(*part->surface, 100);
+    EXPECT_LE(cells.points.size(), 101u);
+    EXPECT_LT(cells.growth, 1e-11 * part->rho);
+    const auto check = [&](const Vec3d& p) {
+      EXPECT_TRUE(std::any_of(cells.points.begin(), cells.points.end(),
+                              [&](const auto& points) { return holds(points, cells.growth, p); }))
+          << p.x << " " << p.y << " " << p.z;
+    };
+    for (std::size_t i = 0; i < body.solid->vertices.size(); i += 1 + body.solid->vertices.size() / 50)
+      check(body.solid->vertices[i]);
+    for (int i = 0; i < 300 && body.solid->is_solid; ++i)
+      if (const Vec3d p = near_surface(*body.solid, random); is_within(*body.solid, p)) check(p);
+  }
+}
+
 TEST(MeshCover, InnerRadiiHold) {
   Random random(50);
   int in_body = 0, near_body = 0;
