@@ -5,8 +5,8 @@
 #include <limits>
 
 #include "engine/base/fp_environment.h"
-#include "engine/cover/mesh_cells.h"
-#include "engine/cover/mesh_depth.h"
+#include "engine/cover/mesh/mesh_cells.h"
+#include "engine/cover/mesh/mesh_depth.h"
 #include "engine/decomposition/fan.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"

@@ -10,7 +10,7 @@
 #include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 #include "tests/oracle/cases/case_shapes.h"
-#include "tests/oracle/checks/cover_points.h"
+#include "tests/oracle/decision/cover_points.h"
 #include "tests/oracle/exact/exact_distance.h"
 #include "wire/types.h"
 

@@ -1,4 +1,4 @@
-#include "engine/cover/mesh_depth.h"
+#include "engine/cover/mesh/mesh_depth.h"
 
 #include <algorithm>
 #include <array>
@@ -6,11 +6,13 @@
 #include <limits>
 #include <vector>
 
-#include "engine/cover/hull_planes.h"
-
 namespace clearance {
 
 namespace {
+
+constexpr double kUp = 1 + 0x1p-48;    // more than the rounding of a length
+constexpr double kRounding = 0x1p-49;  // and of a sum of three products, relative to their magnitudes
+constexpr double kUnderflow = 1e-150;  // and of a length whose squares are too small, in metres
 
 /// Bounds on the distance of a point from a set.
 struct DistanceBounds {
@@ -53,11 +55,10 @@ std::array<double, 3> nearest_weights(const std::array<Vec3d, 3>& t, const Vec3d
 DistanceBounds to_triangle(const std::array<Vec3d, 3>& t, const Vec3d& p) {
   const std::array<double, 3> weight = nearest_weights(t, p);
   const Vec3d nearest = t[0] * weight[0] + t[1] * weight[1] + t[2] * weight[2], n = p - nearest;
-  const double away = norm(n),
-               rounding = 8 * kCoverRounding * (norm(p) + norm(t[0]) + norm(t[1]) + norm(t[2])) + kCoverTiny;
+  const double away = norm(n), rounding = 8 * kRounding * (norm(p) + norm(t[0]) + norm(t[1]) + norm(t[2])) + kUnderflow;
   double low = std::numeric_limits<double>::infinity();
   for (const Vec3d& v : t) low = std::min(low, dot(n, p - v));
-  return {away > kCoverTiny ? low / away - rounding : 0, away * kCoverUp + rounding};
+  return {away > kUnderflow ? low / away - rounding : 0, away * kUp + rounding};
 }
 
 class DepthSearch {
@@ -66,7 +67,7 @@ class DepthSearch {
       : surface_(surface),
         p_(p),
         from_centre_(p - surface.centre()),
-        rounding_(4 * kCoverRounding * (norm(p) + norm(surface.centre())) + kCoverTiny) {}
+        rounding_(4 * kRounding * (norm(p) + norm(surface.centre())) + kUnderflow) {}
 
   DistanceBounds run() {
     std::vector<Open> open{{0, gap(0)}};
@@ -119,8 +120,7 @@ class DepthSearch {
 double depth_in_mesh(const Surface& surface, const Vec3d& c) {
   const DistanceBounds distance = DepthSearch(surface, c).run();
   // winding_number() needs a point that is farther than 1e-59 m from the triangles.
-  if (surface.is_solid() && distance.low > kCoverTiny && distance.low > 1e-50 && winding_number(surface, c) != 0)
-    return distance.low;
+  if (surface.is_solid() && distance.low > 1e-50 && winding_number(surface, c) != 0) return distance.low;
   return -distance.high;
 }
 

@@ -8,10 +8,10 @@
 #include <string>
 
 #include "engine/cover/cover.h"
-#include "engine/cover/mesh_cells.h"
+#include "engine/cover/mesh/mesh_cells.h"
 #include "engine/geometry/make_geometry.h"
 #include "tests/oracle/cases/mesh_shapes.h"
-#include "tests/oracle/checks/cover_points.h"
+#include "tests/oracle/decision/cover_points.h"
 #include "wire/types.h"
 
 namespace clearance {

@@ -1,4 +1,4 @@
-#include "engine/cover/mesh_cells.h"
+#include "engine/cover/mesh/mesh_cells.h"
 
 #include <algorithm>
 #include <array>
