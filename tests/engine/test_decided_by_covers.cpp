@@ -5,6 +5,7 @@
 #include <numeric>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/hull/shapes.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/same_rows.h"
@@ -30,6 +31,15 @@ engine::Scene crowded_scene() {
   scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
+  // A mesh that stays: two blocks that overlap.
+  Shape step = make_box({0.3, 0.3, 0.1});
+  const auto first = static_cast<std::uint32_t>(step.vertices.size());
+  for (const Shape& upper = make_box({0.1, 0.3, 0.3}); const Vec3d& v : upper.vertices)
+    step.vertices.push_back(v + Vec3d{0.1, 0, 0.15});
+  for (std::size_t t = 0, count = step.triangles.size(); t < count; ++t)
+    step.triangles.push_back(
+        {step.triangles[t][0] + first, step.triangles[t][1] + first, step.triangles[t][2] + first});
+  scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
   const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",
