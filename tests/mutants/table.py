@@ -437,6 +437,7 @@ MUTANTS = [
             "bounds = {@std::min(bounds.lower, of_parts.lower)@",
             "of_parts.lower",
         ),
+        ("table_contained", "joint_table/mesh_gap.cpp", "if (@!(gap.lower > 0)@) return gap", "true"),
         ("table_column", "joint_table/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
         ("table_levels", "joint_table/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),

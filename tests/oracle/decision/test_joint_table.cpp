@@ -239,7 +239,7 @@ TEST(JointTable, HoldsForMeshes) {
           joint("k", "prismatic", "mid", "tip", "0 0 0", "1 0.25 0", limits(0, 0.4)),
       {{"frame.obj", as_obj(frame)},
        {"bar.obj",
-        as_obj(scaled(bent_bar(std::vector<Point2>{{0, 0}, {1, 0}, {1, 1}}, 0.25, 0.25), {0.05, 0.05, 0.05}))}});
+        as_obj(scaled(bent_bar(std::vector<Point2>{{0, 0}, {1, 0}, {1, 1}}, 0.25, 0.25), {0.03, 0.03, 0.03}))}});
   ASSERT_TRUE(links.pair());
   ASSERT_TRUE(has_surface(links.body("base")) && has_surface(links.body("tip")));
   const JointTable table = *make_joint_table(*links.pair());
