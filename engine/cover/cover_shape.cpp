@@ -31,8 +31,9 @@ constexpr std::size_t kLeastOfCell = 12;
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
 constexpr double kMaxReach = 1e9, kLeastSize = 1e-40;
-/// Bodies of more parts have no cover, which would take long.
+/// Bodies of more parts, and meshes of more triangles, have no cover, which would take long.
 constexpr std::size_t kMostParts = 300;
+constexpr std::uint32_t kMostTriangles = 1u << 21;
 
 /// Vertices of a polytope around a round core.
 std::vector<Vec3d> polytope_around(const Primitive& core) {

@@ -41,8 +41,8 @@ class CoverShape {
   struct Part {
     std::shared_ptr<const Primitive> core;   ///< null for a hull or mesh
     std::shared_ptr<const Surface> surface;  ///< null but for a mesh
-    std::vector<Vec3d> vertices;            ///< of a hull: all, or enough
-    HullPlanes planes;                      ///< of a hull with volume
+    std::vector<Vec3d> vertices;             ///< of a hull: all, or enough
+    HullPlanes planes;                       ///< of a hull with volume
     double radius = 0;
 
     double inside(const Vec3d& c) const;
