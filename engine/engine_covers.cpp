@@ -11,7 +11,7 @@ namespace clearance::engine {
 
 namespace {
 
-/// Limit on the shapes of movable bodies, other than links, that get a cover.
+/// Limit on the shapes of bodies other than links that get a cover.
 constexpr std::size_t kMostOtherShapes = 64;
 
 }  // namespace
@@ -37,6 +37,9 @@ std::vector<std::uint32_t> bodies_to_cover(const Scene& scene) {
   const std::size_t most = chosen.size() + kMostOtherShapes;
   for (std::uint32_t id = 0; id < bodies.size() && chosen.size() < most; ++id)
     if (bodies[id].robot == kNone && !bodies[id].is_static) add(id);
+  // Convex bodies that stay where they are need none.
+  for (std::uint32_t id = 0; id < bodies.size() && chosen.size() < most; ++id)
+    if (bodies[id].is_static && has_surface(bodies[id])) add(id);
   return chosen;
 }
 

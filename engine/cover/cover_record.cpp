@@ -6,6 +6,7 @@
 #include <cstring>
 
 #include "algorithm_version.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/primitive.h"
 #include "engine/pose/pose.h"
 #include "wire/types.h"
@@ -87,16 +88,25 @@ bool is_sound(const Cover& cover) {
 
 bool may_have_cover(std::span<const ConvexPartPtr> parts) {
   return !parts.empty() && parts.size() <= kMostCoveredParts &&
-         std::none_of(parts.begin(), parts.end(),
-                      [](const ConvexPartPtr& part) { return part->surface || is_half_space(*part); });
+         std::none_of(parts.begin(), parts.end(), [](const ConvexPartPtr& part) {
+           return is_half_space(*part) || (part->surface && part->surface->is_cloud());
+         });
 }
 
 bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b) {
   const auto is_same_point = [](const Vec3d& p, const Vec3d& q) { return p.x == q.x && p.y == q.y && p.z == q.z; };
-  const auto is_same = [&](const ConvexPartPtr& p, const ConvexPartPtr& q) {
+  const auto are_same_points = [&](std::span<const Vec3d> p, std::span<const Vec3d> q) {
+    return std::equal(p.begin(), p.end(), q.begin(), q.end(), is_same_point);
+  };
+  const auto is_same_mesh = [&](const SurfacePtr& p, const SurfacePtr& q) {
     return p == q ||
-           (p->digest == q->digest && p->radius == q->radius && !p->surface && !q->surface && same_primitive(*p, *q) &&
-            std::equal(p->vertices.begin(), p->vertices.end(), q->vertices.begin(), q->vertices.end(), is_same_point));
+           (p && q && p->kind() == q->kind() && are_same_points(p->vertices(), q->vertices()) &&
+            std::equal(p->triangles().begin(), p->triangles().end(), q->triangles().begin(), q->triangles().end()) &&
+            !p->is_cloud());
+  };
+  const auto is_same = [&](const ConvexPartPtr& p, const ConvexPartPtr& q) {
+    return p == q || (p->digest == q->digest && p->radius == q->radius && same_primitive(*p, *q) &&
+                      are_same_points(p->vertices, q->vertices) && is_same_mesh(p->surface, q->surface));
   };
   return std::equal(a.begin(), a.end(), b.begin(), b.end(), is_same);
 }
@@ -106,8 +116,14 @@ std::string cover_name(std::span<const ConvexPartPtr> parts) {
   for (const ConvexPartPtr& part : parts) {
     key.add(part->radius).add(static_cast<std::uint64_t>(part->primitive ? part->primitive->kind : Primitive::Kind{}));
     for (int k = 0; k < 3; ++k) key.add(part->primitive ? part->primitive->size[k] : 0);
-    key.add(std::string_view(reinterpret_cast<const char*>(part->vertices.data()),
-                             part->vertices.size() * sizeof part->vertices[0]));
+    const auto add_bytes = [&](const auto& values) {
+      key.add(std::string_view(reinterpret_cast<const char*>(values.data()), values.size() * sizeof values[0]));
+    };
+    add_bytes(part->vertices);
+    if (!part->surface) continue;
+    key.add(static_cast<std::uint64_t>(part->surface->kind()));
+    add_bytes(part->surface->vertices());
+    add_bytes(part->surface->triangles());
   }
   return key.name();
 }

@@ -19,11 +19,11 @@ struct TimedCover {
   double seconds = 0;
 };
 
-/// Whether bodies of these parts can have a cover: up to kMostCoveredParts bounded convex parts without surfaces.
+/// Whether bodies of these parts can have a cover: up to kMostCoveredParts bounded convex parts and meshes, no clouds.
 inline constexpr std::size_t kMostCoveredParts = 64;
 bool may_have_cover(std::span<const ConvexPartPtr> parts);
 
-/// Whether two bodies have the same parts, none of them with a surface.
+/// Whether two bodies have the same parts.
 bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b);
 
 /// Name of a body's cover in the cache: a digest of all that the cover depends on.

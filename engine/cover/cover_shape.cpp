@@ -5,6 +5,8 @@
 #include <limits>
 
 #include "engine/base/fp_environment.h"
+#include "engine/cover/mesh/mesh_cells.h"
+#include "engine/cover/mesh/mesh_depth.h"
 #include "engine/decomposition/fan.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
@@ -19,12 +21,19 @@ constexpr double kRounding = kCoverRounding, kUp = kCoverUp;
 constexpr std::size_t kMostVertices = 1500, kMostOfPart = 400, kLeastOfPart = 32;
 /// Hulls of more vertices are not divided into a fan, which takes quadratic time.
 constexpr std::size_t kMostOfFan = 2000;
+/// Cells of all meshes together, and of one at least.
+constexpr std::size_t kMostCells = 600, kLeastCells = 100;
+/// A cell's hull is replaced by one of fewer vertices that it exceeds by at most this share of the mesh's size, if
+/// enough.
+constexpr double kExcessOfCell = 0x1p-10;
+constexpr std::size_t kLeastOfCell = 12;
 /// Vertices of a hull without volume, to which distances are computed.
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
 constexpr double kMaxReach = 1e9, kLeastSize = 1e-40;
-/// Bodies of more parts have no cover, which would take long.
+/// Bodies of more parts, and meshes of more triangles, have no cover, which would take long.
 constexpr std::size_t kMostParts = 300;
+constexpr std::uint32_t kMostTriangles = 1u << 21;
 
 /// Vertices of a polytope around a round core.
 std::vector<Vec3d> polytope_around(const Primitive& core) {
@@ -160,8 +169,41 @@ Fan fan_of_few(std::span<const Vec3d> vertices) {
   return {{vertices.begin(), vertices.end()}, {{0, std::min(1u, last), last, last}}, 0};
 }
 
+/// A fan, and how far the hull exceeds it.
+struct GrownFan {
+  Fan fan;
+  double excess;  // metres
+};
+
+/// The fan of a hull of few vertices that exceeds it by at most `most`, if that can be proved, or else of all.
+std::optional<GrownFan> fan_of_cell(std::span<const Vec3d> points, double most) {
+  for (std::size_t count = kLeastOfCell; count <= kMostOfPart; count *= 2) {
+    std::optional<FewVertices> few = few_vertices(points, count);
+    if (!few) break;
+    if (few->excess <= most) return GrownFan{std::move(few->fan), few->excess};
+    if (count >= points.size()) break;
+  }
+  if (points.size() > kMostOfFan) return {};
+  if (std::optional<Fan> fan = fan_of(points); fan && fan->off <= most) return GrownFan{std::move(*fan), 0};
+  double reach = 0;
+  for (const Vec3d& p : points) reach = std::max(reach, length(p));
+  if (std::optional<Fan> fan = fan_around(points)) return GrownFan{std::move(*fan), 8 * kRounding * reach};
+  return {};
+}
+
+/// The box around a cell's points.
+GrownFan box_of_cell(std::span<const Vec3d> points) {
+  Vec3d low = points[0], high = low;
+  for (const Vec3d& p : points)
+    for (int k = 0; k < 3; ++k) low[k] = std::min(low[k], p[k]), high[k] = std::max(high[k], p[k]);
+  ConvexPart box;
+  box.centre = (low + high) * 0.5, box.half = (high - low) * 0.5;
+  return {box_around(box), 8 * kRounding * (norm(low) + norm(high))};
+}
+
 bool has_no_cover(const ConvexPartPtr& part) {
-  return is_half_space(*part) || part->surface || !(part->rho + part->radius <= kMaxReach);
+  return is_half_space(*part) || (part->surface && part->surface->is_cloud()) ||
+         !(part->rho + part->radius <= kMaxReach);
 }
 
 }  // namespace
@@ -171,13 +213,16 @@ std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   if (parts.empty() || parts.size() > kMostParts || std::any_of(parts.begin(), parts.end(), has_no_cover)) return {};
   CoverShape shape;
   for (const ConvexPartPtr& part : parts)
-    shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
+    if (part->surface)
+      shape.add_mesh(*part, std::max(kMostCells / parts.size(), kLeastCells));
+    else
+      shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
   return shape;
 }
 
 void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
   reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
-  Part added{part.primitive, part.vertices, {}, part.radius};
+  Part added{part.primitive, nullptr, part.vertices, {}, part.radius};
   std::optional<Fan> fan;
   double growth = part.radius;
   if (part.primitive) {
@@ -203,6 +248,21 @@ void CoverShape::add(const ConvexPart& part, std::size_t most_vertices) {
   add(*fan, growth);
 }
 
+void CoverShape::add_mesh(const ConvexPart& part, std::size_t most_cells) {
+  reach_ = std::max(reach_, (part.rho + part.radius) * kUp);
+  const MeshCells cells = mesh_cells(*part.surface, most_cells);
+  for (const std::vector<Vec3d>& points : cells.points) {
+    std::optional<GrownFan> cell;
+    if (points.size() <= 3)
+      cell = {fan_of_few(points), 0};
+    else if (!(cell = fan_of_cell(points, kExcessOfCell * part.spread)))
+      cell = box_of_cell(points);
+    add(cell->fan, (part.radius + cells.growth + cell->excess) * kUp);
+  }
+  has_inside_ = has_inside_ || part.radius > 0 || part.surface->is_solid();
+  parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
+}
+
 void CoverShape::add(const Fan& fan, double growth) {
   for (const auto& tetrahedron : fan.parts) {
     CoverSimplex simplex{{}, (growth + fan.off) * kUp};
@@ -213,6 +273,7 @@ void CoverShape::add(const Fan& fan, double growth) {
 }
 
 double CoverShape::Part::inside(const Vec3d& c) const {
+  if (surface) return depth_in_mesh(*surface, c) + radius;
   if (core) {
     const double depth = in_core(*core, c);
     return (depth > 0 ? depth : -length(c)) + radius;  // the origin is a point of the core

@@ -1,4 +1,4 @@
-// A union of convex parts as a cover needs it: simplices that hold it, and balls that it holds.
+// A union of convex parts and meshes as a cover needs it: simplices that hold it, and balls that it holds.
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/base/vec.h"
+#include "engine/bvh/surface.h"
 #include "engine/cover/hull_planes.h"
 #include "engine/hull/convex_part.h"
 
@@ -22,7 +23,7 @@ struct CoverSimplex {
 /// Metres, in the body's frame. All functions are valid for every input; rounding is charged.
 class CoverShape {
  public:
-  /// Returns nothing if a part is a half-space, has a surface or is beyond 1e9 m, and for no or more than 300 parts.
+  /// Returns nothing if a part is a half-space, a cloud or beyond 1e9 m, and for no or more than 300 parts.
   static std::optional<CoverShape> of(std::span<const ConvexPartPtr> parts);
 
   /// Simplices that cover the body, interior included, each with its growth.
@@ -38,15 +39,17 @@ class CoverShape {
  private:
   /// A part: its core, grown by a radius.
   struct Part {
-    std::shared_ptr<const Primitive> core;  ///< null for a hull
-    std::vector<Vec3d> vertices;            ///< of a hull: all, or enough
-    HullPlanes planes;                      ///< of a hull with volume
+    std::shared_ptr<const Primitive> core;   ///< null for a hull or mesh
+    std::shared_ptr<const Surface> surface;  ///< null but for a mesh
+    std::vector<Vec3d> vertices;             ///< of a hull: all, or enough
+    HullPlanes planes;                       ///< of a hull with volume
     double radius = 0;
 
     double inside(const Vec3d& c) const;
   };
 
   void add(const ConvexPart& part, std::size_t most_vertices);
+  void add_mesh(const ConvexPart& part, std::size_t most_cells);
   /// Adds a part's simplices: the fan, grown.
   void add(const Fan& fan, double growth);
 

@@ -16,7 +16,7 @@ std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
   const Body& body = scene_.bodies()[b];
   const BodyPlacement& placed = snapshot_.placed[b];
   if (placed.status != Status::kOk || is_cloud(body) || body.parts.empty()) return kNone;
-  const Pose X = frame_body_ == kNone ? placed.pose.X_wb : compose(frame_inverse_, placed.pose.X_wb);
+  const Pose X = in_frame(placed.pose.X_wb);
   if (check(X) == PoseQuality::kBad) return kNone;
   const Mat3d rotation = rotation_of(X);
   const double world_error = kWorldUnit * (norm(frame_inverse_.translation) + norm(placed.pose.t_w));

@@ -33,6 +33,11 @@ LinkBall ball_of_centres(const Cover& cover) {
   return ball;
 }
 
+void normalize(Pose& X) {
+  if (const double length = detail::quaternion_norm(X); length > 0)
+    for (double* q : {&X.qw, &X.qx, &X.qy, &X.qz}) *q /= length;
+}
+
 }  // namespace
 
 std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
@@ -87,13 +92,46 @@ bool CoverPlanBuilder::take_bodies() {
     const bool is_usable = snapshot_.placed[b].status != Status::kStalePose && !is_cloud(body) && !body.parts.empty() &&
                            (decided.pose != kNone || snapshot_.given[b]);
     out_->covers_.push_back(is_usable ? store_.find(body.parts) : nullptr);
-    const Cover* const cover = out_->covers_.back().get();
-    any |= cover != nullptr;
-    decided.packets = cover ? cover->packets.data() : nullptr;
-    decided.root_packets = cover ? cover->level_begin[2] : 0;
-    out_->bodies_.push_back(decided);
+    any |= out_->covers_.back() != nullptr;
+    add(decided);
   }
+  if (any) take_still_meshes();
   return any;
+}
+
+// Adds a decided body, whose cover is the last one.
+void CoverPlanBuilder::add(DecidedBody& decided) {
+  const Cover* const cover = out_->covers_.back().get();
+  decided.packets = cover ? cover->packets.data() : nullptr;
+  decided.root_packets = cover ? cover->level_begin[2] : 0;
+  out_->bodies_.push_back(decided);
+}
+
+// Meshes that stay where they are are bodies with covers, too. They are no obstacles, which are convex.
+void CoverPlanBuilder::take_still_meshes() {
+  for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) {
+    const BodyPair pair = plan_.pairs.at(p);
+    for (const std::uint32_t b : {pair.a, pair.b})
+      if (b < slot_.size() && slot_[b] == kNone && out_->bodies_.size() < kMostDecidedBodies) take_still_mesh(b);
+  }
+}
+
+void CoverPlanBuilder::take_still_mesh(std::uint32_t b) {
+  const Body& body = scene_.bodies()[b];
+  const BodyPlacement& placed = snapshot_.placed[b];
+  if (placed.status != Status::kOk || is_cloud(body) || !has_surface(body)) return;
+  std::shared_ptr<const Cover> cover = store_.find(body.parts);
+  if (!cover) return;
+  DecidedBody decided{};
+  decided.pose = decided.carrier = kNone;
+  decided.constant = in_frame(placed.pose.X_wb);
+  if (check(decided.constant) == PoseQuality::kBad) return;
+  normalize(decided.constant);
+  decided.farthest = norm(decided.constant.translation) * (1 + 0x1p-40);
+  slot_[b] = static_cast<std::uint32_t>(out_->bodies_.size());
+  world_.push_back(norm(frame_inverse_.translation) + norm(placed.pose.t_w));
+  out_->covers_.push_back(std::move(cover));
+  add(decided);
 }
 
 // How a body is placed in the common frame.
@@ -105,13 +143,12 @@ void CoverPlanBuilder::take_link(std::uint32_t b, DecidedBody& decided) {
   double before = 0, world = is_carried ? world_[decided.carrier] : 0;
   if (!is_carried && parent != frame_body_) {  // another robot's frame
     const Pose X_wp = parent == kNone ? Pose{} : snapshot_.placed[parent].pose.X_wb;
-    const Pose frame = frame_body_ == kNone ? X_wp : compose(frame_inverse_, X_wp);
+    const Pose frame = in_frame(X_wp);
     constant = decided.pose == kNone ? compose(frame, constant) : frame;
     before = norm(frame.translation);
     world = norm(frame_inverse_.translation) + norm(X_wp.translation);
   }
-  if (const double length = detail::quaternion_norm(constant); length > 0)
-    for (double* q : {&constant.qw, &constant.qx, &constant.qy, &constant.qz}) *q /= length;
+  normalize(constant);
   world_.push_back(world);
   decided.constant = constant;
   decided.is_direct = decided.pose != kNone && !is_carried && parent == frame_body_;
@@ -142,6 +179,7 @@ bool CoverPlanBuilder::take_sources() {
     const std::uint32_t of = is_fixed ? decided.carrier : i;
     CoverPlan::LinkOf& link = out_->links_.emplace_back();
     if (!cover(i) && !out_->bodies_[i].is_direct) continue;
+    if (decided.carrier == kNone && decided.pose == kNone) continue;  // it stays
     if (!out_->bodies_[of].is_direct) return false;
     const Body& body = scene_.bodies()[plan_.moved[of]];
     for (std::uint32_t m = 0; m < plan_.motions.size(); ++m)

@@ -58,6 +58,10 @@ class CoverPlanBuilder {
   bool take_slides();
   bool take_bodies();
   void take_link(std::uint32_t body, DecidedBody& decided);
+  void take_still_meshes();
+  void take_still_mesh(std::uint32_t body);
+  void add(DecidedBody& decided);
+  Pose in_frame(const Pose& X_w) const { return frame_body_ == kNone ? X_w : compose(frame_inverse_, X_w); }
   void find_reach();
   bool take_sources();
   void take_errors();

@@ -43,8 +43,9 @@ SpanRates::SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_
   }
   for (const MovedPair& pair : pairs) {
     std::vector<View>& views = pairs_.emplace_back();
-    const Source &a = *of[pair.a], &b = *of[pair.b];
     views.push_back({bodies_[pair.a].path, bodies_[pair.b].path, kNone});
+    if (!of[pair.a] || !of[pair.b]) continue;  // one stays
+    const Source &a = *of[pair.a], &b = *of[pair.b];
     const Kinematics& robot = plan.motions[a.robot].robot().kinematics;
     if (a.robot != b.robot || robot.root_of(a.link) != robot.root_of(b.link)) continue;
     views.push_back({{}, {b.robot, MotionPath(robot, a.link, b.link, b.ball).movers()}, pair.a});

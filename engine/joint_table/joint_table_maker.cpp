@@ -8,6 +8,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/hull/primitive.h"
+#include "engine/joint_table/mesh_gap.h"
 #include "engine/narrow/part_batch.h"
 #include "engine/pose/placed.h"
 #include "engine/scene/body_ball.h"
@@ -23,42 +24,11 @@ constexpr std::uint32_t kFiner = 2;                 // halvings of a cell in eac
 constexpr double kFar = JointTable::kUnit * TableCell::kNoHigh;  // greater distances are not distinguished
 constexpr double kDeep = 0.03;                                   // nor deeper overlaps; metres
 constexpr double kPrecision = 8;                                 // a distance to 1 / kPrecision suffices
-constexpr double kMostTurned = 64;                               // radians, of joints that turn without end
 constexpr std::size_t kMostEvaluated = 400'000;  // positions; the rest keeps the bounds of larger blocks
+constexpr std::size_t kMostOfMeshes = 100'000;   // the same for meshes, which take longer
 constexpr std::size_t kBatch = 1024;             // positions of one evaluation
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kAbove = 1 + 0x1p-40;
-
-// Whether positions of a column that differ by a turn place all links alike.
-bool repeats(const Kinematics& robot, std::uint32_t column) {
-  return std::all_of(robot.steps().begin(), robot.steps().end(), [&](const KinematicStep& step) {
-    return step.kind == KinematicStep::Kind::kFixed || step.column != column ||
-           (step.kind == KinematicStep::Kind::kTurning && !step.mimics);
-  });
-}
-
-// The range of a column, without cells.
-std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t c) {
-  const RobotColumn& limits = robot.model.columns[c];
-  TableColumn column;
-  column.column = c;
-  const bool is_limited = std::isfinite(limits.lower) && std::isfinite(limits.upper);
-  if (repeats(robot.kinematics, c) && (!is_limited || limits.upper - limits.lower > kTurn)) {
-    column.least = -kMostTurned, column.most = kMostTurned;
-    column.begin = -std::numbers::pi;
-    column.turns_per_cell = 1;
-    return column;
-  }
-  const auto& steps = robot.kinematics.steps();
-  const bool is_angle = std::none_of(steps.begin(), steps.end(), [&](const KinematicStep& step) {
-    return step.kind == KinematicStep::Kind::kSliding && step.column == c;
-  });
-  if (!is_limited && !is_angle) return {};
-  column.least = is_limited ? limits.lower : -std::numbers::pi;
-  column.most = is_limited ? limits.upper : std::numbers::pi;
-  column.begin = column.least;
-  return column;
-}
 
 // Evaluates blocks of positions, and halves them until their bounds suffice.
 class JointTableMaker {
@@ -67,6 +37,12 @@ class JointTableMaker {
       : pair_(pair),
         robot_(pair.robot->kinematics),
         paths_(paths_between(robot_, pair.a.link, pair.a.ball, pair.b.link, pair.b.ball)) {
+    for (const TableLink* link : {&pair.a, &pair.b}) {
+      Body& body = bodies_.emplace_back();
+      body.parts = link->parts;
+      body.reach = link->extent;
+      has_mesh_ |= has_surface(body);
+    }
     table_.column_count = static_cast<std::uint32_t>(pair.columns.size());
     for (std::size_t c = 0; c < pair.columns.size(); ++c)
       table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
@@ -82,7 +58,8 @@ class JointTableMaker {
     for (;;) {
       const double half[2] = {half_of(0, shift[0]), half_of(1, shift[1])};
       const double way = way_of(half);
-      const bool is_last = shift[0] + shift[1] == 0 || (evaluated += blocks.size()) > kMostEvaluated;
+      const bool is_last =
+          shift[0] + shift[1] == 0 || (evaluated += blocks.size()) > (has_mesh_ ? kMostOfMeshes : kMostEvaluated);
       next.clear();
       // The wider axis is halved next.
       const int axis = shift[1] > 0 && (shift[0] == 0 || way_along(1, half[1]) >= way_along(0, half[0])) ? 1 : 0;
@@ -93,7 +70,7 @@ class JointTableMaker {
         for (std::size_t i = 0; i < count; ++i) {
           const Block block = blocks[begin + i];
           const double lower = bounds_[i].lower - (way + error_), upper = bounds_[i].upper + (way + error_);
-          if (is_last || suffice(bounds_[i], lower, upper, way)) {
+          if (is_last || suffice(bounds_[i], lower, upper, way) || is_hopeless(bounds_[i], shift)) {
             fill(block, shift, cell(lower, upper));
             continue;
           }
@@ -122,6 +99,8 @@ class JointTableMaker {
   void take_error();
   void take_cells();
   void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way);
+  void evaluate_parts(double way);
+  void evaluate_meshes(double way);
   std::uint32_t fine_shift(int c) const {
     return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
   }
@@ -146,6 +125,10 @@ class JointTableMaker {
   }
   static bool suffice(const Bounds& at_centre, double lower, double upper, double way) {
     return lower >= kFar || upper <= -kDeep || way * kPrecision <= std::max(at_centre.lower, -at_centre.upper);
+  }
+  // Meshes that overlap in a cell have no depth that would decide more of it.
+  bool is_hopeless(const Bounds& at_centre, const std::uint32_t (&shift)[2]) const {
+    return has_mesh_ && at_centre.lower <= 0 && shift[0] <= kFiner && shift[1] <= kFiner;
   }
   // Rounded outward.
   static TableCell cell(double lower, double upper) {
@@ -183,6 +166,9 @@ class JointTableMaker {
   std::vector<Status> status_;
   std::vector<PoseMatrix> places_;
   std::vector<PartTask> tasks_;
+  std::vector<Body> bodies_;  // both links
+  bool has_mesh_ = false;
+  MeshGapSearch mesh_gaps_;
 };
 
 // Sliding joints are farthest out at a corner of the table.
@@ -236,13 +222,31 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
       const Pose& X = poses_[k * links + link];
       places_.push_back({rotation_of(X), X.translation, X});
     }
+  bounds_.assign(count, {kInf, kInf});
+  if (has_mesh_)
+    evaluate_meshes(way);
+  else
+    evaluate_parts(way);
+  for (std::size_t k = 0; k < count; ++k)
+    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
+}
+
+void JointTableMaker::evaluate_meshes(double way) {
+  for (std::size_t k = 0; k < bounds_.size(); ++k) {
+    const MeshGap gap =
+        mesh_gaps_.of(bodies_[0], places_[2 * k], bodies_[1], places_[2 * k + 1], way / 4, kFar + way + error_);
+    bounds_[k] = {gap.lower, gap.upper};
+  }
+}
+
+void JointTableMaker::evaluate_parts(double way) {
+  const std::size_t count = bounds_.size();
   tasks_.clear();
   for (std::size_t k = 0; k < count; ++k)
     for (const ConvexPartPtr& a : pair_.a.parts)
       for (const ConvexPartPtr& b : pair_.b.parts)
         tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
                           static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
-  bounds_.assign(count, {kInf, kInf});
   const auto take = [&](const PartTask& task, const auto& of_parts) {
     Bounds& bounds = bounds_[task.id];
     bounds = {std::min(bounds.lower, of_parts.lower), std::min(bounds.upper, of_parts.upper)};
@@ -251,40 +255,9 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
   batch.run(
       tasks_, [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane); },
       [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds); });
-  for (std::size_t k = 0; k < count; ++k)
-    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
 }
 
 }  // namespace
-
-TableLink TableLink::of(const Body& body) {
-  return {body.link, body.parts, ball_around(body), extent_of(body)};
-}
-
-std::vector<std::uint32_t> columns_between(const Kinematics& robot, std::uint32_t a, std::uint32_t b) {
-  std::vector<std::uint32_t> columns;
-  const MotionPath path(robot, a, b, {});
-  for (const Mover& mover : path.movers()) columns.push_back(mover.column);
-  std::sort(columns.begin(), columns.end());
-  columns.erase(std::unique(columns.begin(), columns.end()), columns.end());
-  return columns;
-}
-
-std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& robot, const Body& a, const Body& b) {
-  constexpr std::size_t kMostPartPairs = 256;
-  const auto is_usable = [](const Body& body) {
-    return body.robot != kNone && !body.parts.empty() && !has_surface(body) &&
-           std::none_of(body.parts.begin(), body.parts.end(), [](const auto& part) { return is_half_space(*part); });
-  };
-  if (!is_usable(a) || !is_usable(b) || a.parts.size() * b.parts.size() > kMostPartPairs ||
-      robot->kinematics.root_of(a.link) != robot->kinematics.root_of(b.link))
-    return {};
-  std::vector<std::uint32_t> columns = columns_between(robot->kinematics, a.link, b.link);
-  if (columns.empty() || columns.size() > 2) return {};
-  for (const std::uint32_t c : columns)
-    if (!table_column(*robot, c)) return {};
-  return TablePair{robot, TableLink::of(a), TableLink::of(b), std::move(columns)};
-}
 
 JointTable empty_joint_table(const TablePair& pair) {
   const FpEnvironment environment;

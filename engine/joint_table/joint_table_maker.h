@@ -31,9 +31,11 @@ struct TablePair {
   std::vector<std::uint32_t> columns;  ///< one or two, ascending: those that move the links relative to each other
 };
 
+/// The range of a column, without cells. Nothing for one that slides without limits.
+std::optional<TableColumn> table_column(const SceneRobot& robot, std::uint32_t column);
 /// The columns that move two links of a robot relative to each other, ascending.
 std::vector<std::uint32_t> columns_between(const Kinematics& robot, std::uint32_t a, std::uint32_t b);
-/// Returns nothing for links without bounded convex parts, with more or fewer joints between them, under different
+/// Returns nothing for links without bounded parts, with clouds, with more or fewer joints between them, under different
 /// roots, or with a joint between them that slides without limits.
 std::optional<TablePair> table_pair(const std::shared_ptr<const SceneRobot>& robot, const Body& a, const Body& b);
 

@@ -6,12 +6,23 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/shapes.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/engine_test_util.h"
 
 namespace clearance::test {
 
 inline constexpr std::chrono::minutes kCoversPatience{10};
+
+/// A mesh of two boxes that overlap.
+inline Shape step_mesh() {
+  Shape step = make_box({0.3, 0.3, 0.1});
+  const Shape upper = make_box({0.1, 0.3, 0.3});
+  const auto first = static_cast<std::uint32_t>(step.vertices.size());
+  for (const Vec3d& v : upper.vertices) step.vertices.push_back(v + Vec3d{0.1, 0, 0.15});
+  for (const auto& t : upper.triangles) step.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+  return step;
+}
 
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
 inline engine::Scene crowded_scene() {
@@ -28,6 +39,8 @@ inline engine::Scene crowded_scene() {
   scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
+  const Shape step = step_mesh();
+  scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
   const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",

@@ -147,6 +147,14 @@ MUTANTS = [
         ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
         ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
         ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
+        ("mesh_corners", "cover/mesh/mesh_cells.cpp", "if (@cell.is_inside[i]@) points.push_back", "false"),
+        (
+            "mesh_cut",
+            "cover/mesh/mesh_cells.cpp",
+            "add_below(cell.polygon(i), axis, 1, @middle + growth_@, below)",
+            "middle - 1e-3",
+        ),
+        ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
         ("cover_planes", "cover/hull_planes.cpp", "i < @height_.size()@; ++i) depth", "height_.size() - 1"),
         (
             "cover_cylinder",
@@ -429,6 +437,7 @@ MUTANTS = [
             "bounds = {@std::min(bounds.lower, of_parts.lower)@",
             "of_parts.lower",
         ),
+        ("table_contained", "joint_table/mesh_gap.cpp", "if (@!(gap.lower > 0)@) return gap", "true"),
         ("table_column", "joint_table/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
         ("table_levels", "joint_table/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),

@@ -163,7 +163,8 @@ bool certify_states(const Options& o) {
   std::mutex mutex;
   StateTally all;
   in_parallel(names.size(), o.threads, [&](std::size_t r) {
-    RobotScene robot = r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade]);
+    RobotScene robot =
+        r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade], o.meshes ? MeshAs::kAuto : MeshAs::kHull);
     names[r] = robot.name;
     StateOracle oracle(std::move(robot));
     tables[r] = compare_states(oracle, o.states, o.seed);
@@ -249,7 +250,8 @@ int main(int argc, char** argv) {
   app.add_option("--columns-every", o.columns_every, "prove witness points and normals of one batch in this many")
       ->check(CLI::Range(1, 1000000));
   app.add_option("--csv", o.csv, "file to write; standard output if none");
-  app.add_flag("--meshes", o.meshes, "the classes of bodies that are not convex, in place of those of hulls");
+  app.add_flag("--meshes", o.meshes,
+               "the classes of bodies that are not convex, in place of those of hulls; robots with their true meshes");
   app.add_option("--class", o.only, "only classes whose names hold this");
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);

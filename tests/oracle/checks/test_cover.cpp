@@ -10,6 +10,7 @@
 #include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 #include "tests/oracle/cases/case_shapes.h"
+#include "tests/oracle/decision/cover_points.h"
 #include "tests/oracle/exact/exact_distance.h"
 #include "wire/types.h"
 
@@ -17,7 +18,6 @@ namespace clearance {
 namespace {
 
 using exact::Random;
-using Vec3q = Vec3<mpq_class>;
 
 constexpr double kEffort = 0.1;  // wider balls, made with the same proofs
 
@@ -82,22 +82,6 @@ std::vector<Body> bodies() {
   return all;
 }
 
-Vec3q rational(const Vec3d& v) {
-  return {mpq_class(v.x), mpq_class(v.y), mpq_class(v.z)};
-}
-mpq_class squared(const Vec3q& v) {
-  return v.x * v.x + v.y * v.y + v.z * v.z;
-}
-Vec3q times(const Vec3q& v, const mpq_class& f) {
-  return {v.x * f, v.y * f, v.z * f};
-}
-
-/// A rational vector of length 1 exactly.
-Vec3q unit(Random& random) {
-  const mpq_class s(random.integer(-30, 30), 10), t(random.integer(-30, 30), 10), sum = s * s + t * t;
-  return times({2 * s, 2 * t, 1 - sum}, mpq_class(random.chance(0.5) ? 1 : -1) / (1 + sum));
-}
-
 /// A point of a body, exactly: a vertex, or a combination of a few, grown by the radius.
 Vec3q point_of(Random& random, const Body& body) {
   const exact::Solid& s =
@@ -112,38 +96,6 @@ Vec3q point_of(Random& random, const Body& body) {
   }
   p = times(p, 1 / sum);
   return p + times(unit(random), mpq_class(s.radius) * mpq_class(random.integer(0, 3), 3));
-}
-
-/// Whether a ball holds a point, decided exactly.
-bool holds(const CoverBall& ball, const Vec3q& p) {
-  const Vec3q d = p - rational({ball.centre[0], ball.centre[1], ball.centre[2]});
-  return squared(d) <= mpq_class(ball.outer) * mpq_class(ball.outer);
-}
-
-CoverBall ball_of(const BallPacket& packet, std::uint32_t i) {
-  return {{packet.x[i], packet.y[i], packet.z[i]}, packet.outer[i], packet.inner[i]};
-}
-
-/// Whether a path of balls holds a point, from a packet to a ball without children. Then every complete cut holds it.
-bool has_path(const Cover& cover, const BallPacket& packet, const Vec3q& p) {
-  for (std::uint32_t i = 0; i < packet.count; ++i)
-    if (holds(ball_of(packet, i), p) &&
-        (packet.children[i] == kNone || has_path(cover, cover.packets[packet.children[i]], p)))
-      return true;
-  return false;
-}
-bool has_path(const Cover& cover, const Vec3q& p) {
-  if (!holds(cover.root, p)) return false;
-  for (const BallPacket& packet : cover.level(1))
-    if (has_path(cover, packet, p)) return true;
-  return false;
-}
-
-std::vector<CoverBall> all_balls(const Cover& cover) {
-  std::vector<CoverBall> balls{cover.root};
-  for (const BallPacket& packet : cover.packets)
-    for (std::uint32_t i = 0; i < packet.count; ++i) balls.push_back(ball_of(packet, i));
-  return balls;
 }
 
 TEST(Cover, HoldsPointsOnEveryLevel) {
@@ -286,9 +238,7 @@ TEST(Cover, SomeBodiesHaveNone) {
   const ConvexPartPtr beyond = make_hull_part(far, {}, 0), point = make_hull_part(origin, {}, 0);
   EXPECT_FALSE(make_cover(std::span(&beyond, 1)));
   engine::Scene scene;
-  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}};
-  const std::vector<Triangle> triangle{{0, 1, 2}};
-  scene.add_mesh("surface", corners, triangle, MeshAs::kSurface, {});
+  scene.add_points("cloud", std::vector<CloudPoint>{{0, 0, 0}, {1, 0, 0}}, 0, {});
   EXPECT_FALSE(make_cover(scene.bodies()[0].parts));
   EXPECT_TRUE(make_cover(std::vector<ConvexPartPtr>(300, point)));
   EXPECT_FALSE(make_cover(std::vector<ConvexPartPtr>(301, point)));

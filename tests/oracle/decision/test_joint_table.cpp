@@ -4,15 +4,19 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <map>
 #include <numbers>
+#include <sstream>
 #include <string>
 #include <vector>
 
+#include "engine/bvh/surface.h"
 #include "engine/joint_table/joint_table_maker.h"
 #include "engine/joint_table/joint_table_record.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
-#include "tests/oracle/exact/exact_distance.h"
+#include "tests/oracle/cases/mesh_shapes.h"
+#include "tests/oracle/exact/exact_surface.h"
 #include "tests/temporary_folder.h"
 
 namespace clearance::exact {
@@ -49,8 +53,10 @@ std::string limits(double lower, double upper) {
 /// The links `base` and `tip` of a robot.
 class TwoLinks {
  public:
-  explicit TwoLinks(const std::string& links_and_joints) {
+  /// \param meshes names and texts of files
+  explicit TwoLinks(const std::string& links_and_joints, const std::map<std::string, std::string>& meshes = {}) {
     const TemporaryFolder folder;
+    for (const auto& [name, text] : meshes) folder.write(name, text);
     engine::RobotOptions options;
     options.urdf = folder.write("r.urdf", "<robot name='r'>" + links_and_joints + "</robot>");
     options.home.emplace();
@@ -212,6 +218,55 @@ TEST(JointTable, HoldsForHulls) {
     return d;
   });
   EXPECT_GT(deep, 50);
+}
+
+std::string as_obj(const Mesh& mesh) {
+  std::ostringstream text;
+  text.precision(17);
+  for (const Vec3d& v : mesh.vertices) text << "v " << v.x << ' ' << v.y << ' ' << v.z << '\n';
+  for (const Triangle& t : mesh.triangles) text << "f " << t[0] + 1 << ' ' << t[1] + 1 << ' ' << t[2] + 1 << '\n';
+  return text.str();
+}
+
+// A block turns about a ring, into the hole and through the wall; it is within the wall of a cavity, too.
+TEST(JointTable, HoldsForMeshes) {
+  Mesh frame = box_mesh({0.2, 0.2, 0.05});
+  append(frame, flipped(box_mesh({0.15, 0.15, 0.04})));
+  const TwoLinks links(
+      link("base", "<collision><geometry><mesh filename='frame.obj'/></geometry></collision>") + link("mid") +
+          link("tip", "<collision><geometry><mesh filename='bar.obj'/></geometry></collision>") +
+          joint("j", "revolute", "base", "mid", "0.05 0 0", "0 0 1", limits(-1.5, 1.5)) +
+          joint("k", "prismatic", "mid", "tip", "0 0 0", "1 0.25 0", limits(0, 0.4)),
+      {{"frame.obj", as_obj(frame)},
+       {"bar.obj",
+        as_obj(scaled(bent_bar(std::vector<Point2>{{0, 0}, {1, 0}, {1, 1}}, 0.25, 0.25), {0.03, 0.03, 0.03}))}});
+  ASSERT_TRUE(links.pair());
+  ASSERT_TRUE(has_surface(links.body("base")) && has_surface(links.body("tip")));
+  const JointTable table = *make_joint_table(*links.pair());
+  const Kinematics& robot = links.pair()->robot->kinematics;
+  std::vector<Pose> poses(robot.links());
+  std::vector<Status> status(1);
+  const auto view = [](const TableLink& l) {
+    const Surface& mesh = *l.parts[0]->surface;
+    return BodyView{mesh.vertices(), mesh.triangles(), true, 0};
+  };
+  test::RobotRandom random(6);
+  int apart = 0, touching = 0, free = 0;
+  for (int n = 0; n < 1500; ++n) {
+    const Positions q{position_in(table.columns[0], random), position_in(table.columns[1], random)};
+    robot.place(q, std::vector<Pose>(1), poses, status);
+    const double d = exact_distance(view(links.pair()->a), poses[links.pair()->a.link], view(links.pair()->b),
+                                    poses[links.pair()->b.link])
+                         .distance.lower();
+    ++(d > 0 ? apart : touching);
+    const TableCell cell = table.at(q);
+    free += cell.low > 0;
+    ASSERT_LE(cell.low * JointTable::kUnit, cell.low == TableCell::kNoLow ? 0 : d + 1e-14);
+    ASSERT_GE(cell.high == TableCell::kNoHigh ? d : std::max<int>(cell.high, 0) * JointTable::kUnit, d - 1e-14);
+  }
+  EXPECT_GT(touching, 200);
+  EXPECT_GT(apart, 200);
+  EXPECT_GT(free, apart * 3 / 4);
 }
 
 TEST(JointTable, IsMadeForOneOrTwoJointsOnly) {

@@ -151,7 +151,7 @@ RobotScene made_robot(std::uint64_t seed) {
   return made;
 }
 
-RobotScene robot_of(const std::string& urdf) {
+RobotScene robot_of(const std::string& urdf, MeshAs mesh_as) {
   const std::filesystem::path path(urdf);
   const std::string name = path.stem(), folder = path.parent_path();
   const std::filesystem::path srdf = std::filesystem::path(path).replace_extension(".srdf");
@@ -162,7 +162,7 @@ RobotScene robot_of(const std::string& urdf) {
   options.packages = {{name, folder}, {"meshes", folder + "/meshes"}};
   options.home.emplace();
   options.is_static = true;
-  options.mesh_as = MeshAs::kHull;
+  options.mesh_as = mesh_as;
   made.scene.add_robot(name, options);
   Random random(made.scene.revision());
   finish(made, random);

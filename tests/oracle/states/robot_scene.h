@@ -24,8 +24,8 @@ struct RobotScene {
 
 /// A seeded arm whose links are of every kind, and bodies that follow it.
 RobotScene made_robot(std::uint64_t seed);
-/// A robot, with the SRDF of the same name if there is one. Meshes are hulls. Throws SceneError.
+/// A robot, with the SRDF of the same name if there is one. Throws SceneError.
 /// \param urdf path; packages of its name and `meshes` lie next to it
-RobotScene robot_of(const std::string& urdf);
+RobotScene robot_of(const std::string& urdf, MeshAs mesh_as);
 
 }  // namespace clearance::exact
