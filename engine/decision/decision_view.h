@@ -120,6 +120,7 @@ struct SpanPair {
 /// An obstacle and a body, or, if `obstacle` is kNone, an index of DecisionView::moved_pairs.
 struct SpanItem {
   std::uint32_t obstacle, at;
+  bool is_near = false;  ///< of an open item: the balls are too coarse for it even in the middle
 };
 
 /// A span of a motion to decide: whether all its pairs are beyond their margins throughout, or one is within its margin

@@ -62,6 +62,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
 }
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
+  left_.clear();
   if (!begin(motion)) return Verdict::kUnresolved;
   std::size_t count = 1;
   double half = 0.5;
@@ -69,7 +70,7 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
-  int decided = 0;
+  int divided = 0;
   for (; !spans_.empty(); half *= 0.5) {
     for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
     next_.clear();
@@ -82,17 +83,53 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
         const SpanDecision decision = decide(k, span, half);
         if (decision.verdict == Verdict::kHit) return Verdict::kHit;
         if (decision.verdict == Verdict::kFree) continue;
-        if (decision.open == 0 || half <= kLeastSpan || ++decided > kMostSpans) return Verdict::kUnresolved;
-        const std::size_t begin = next_items_.size();
-        next_items_.insert(next_items_.end(), open_.begin(),
-                           open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
-        for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+        if (decision.open == 0) {
+          left_.clear();
+          return Verdict::kUnresolved;
+        }
+        divide(span, decision.open, half, half > kLeastSpan && ++divided <= kMostSpans);
       }
     }
     std::swap(spans_, next_);
     std::swap(items_, next_items_);
   }
-  return Verdict::kFree;
+  return leave_pairs();
+}
+
+// Passes the open items of a span on to both halves. Leaves those to the exact engine for which that is useless.
+void MotionDecider::divide(const Span& span, std::size_t open, double half, bool may_divide) {
+  const DecisionView& view = covers_.view();
+  const std::size_t begin = next_items_.size();
+  for (const SpanItem& item : std::span(open_).first(open)) {
+    if (may_divide && !item.is_near) {
+      next_items_.push_back(item);
+      continue;
+    }
+    const std::uint64_t position = item.obstacle == kNone
+                                       ? view.moved_pairs[item.at].position
+                                       : view.position[std::size_t{item.obstacle} * view.columns + item.at];
+    left_.push_back({position, span.middle - half, span.middle + half});
+  }
+  if (next_items_.size() == begin) return;
+  for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+}
+
+// Lists each open pair once, with the time from its first open span to its last.
+Verdict MotionDecider::leave_pairs() {
+  for (const std::uint64_t position : covers_.unknown()) left_.push_back({position, 0, 1});
+  std::sort(left_.begin(), left_.end(), [](const OpenPair& a, const OpenPair& b) { return a.position < b.position; });
+  std::size_t kept = 0;
+  for (const OpenPair& open : left_) {
+    if (kept > 0 && left_[kept - 1].position == open.position) {
+      OpenPair& same = left_[kept - 1];
+      same.begin = std::min(same.begin, open.begin);
+      same.end = std::max(same.end, open.end);
+    } else {
+      left_[kept++] = open;
+    }
+  }
+  left_.resize(kept);
+  return left_.empty() ? Verdict::kFree : Verdict::kUnresolved;
 }
 
 // Places the links in the middles of spans.

@@ -11,6 +11,12 @@
 
 namespace clearance {
 
+/// A pair that is not decided in a part of a motion's time.
+struct OpenPair {
+  std::uint64_t position;  ///< in the plan
+  double begin, end;
+};
+
 /// Divides a motion into spans until covers prove each free, or prove a hit in the middle of one. Each worker has its
 /// own (docs/bounds_covers.md, "Motions").
 class MotionDecider {
@@ -18,8 +24,10 @@ class MotionDecider {
   /// The arguments must outlive this. The covers know rates (CoverPlan::rates()).
   MotionDecider(const CoverPlan& covers, const Plan& plan);
 
-  /// The verdict of a motion of the plan; kUnresolved leaves it to the exact engine.
+  /// The verdict of a motion of the plan; kUnresolved leaves open() to the exact engine.
   Verdict decide(std::uint64_t motion);
+  /// By position, once each. Empty if the motion is open as a whole.
+  std::span<const OpenPair> open() const { return left_; }
 
  private:
   static constexpr std::size_t kTogether = 8;   // spans placed at once
@@ -35,6 +43,8 @@ class MotionDecider {
   bool begin(std::uint64_t motion);
   void place(std::span<const Span> spans);
   SpanDecision decide(std::size_t k, const Span& span, double half);
+  void divide(const Span& span, std::size_t open, double half, bool may_divide);
+  Verdict leave_pairs();
   void take_twists(std::size_t k, double half);
   static SpanPair pair_span(const void* self, std::uint32_t pair);
   SpanPair pair_span(std::uint32_t pair) const;
@@ -60,6 +70,7 @@ class MotionDecider {
   double half_ = 0;  // of the span under way
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
+  std::vector<OpenPair> left_;
 };
 
 }  // namespace clearance

@@ -73,12 +73,13 @@ class MotionJob final : public ParallelJob {
       block.begin(first, count, meter);
       return true;
     }
-    std::vector<std::uint64_t>& left = left_[static_cast<std::size_t>(worker)];
+    std::vector<OpenMotion>& left = left_[static_cast<std::size_t>(worker)];
+    MotionDecider& decider = deciders_[static_cast<std::size_t>(worker)];
     left.clear();
     for (std::uint64_t k = first; k < first + count; ++k) {
-      const Verdict verdict = deciders_[static_cast<std::size_t>(worker)].decide(k);
+      const Verdict verdict = decider.decide(k);
       if (verdict == Verdict::kUnresolved)
-        left.push_back(k);
+        left.push_back({k, {decider.open().begin(), decider.open().end()}});
       else
         write_verdict(k, verdict == Verdict::kFree ? Status::kBeyond : Status::kOk);
     }
@@ -98,7 +99,7 @@ class MotionJob final : public ParallelJob {
     if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kDecided) != 0) return;
     covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
     covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
-    if (!covers_ || !covers_->rates() || !covers_->unknown().empty()) return;
+    if (!covers_ || !covers_->rates()) return;
     for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
   }
 
@@ -113,8 +114,8 @@ class MotionJob final : public ParallelJob {
   MotionQuery motion_query_{scene(), plan_, bounds_};
   std::vector<MotionBlock> blocks_;  // one per worker
   std::unique_ptr<const CoverPlan> covers_;
-  std::vector<MotionDecider> deciders_;           // one per worker; none without covers
-  std::vector<std::vector<std::uint64_t>> left_;  // motions that they leave open; one per worker
+  std::vector<MotionDecider> deciders_;        // one per worker; none without covers
+  std::vector<std::vector<OpenMotion>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
