@@ -208,7 +208,7 @@ class Decider {
     for (std::uint32_t p = 0; p < b.root_packets && any_a; ++p)
       any_b |= near_b[p] = placed_.near_root(b.packets[p], cb[p], pair.a, pair.grow + way);
     if (!any_b) return 0;
-    packets_left_ = kMostPacketPairs;
+    packets_left_ = kMoves && span_->is_left[index] ? 0 : kMostPacketPairs;
     Bits result = 0;
     for (std::uint32_t p = 0; p < a.root_packets; ++p)
       for (std::uint32_t q = 0; q < b.root_packets; ++q) {
@@ -256,7 +256,7 @@ class Decider {
     for (; open; open &= open - 1) {
       const std::uint32_t child = q.children[lowest(open)];
       if (child == kNone || --packets_left_ < 0) {
-        result |= child == kNone && (near >> lowest(open) & 1) ? kOpen | kNear : kOpen;
+        result |= near >> lowest(open) & 1 ? kOpen | kNear : kOpen;
         continue;
       }
       const BallPacket& below_q = v_.bodies[pair.b].packets[child];

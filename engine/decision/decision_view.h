@@ -135,7 +135,8 @@ struct SpanBatch {
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order
   std::size_t capacity;
-  const double* positions = nullptr;  ///< of joints in the middle; null to use no tables
+  const std::uint8_t* is_left = nullptr;  ///< (moved_pairs,) whether a pair is not to be decided: open, and near
+  const double* positions = nullptr;      ///< of joints in the middle; null to use no tables
   const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {

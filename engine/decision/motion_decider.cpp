@@ -36,6 +36,7 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   origins_.resize(columns);
   bodies_.resize(columns);
   reach_.resize(plan.joints.size());
+  is_left_.resize(covers.view().moved_pair_count);
   link_twists_.resize(links_of_span_);
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -63,6 +64,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
   left_.clear();
+  std::fill(is_left_.begin(), is_left_.end(), 0);
   if (!begin(motion)) return Verdict::kUnresolved;
   std::size_t count = 1;
   double half = 0.5;
@@ -105,6 +107,7 @@ void MotionDecider::divide(const Span& span, std::size_t open, double half, bool
       next_items_.push_back(item);
       continue;
     }
+    if (item.obstacle == kNone) is_left_[item.at] = 1;
     const std::uint64_t position = item.obstacle == kNone
                                        ? view.moved_pairs[item.at].position
                                        : view.position[std::size_t{item.obstacle} * view.columns + item.at];
@@ -160,7 +163,7 @@ SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half)
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size(), rows_.data() + k * plan_.joints.size(), reach_.data()});
+                           open_.data(), open_.size(), is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.

@@ -71,6 +71,7 @@ class MotionDecider {
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
   std::vector<OpenPair> left_;
+  std::vector<std::uint8_t> is_left_;  // by moved pair: in this motion the exact engine decides it
 };
 
 }  // namespace clearance
