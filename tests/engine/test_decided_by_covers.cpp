@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
 #include <numeric>
 
 #include "engine/decision/cover_plan.h"
@@ -98,18 +99,24 @@ void verdicts_and_pairs_are_those_of_the_rows(const Engines& engines) {
   EXPECT_LT(bare.info.pairs_evaluated, 600u) << "covers decide most states alone";
 }
 
+/// Straight motions between states, a tenth of the way to the next one.
+struct Edges : States {
+  explicit Edges(const engine::Scene& scene) : States(scene, 600) {
+    const std::size_t each = joints.size();
+    for (std::size_t k = 1; k < 600; k += 2)
+      for (std::size_t j = 0; j < each; ++j) {
+        double& end = positions[k * each + j];
+        const double start = positions[(k - 1) * each + j];
+        end = start + 0.1 * (end - start);
+      }
+    query.max_evaluations = 256;
+  }
+};
+
 void motions_have_the_verdicts_that_they_have_without(const Engines& engines) {
-  States c(engines.with.scene(), 600);
-  const std::size_t joints = c.joints.size();
-  for (std::size_t k = 1; k < 600; k += 2)  // a tenth of the way to the next state
-    for (std::size_t j = 0; j < joints; ++j) {
-      double& end = c.positions[k * joints + j];
-      const double start = c.positions[(k - 1) * joints + j];
-      end = start + 0.1 * (end - start);
-    }
+  Edges c(engines.with.scene());
   c.query.fields = kFieldVerdict;
-  c.query.max_evaluations = 256;
-  for (const double margin : {0.0, 0.02}) {
+  for (const double margin : {0.0, 0.005, 0.02}) {
     c.query.margin = margin;
     const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
     int free = 0, hit = 0;
@@ -121,6 +128,31 @@ void motions_have_the_verdicts_that_they_have_without(const Engines& engines) {
     EXPECT_GT(free, 10);
     EXPECT_GT(hit, 20);
     EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated / 2) << "covers decide most motions";
+  }
+}
+
+/// Covers decide free motions if the columns are the same for all of them.
+void motions_have_the_rows_that_they_have_without(const Engines& engines) {
+  Edges c(engines.with.scene());
+  constexpr std::uint32_t kOfFree = kFieldVerdict | kFieldConfiguration | kFieldUpper | kFieldStatus | kFieldFlags |
+                                    kFieldPair | kFieldPairLower | kFieldTime | kFieldFirstContact;
+  for (const std::uint32_t fields : {kOfFree, kOfFree & ~kFieldFirstContact, kOfFree | kFieldLower | kFieldSteps}) {
+    c.query.fields = fields;
+    const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
+    const auto counts = expect_same_rows(without, 0, with, 300);
+    EXPECT_GT(counts[static_cast<std::size_t>(Status::kBeyond)], 10u);
+    EXPECT_GT(counts[static_cast<std::size_t>(Status::kOverlap)], 20u);
+    for (int k = 0; k < 300; ++k) {
+      EXPECT_EQ(std::bit_cast<std::uint64_t>(with.view.time[k]), std::bit_cast<std::uint64_t>(without.view.time[k]));
+      EXPECT_EQ(with.view.pair_lower[k].a, without.view.pair_lower[k].a) << k;
+      if (!(fields & kFieldFirstContact)) continue;
+      EXPECT_EQ(with.view.first_contact[2 * k], without.view.first_contact[2 * k]) << k;
+      EXPECT_EQ(with.view.first_contact[2 * k + 1], without.view.first_contact[2 * k + 1]) << k;
+    }
+    if (fields & kFieldSteps)
+      EXPECT_EQ(with.info.pairs_evaluated, without.info.pairs_evaluated);
+    else
+      EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated) << "covers decide some motions";
   }
 }
 
@@ -181,6 +213,7 @@ TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
   rows_have_the_bits_that_they_have_without(engines);
   verdicts_and_pairs_are_those_of_the_rows(engines);
   motions_have_the_verdicts_that_they_have_without(engines);
+  motions_have_the_rows_that_they_have_without(engines);
   every_kernel_gives_the_same_decisions(engines);
   bodies_without_a_pose_are_reported_as_without(engines);
 }
