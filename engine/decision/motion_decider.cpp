@@ -163,7 +163,8 @@ SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half)
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size(), is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
+                           open_.data(), open_.size(), is_left_.data(), rows_.data() + k * plan_.joints.size(),
+                           reach_.data()});
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.

@@ -31,8 +31,8 @@ class MotionDecider {
 
  private:
   static constexpr std::size_t kTogether = 8;   // spans placed at once
-  static constexpr int kMostSpans = 8;          // of a motion
-  static constexpr double kRootSpan = 0.3;      // radians and metres that joints move until a span's end, at first
+  static constexpr int kMostSpans = 16;         // of a motion
+  static constexpr double kRootSpan = 0.45;     // radians and metres that joints move until a span's end, at first
   static constexpr double kLeastSpan = 0x1p-7;  // half length below which spans are not divided
   /// A span [middle - half, middle + half], with the items left open by the one that it is half of.
   struct Span {
