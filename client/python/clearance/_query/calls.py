@@ -24,7 +24,9 @@ Steps = Generator[Request, Any, Any]
 _FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # motions of a path in one query
 _ANY, _BEYOND = int(Reduce.ANY), int(Status.BEYOND)  # numpy compares an enum's member as an object
 _FREE = PathCheck(True, None, None, None, Status.BEYOND)
+#: Columns of motions by default. Bounds, steps and first contact of a decision need a longer search.
 _MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
+_DECIDED_FIELDS = ("status", "verdict", "flags", "pair", "time")
 
 
 class Call:
@@ -90,10 +92,10 @@ class Motions(Call):
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
         requested = dict(arguments)
-        if requested.get("fields") is None:
-            requested["fields"] = _MOTION_FIELDS
-        # Wider tolerances would leave decisions open.
         wide = requested.get("reduce") != "any"
+        if requested.get("fields") is None:
+            requested["fields"] = _MOTION_FIELDS if wide else _DECIDED_FIELDS
+        # Wider tolerances would leave decisions open.
         for name, value in (("abs_tol", 1e-3 if wide else 0.0), ("rel_tol", 0.0 if wide else None)):
             if requested.get(name) is None:
                 requested[name] = value
