@@ -3,9 +3,11 @@
 
 #include <algorithm>
 #include <bit>
+#include <cmath>
 #include <numeric>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/decision/motion_decider.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/same_rows.h"
@@ -156,6 +158,56 @@ void motions_have_the_rows_that_they_have_without(const Engines& engines) {
   }
 }
 
+/// Of each motion without a hit, every pair is left that is within its margin at a sample, with that time.
+void motions_leave_the_pairs_that_are_near(const Engines& engines) {
+  constexpr double kMargin = 0.02;
+  constexpr std::size_t kMotions = 300, kTimes = 17;
+  Edges c(engines.with.scene());
+  const std::size_t each = c.joints.size();
+  std::vector<double> samples;
+  for (std::size_t m = 0; m < kMotions; ++m)
+    for (std::size_t t = 0; t < kTimes; ++t)
+      for (std::size_t j = 0; j < each; ++j)
+        samples.push_back(std::lerp(c.positions[2 * m * each + j], c.positions[(2 * m + 1) * each + j], t / 16.0));
+  QueryView at_samples;
+  at_samples.joints = c.joints;
+  at_samples.positions = samples;
+  at_samples.configuration_count = kMotions * kTimes;
+  at_samples.fields = kFieldUpper;
+  const Answer exact = evaluate(engines.without, at_samples);
+
+  c.query.fields = kFieldVerdict;
+  c.query.margin = kMargin;
+  const engine::Engine& engine = engines.with;
+  const PoseStore store(engine.scene(), std::chrono::seconds(1));
+  Plan plan = make_plan(c.query, engine.scene(), store.snapshot(), 1u << 20, true);
+  plan.uncertainties = uncertainties_of(engine.scene(), *plan.snapshot, 0);
+  const auto covers = CoverPlan::make(engine.scene(), plan, *engine.cover_store());
+  ASSERT_TRUE(covers && covers->rates());
+  MotionDecider decider(*covers, plan);
+  const std::size_t pairs = plan.pairs.size();
+  ASSERT_EQ(exact.size.rows, kMotions * kTimes * pairs);
+  int near = 0, parts = 0;
+  for (std::size_t m = 0; m < kMotions; ++m) {
+    const Verdict verdict = decider.decide(m);
+    if (verdict == Verdict::kHit) continue;
+    const auto open = decider.open();
+    parts += std::any_of(open.begin(), open.end(), [](const OpenPair& o) { return o.end - o.begin < 1; });
+    EXPECT_EQ(verdict == Verdict::kUnresolved, !open.empty()) << m;
+    for (std::size_t t = 0; t < kTimes; ++t)
+      for (std::size_t p = 0; p < pairs; ++p) {
+        if (exact.view.upper[(m * kTimes + t) * pairs + p] > kMargin) continue;
+        ++near;
+        EXPECT_TRUE(
+            std::any_of(open.begin(), open.end(),
+                        [&](const OpenPair& o) { return o.position == p && o.begin <= t / 16.0 && t / 16.0 <= o.end; }))
+            << "motion " << m << ", pair " << p << ", time " << t;
+      }
+  }
+  EXPECT_GT(near, 10) << "some pairs are near without a hit that covers find";
+  EXPECT_GT(parts, 5) << "pairs are left for a part of the time";
+}
+
 void every_kernel_gives_the_same_decisions(const Engines& engines) {
   States c(engines.with.scene(), 300);
   const engine::Engine& engine = engines.with;
@@ -214,6 +266,7 @@ TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
   verdicts_and_pairs_are_those_of_the_rows(engines);
   motions_have_the_verdicts_that_they_have_without(engines);
   motions_have_the_rows_that_they_have_without(engines);
+  motions_leave_the_pairs_that_are_near(engines);
   every_kernel_gives_the_same_decisions(engines);
   bodies_without_a_pose_are_reported_as_without(engines);
 }
