@@ -129,8 +129,8 @@ struct SpanBatch {
   const DecisionView* view;
   const Pose* poses;       ///< in the middle
   const SpanBody* bodies;  ///< (columns,)
-  SpanPair (*pair)(const void* context, std::uint32_t moved_pair);
-  const void* context;
+  SpanPair (*pair)(void* context, std::uint32_t moved_pair);
+  void* context;
   const SpanItem* items;  ///< those to decide; null for all pairs
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order

@@ -37,6 +37,7 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   bodies_.resize(columns);
   reach_.resize(plan.joints.size());
   is_left_.resize(covers.view().moved_pair_count);
+  pair_rates_.resize(covers.view().moved_pair_count);
   link_twists_.resize(links_of_span_);
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -65,6 +66,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
 Verdict MotionDecider::decide(std::uint64_t motion) {
   left_.clear();
   std::fill(is_left_.begin(), is_left_.end(), 0);
+  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
   if (!begin(motion)) return Verdict::kUnresolved;
   std::size_t count = 1;
   double half = 0.5;
@@ -197,13 +199,15 @@ void MotionDecider::take_twists(std::size_t k, double half) {
   }
 }
 
-SpanPair MotionDecider::pair_span(const void* self, std::uint32_t pair) {
-  return static_cast<const MotionDecider*>(self)->pair_span(pair);
+SpanPair MotionDecider::pair_span(void* self, std::uint32_t pair) {
+  return static_cast<MotionDecider*>(self)->pair_span(pair);
 }
 
-SpanPair MotionDecider::pair_span(std::uint32_t index) const {
+SpanPair MotionDecider::pair_span(std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
-  const SpanRates::PairRates rates = covers_.rates()->of_pair(index, change_);
+  std::optional<SpanRates::PairRates>& known = pair_rates_[index];
+  if (!known) known = covers_.rates()->of_pair(index, change_);
+  const SpanRates::PairRates rates = *known;
   const auto seen = [&](std::uint32_t body) -> Twist {
     if (rates.seer == kNone) return twists_[body];
     if (rates.seer == body) return {};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -46,20 +47,21 @@ class MotionDecider {
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
   void take_twists(std::size_t k, double half);
-  static SpanPair pair_span(const void* self, std::uint32_t pair);
-  SpanPair pair_span(std::uint32_t pair) const;
+  static SpanPair pair_span(void* self, std::uint32_t pair);
+  SpanPair pair_span(std::uint32_t pair);
 
   const CoverPlan& covers_;
   const Plan& plan_;
   const DecisionKernel& kernel_;
-  std::vector<LinkTwists> robots_;                   // for each of Plan::motions
-  std::span<const double> start_, end_;              // positions
-  std::vector<std::vector<double>> along_, change_;  // by robot and column
-  double total_ = 0;                                 // sum of the changes
-  std::vector<SpanRates::Rates> rates_;              // by body
-  std::vector<double> rows_, reach_;                 // (spans, joints) middles; (joints,) changes until a span's end
-  std::vector<Pose> poses_, links_;                  // (spans, Plan::bodies); (spans, links) of each robot in turn
-  std::vector<std::size_t> links_begin_;             // by robot: in links_, per span
+  std::vector<LinkTwists> robots_;                               // for each of Plan::motions
+  std::span<const double> start_, end_;                          // positions
+  std::vector<std::vector<double>> along_, change_;              // by robot and column
+  double total_ = 0;                                             // sum of the changes
+  std::vector<SpanRates::Rates> rates_;                          // by body
+  std::vector<std::optional<SpanRates::PairRates>> pair_rates_;  // by moved pair, once requested for a motion
+  std::vector<double> rows_, reach_;      // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<Pose> poses_, links_;       // (spans, Plan::bodies); (spans, links) of each robot in turn
+  std::vector<std::size_t> links_begin_;  // by robot: in links_, per span
   std::size_t links_of_span_ = 0;
   std::vector<std::uint8_t> facts_;
   LinkMotion::LinkScratch scratch_;
