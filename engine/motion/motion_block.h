@@ -14,7 +14,7 @@ namespace clearance {
 /// Sets the evaluation options that motions need in addition to those of a job.
 void set_motion_options(const Plan& plan, EvaluateOptions& options);
 
-/// A motion, with what MotionSearch::begin() takes.
+/// A motion, with the argument of MotionSearch::begin().
 struct OpenMotion {
   std::uint64_t motion;
   std::vector<OpenPair> open;
@@ -47,7 +47,7 @@ class MotionBlock {
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
     begin_each(motions.size(), [motions](std::uint64_t i) { return OpenMotion{motions[i], {}}; }, meter);
   }
-  /// Likewise, with what is open of them.
+  /// Likewise, with their open pairs.
   void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
     begin_each(
         motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);

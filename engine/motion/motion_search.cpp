@@ -49,7 +49,7 @@ void MotionSearch::open_all() {
   push(std::move(root));
 }
 
-// Pairs whose times overlap begin together, since placing the bodies costs as much as many pairs.
+// All begin together, in the time that holds theirs, since placing the bodies costs as much as many pairs.
 void MotionSearch::open_some(std::span<const OpenPair> open) {
   double begin = 1, end = 0;
   for (const OpenPair& pair : open) {
