@@ -45,7 +45,12 @@ class MotionBlock {
   }
   /// Motions that need not be consecutive.
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
-    begin_each(motions.size(), [motions](std::uint64_t i) { return OpenMotion{motions[i], {}}; }, meter);
+    begin_each(
+        motions.size(),
+        [motions](std::uint64_t i) {
+          return OpenMotion{motions[i], {}};
+        },
+        meter);
   }
   /// Likewise, with their open pairs.
   void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
