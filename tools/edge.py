@@ -58,7 +58,8 @@ class Edge:
         return Sampled(len(rows), bool(np.all(r.lower > 0)), float(r.lower.min()))
 
     def proved(self):
-        r = self.engine.motions([self.start], [self.end], joints=self.joints, reduce="any")
+        fields = ("status", "pair", "first_contact")
+        r = self.engine.motions([self.start], [self.end], joints=self.joints, reduce="any", fields=fields)
         pair, contact = r.pair[0].tolist(), float(r.first_contact[0, 1])
         status, free_until = clearance.Status(r.status[0]), float(r.first_contact[0, 0])
         if not contact <= 1:

@@ -62,7 +62,7 @@ class Decider {
 
  private:
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
-  static constexpr Bits kOpen = 1, kHit = 2;
+  static constexpr Bits kOpen = 1, kHit = 2, kNear = 4;      // kNear: SpanItem::is_near
   static constexpr int kMostPackets = 160;                   // of one body against one obstacle
   static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
@@ -78,7 +78,8 @@ class Decider {
   /// Records the result of a pair.
   void record(std::uint64_t position, SpanItem item, Bits result) {
     if (result & kHit) hit_ = position < hit_ ? position : hit_;
-    if (result != kOpen) return;
+    if (!(result & kOpen)) return;
+    item.is_near = (result & kNear) != 0;
     if (count_ == capacity_)
       overflow_ = true;
     else if constexpr (kMoves)
@@ -158,6 +159,7 @@ class Decider {
       const std::uint32_t child = packet.children[i];
       if (child == kNone || (kMoves && is_finer_useless(packet, c, i)) || --packets_left_ < 0) {
         result |= kOpen;
+        if (kMoves && child == kNone && !(gaps.low[i] > packet.outer[i] + grow)) result |= kNear;
         continue;
       }
       const BallPacket& next = v_.bodies[body].packets[child];
@@ -206,7 +208,7 @@ class Decider {
     for (std::uint32_t p = 0; p < b.root_packets && any_a; ++p)
       any_b |= near_b[p] = placed_.near_root(b.packets[p], cb[p], pair.a, pair.grow + way);
     if (!any_b) return 0;
-    packets_left_ = kMostPacketPairs;
+    packets_left_ = kMoves && span_->is_left[index] ? 0 : kMostPacketPairs;
     Bits result = 0;
     for (std::uint32_t p = 0; p < a.root_packets; ++p)
       for (std::uint32_t q = 0; q < b.root_packets; ++q) {
@@ -233,17 +235,19 @@ class Decider {
       const int i = lowest(of_p);
       const Eight d = distances(centres_q, cp.x[i], cp.y[i], cp.z[i]);
       if (greater(inner_q + Eight(p.inner[i]), d) & first(q.count)) return kHit;
-      Eight bound = outer_q + Eight(p.outer[i]);
+      const Eight still = outer_q + Eight(p.outer[i]);
+      Eight bound = still;
       if constexpr (kMoves) bound = bound + lesser(way_q + Eight(way_p[i]), Eight(pair_span_.way));
       const Bits open = ~greater(d, bound) & of_q;
-      if (open) result |= children(pair, p, i, q, open);
+      if (open) result |= children(pair, p, i, q, open, kMoves ? ~greater(d, still) : 0);
       if (result & kHit) return kHit;
     }
     return result;
   }
   /// The children of a ball of p against those of some balls of q.
-  Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open) {
-    if (p.children[i] == kNone) return kOpen;
+  /// \param near those that are open even without movement
+  Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open, Bits near) {
+    if (p.children[i] == kNone) return open & near ? kOpen | kNear : kOpen;
     if (kMoves && pair_span_.way > 4 * (p.outer[i] - (p.inner[i] > 0 ? p.inner[i] : 0))) return kOpen;
     const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
     Centres c_p, c_q;
@@ -252,7 +256,7 @@ class Decider {
     for (; open; open &= open - 1) {
       const std::uint32_t child = q.children[lowest(open)];
       if (child == kNone || --packets_left_ < 0) {
-        result |= kOpen;
+        result |= near >> lowest(open) & 1 ? kOpen | kNear : kOpen;
         continue;
       }
       const BallPacket& below_q = v_.bodies[pair.b].packets[child];

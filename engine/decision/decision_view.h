@@ -120,6 +120,7 @@ struct SpanPair {
 /// An obstacle and a body, or, if `obstacle` is kNone, an index of DecisionView::moved_pairs.
 struct SpanItem {
   std::uint32_t obstacle, at;
+  bool is_near = false;  ///< of an open item: the balls are too coarse for it even in the middle
 };
 
 /// A span of a motion to decide: whether all its pairs are beyond their margins throughout, or one is within its margin
@@ -128,13 +129,14 @@ struct SpanBatch {
   const DecisionView* view;
   const Pose* poses;       ///< in the middle
   const SpanBody* bodies;  ///< (columns,)
-  SpanPair (*pair)(const void* context, std::uint32_t moved_pair);
-  const void* context;
+  SpanPair (*pair)(void* context, std::uint32_t moved_pair);
+  void* context;
   const SpanItem* items;  ///< those to decide; null for all pairs
   std::size_t count;
   SpanItem* open;  ///< receives the items left open, in order
   std::size_t capacity;
-  const double* positions = nullptr;  ///< of joints in the middle; null to use no tables
+  const std::uint8_t* is_left = nullptr;  ///< (moved_pairs,) whether a pair is not to be decided: open, and near
+  const double* positions = nullptr;      ///< of joints in the middle; null to use no tables
   const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {

@@ -36,6 +36,8 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   origins_.resize(columns);
   bodies_.resize(columns);
   reach_.resize(plan.joints.size());
+  is_left_.resize(covers.view().moved_pair_count);
+  pair_rates_.resize(covers.view().moved_pair_count);
   link_twists_.resize(links_of_span_);
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -62,6 +64,9 @@ bool MotionDecider::begin(std::uint64_t motion) {
 }
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
+  left_.clear();
+  std::fill(is_left_.begin(), is_left_.end(), 0);
+  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
   if (!begin(motion)) return Verdict::kUnresolved;
   std::size_t count = 1;
   double half = 0.5;
@@ -69,7 +74,7 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
-  int decided = 0;
+  int divided = 0;
   for (; !spans_.empty(); half *= 0.5) {
     for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
     next_.clear();
@@ -82,17 +87,54 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
         const SpanDecision decision = decide(k, span, half);
         if (decision.verdict == Verdict::kHit) return Verdict::kHit;
         if (decision.verdict == Verdict::kFree) continue;
-        if (decision.open == 0 || half <= kLeastSpan || ++decided > kMostSpans) return Verdict::kUnresolved;
-        const std::size_t begin = next_items_.size();
-        next_items_.insert(next_items_.end(), open_.begin(),
-                           open_.begin() + static_cast<std::ptrdiff_t>(decision.open));
-        for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+        if (decision.open == 0) {
+          left_.clear();
+          return Verdict::kUnresolved;
+        }
+        divide(span, decision.open, half, half > kLeastSpan && ++divided <= kMostSpans);
       }
     }
     std::swap(spans_, next_);
     std::swap(items_, next_items_);
   }
-  return Verdict::kFree;
+  return leave_pairs();
+}
+
+// Passes the open items of a span on to both halves. Leaves those to the exact engine for which that is useless.
+void MotionDecider::divide(const Span& span, std::size_t open, double half, bool may_divide) {
+  const DecisionView& view = covers_.view();
+  const std::size_t begin = next_items_.size();
+  for (const SpanItem& item : std::span(open_).first(open)) {
+    if (may_divide && !item.is_near) {
+      next_items_.push_back(item);
+      continue;
+    }
+    if (item.obstacle == kNone) is_left_[item.at] = 1;
+    const std::uint64_t position = item.obstacle == kNone
+                                       ? view.moved_pairs[item.at].position
+                                       : view.position[std::size_t{item.obstacle} * view.columns + item.at];
+    left_.push_back({position, span.middle - half, span.middle + half});
+  }
+  if (next_items_.size() == begin) return;
+  for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+}
+
+// Lists each open pair once, with the time from its first open span to its last.
+Verdict MotionDecider::leave_pairs() {
+  for (const std::uint64_t position : covers_.unknown()) left_.push_back({position, 0, 1});
+  std::sort(left_.begin(), left_.end(), [](const OpenPair& a, const OpenPair& b) { return a.position < b.position; });
+  std::size_t kept = 0;
+  for (const OpenPair& open : left_) {
+    if (kept > 0 && left_[kept - 1].position == open.position) {
+      OpenPair& same = left_[kept - 1];
+      same.begin = std::min(same.begin, open.begin);
+      same.end = std::max(same.end, open.end);
+    } else {
+      left_[kept++] = open;
+    }
+  }
+  left_.resize(kept);
+  return left_.empty() ? Verdict::kFree : Verdict::kUnresolved;
 }
 
 // Places the links in the middles of spans.
@@ -123,7 +165,8 @@ SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half)
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size(), rows_.data() + k * plan_.joints.size(), reach_.data()});
+                           open_.data(), open_.size(), is_left_.data(), rows_.data() + k * plan_.joints.size(),
+                           reach_.data()});
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.
@@ -156,13 +199,15 @@ void MotionDecider::take_twists(std::size_t k, double half) {
   }
 }
 
-SpanPair MotionDecider::pair_span(const void* self, std::uint32_t pair) {
-  return static_cast<const MotionDecider*>(self)->pair_span(pair);
+SpanPair MotionDecider::pair_span(void* self, std::uint32_t pair) {
+  return static_cast<MotionDecider*>(self)->pair_span(pair);
 }
 
-SpanPair MotionDecider::pair_span(std::uint32_t index) const {
+SpanPair MotionDecider::pair_span(std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
-  const SpanRates::PairRates rates = covers_.rates()->of_pair(index, change_);
+  std::optional<SpanRates::PairRates>& known = pair_rates_[index];
+  if (!known) known = covers_.rates()->of_pair(index, change_);
+  const SpanRates::PairRates rates = *known;
   const auto seen = [&](std::uint32_t body) -> Twist {
     if (rates.seer == kNone) return twists_[body];
     if (rates.seer == body) return {};

@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -11,6 +12,12 @@
 
 namespace clearance {
 
+/// A pair that is not decided in a part of a motion's time.
+struct OpenPair {
+  std::uint64_t position;  ///< in the plan
+  double begin, end;
+};
+
 /// Divides a motion into spans until covers prove each free, or prove a hit in the middle of one. Each worker has its
 /// own (docs/bounds_covers.md, "Motions").
 class MotionDecider {
@@ -18,13 +25,15 @@ class MotionDecider {
   /// The arguments must outlive this. The covers know rates (CoverPlan::rates()).
   MotionDecider(const CoverPlan& covers, const Plan& plan);
 
-  /// The verdict of a motion of the plan; kUnresolved leaves it to the exact engine.
+  /// The verdict of a motion of the plan; kUnresolved leaves open() to the exact engine.
   Verdict decide(std::uint64_t motion);
+  /// By position, once each. Empty if the motion is open as a whole.
+  std::span<const OpenPair> open() const { return left_; }
 
  private:
   static constexpr std::size_t kTogether = 8;   // spans placed at once
-  static constexpr int kMostSpans = 8;          // of a motion
-  static constexpr double kRootSpan = 0.3;      // radians and metres that joints move until a span's end, at first
+  static constexpr int kMostSpans = 16;         // of a motion
+  static constexpr double kRootSpan = 0.45;     // radians and metres that joints move until a span's end, at first
   static constexpr double kLeastSpan = 0x1p-7;  // half length below which spans are not divided
   /// A span [middle - half, middle + half], with the items left open by the one that it is half of.
   struct Span {
@@ -35,21 +44,24 @@ class MotionDecider {
   bool begin(std::uint64_t motion);
   void place(std::span<const Span> spans);
   SpanDecision decide(std::size_t k, const Span& span, double half);
+  void divide(const Span& span, std::size_t open, double half, bool may_divide);
+  Verdict leave_pairs();
   void take_twists(std::size_t k, double half);
-  static SpanPair pair_span(const void* self, std::uint32_t pair);
-  SpanPair pair_span(std::uint32_t pair) const;
+  static SpanPair pair_span(void* self, std::uint32_t pair);
+  SpanPair pair_span(std::uint32_t pair);
 
   const CoverPlan& covers_;
   const Plan& plan_;
   const DecisionKernel& kernel_;
-  std::vector<LinkTwists> robots_;                   // for each of Plan::motions
-  std::span<const double> start_, end_;              // positions
-  std::vector<std::vector<double>> along_, change_;  // by robot and column
-  double total_ = 0;                                 // sum of the changes
-  std::vector<SpanRates::Rates> rates_;              // by body
-  std::vector<double> rows_, reach_;                 // (spans, joints) middles; (joints,) changes until a span's end
-  std::vector<Pose> poses_, links_;                  // (spans, Plan::bodies); (spans, links) of each robot in turn
-  std::vector<std::size_t> links_begin_;             // by robot: in links_, per span
+  std::vector<LinkTwists> robots_;                               // for each of Plan::motions
+  std::span<const double> start_, end_;                          // positions
+  std::vector<std::vector<double>> along_, change_;              // by robot and column
+  double total_ = 0;                                             // sum of the changes
+  std::vector<SpanRates::Rates> rates_;                          // by body
+  std::vector<std::optional<SpanRates::PairRates>> pair_rates_;  // by moved pair, once requested for a motion
+  std::vector<double> rows_, reach_;      // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<Pose> poses_, links_;       // (spans, Plan::bodies); (spans, links) of each robot in turn
+  std::vector<std::size_t> links_begin_;  // by robot: in links_, per span
   std::size_t links_of_span_ = 0;
   std::vector<std::uint8_t> facts_;
   LinkMotion::LinkScratch scratch_;
@@ -60,6 +72,8 @@ class MotionDecider {
   double half_ = 0;  // of the span under way
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
+  std::vector<OpenPair> left_;
+  std::vector<std::uint8_t> is_left_;  // by moved pair: in this motion the exact engine decides it
 };
 
 }  // namespace clearance

@@ -58,10 +58,10 @@ void MotionBlock::begin_searches(std::uint64_t count) {
   is_evaluating_ = false;
 }
 
-void MotionBlock::begin_search(std::uint64_t i, std::uint64_t motion) {
-  motion_query_.bounds.take(motion, searches_[i].moving);
+void MotionBlock::begin_search(std::uint64_t i, const OpenMotion& motion) {
+  motion_query_.bounds.take(motion.motion, searches_[i].moving);
   poses_.find_end_facts(searches_[i].moving);
-  searches_[i].begin();
+  searches_[i].begin(motion.open);
 }
 
 void MotionBlock::count_begun(WorkMeter& meter) const {

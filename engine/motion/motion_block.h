@@ -14,6 +14,12 @@ namespace clearance {
 /// Sets the evaluation options that motions need in addition to those of a job.
 void set_motion_options(const Plan& plan, EvaluateOptions& options);
 
+/// A motion, with the argument of MotionSearch::begin().
+struct OpenMotion {
+  std::uint64_t motion;
+  std::vector<OpenPair> open;
+};
+
 /// Answers a block of motions at a time, breadth first: the next nodes of all their searches are placed and evaluated
 /// together, so that SIMD lanes find many pairs of the same two hulls. Each worker has its own.
 class MotionBlock {
@@ -30,11 +36,26 @@ class MotionBlock {
   bool has_begun() const { return count_ > 0; }
   /// \param first first of `count` consecutive motions
   void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
-    begin_each(count, [first](std::uint64_t i) { return first + i; }, meter);
+    begin_each(
+        count,
+        [first](std::uint64_t i) {
+          return OpenMotion{first + i, {}};
+        },
+        meter);
   }
   /// Motions that need not be consecutive.
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
-    begin_each(motions.size(), [motions](std::uint64_t i) { return motions[i]; }, meter);
+    begin_each(
+        motions.size(),
+        [motions](std::uint64_t i) {
+          return OpenMotion{motions[i], {}};
+        },
+        meter);
+  }
+  /// Likewise, with their open pairs.
+  void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
+    begin_each(
+        motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);
   }
   /// Continues until the slice ends. Returns true once all motions are answered.
   bool advance(WorkMeter& meter);
@@ -56,7 +77,7 @@ class MotionBlock {
     count_begun(meter);
   }
   void begin_searches(std::uint64_t count);
-  void begin_search(std::uint64_t i, std::uint64_t motion);
+  void begin_search(std::uint64_t i, const OpenMotion& motion);
   void count_begun(WorkMeter& meter) const;
   bool collect_pairs(WorkMeter& meter);
   void place(WorkMeter& meter);

@@ -1,6 +1,7 @@
 #include "engine/motion/motion_job.h"
 
 #include <algorithm>
+#include <limits>
 #include <string>
 #include <utility>
 
@@ -15,6 +16,10 @@ namespace {
 
 constexpr std::uint64_t kMostPairs = 1u << 16;  // of a motion: a slice covers one evaluation of all of them
 constexpr std::uint64_t kBlocksAtOnce = 8;      // per worker: rows wait for those before them
+// Columns of reduce="any" that covers give of any motion, and those that are the same for all free motions.
+constexpr std::uint32_t kOfVerdict = kFieldVerdict | kFieldConfiguration;
+constexpr std::uint32_t kOfFree = kOfVerdict | kFieldUpper | kFieldStatus | kFieldFlags | kFieldPair | kFieldPairLower |
+                                  kFieldTime | kFieldFirstContact;
 
 class MotionJob final : public ParallelJob {
  public:
@@ -67,20 +72,25 @@ class MotionJob final : public ParallelJob {
     return true;
   }
 
-  // Decides motions by covers if only their verdicts are requested. Returns false if none is left to evaluate.
+  // Decides motions by covers as far as the requested columns allow. Returns false if none is left to evaluate.
   bool begin(MotionBlock& block, std::uint64_t first, std::uint64_t count, int worker, WorkMeter& meter) {
     if (deciders_.empty()) {
       block.begin(first, count, meter);
       return true;
     }
-    std::vector<std::uint64_t>& left = left_[static_cast<std::size_t>(worker)];
+    std::vector<OpenMotion>& left = left_[static_cast<std::size_t>(worker)];
+    MotionDecider& decider = deciders_[static_cast<std::size_t>(worker)];
     left.clear();
     for (std::uint64_t k = first; k < first + count; ++k) {
-      const Verdict verdict = deciders_[static_cast<std::size_t>(worker)].decide(k);
-      if (verdict == Verdict::kUnresolved)
-        left.push_back(k);
+      const Verdict verdict = decider.decide(k);
+      if (verdict == Verdict::kFree)
+        write_free(k);
+      else if (!needs_no_row_)
+        left.push_back({k, {}});
+      else if (verdict == Verdict::kHit)
+        write_verdict(k, Status::kOk);
       else
-        write_verdict(k, verdict == Verdict::kFree ? Status::kBeyond : Status::kOk);
+        left.push_back({k, {decider.open().begin(), decider.open().end()}});
     }
     meter.count(count * kUnitsPerDecision);
     if (!left.empty()) block.begin(left, meter);
@@ -92,13 +102,21 @@ class MotionJob final : public ParallelJob {
     if (reply_.configuration) reply_.configuration[motion] = static_cast<std::uint32_t>(motion);
   }
 
+  void write_free(std::uint64_t motion) {
+    if (needs_no_row_) return write_verdict(motion, Status::kBeyond);
+    MotionRow free;
+    free.row = {{kNone, kNone}, static_cast<std::uint32_t>(motion), beyond_answer(0)};
+    free.free_until = std::numeric_limits<double>::infinity();
+    write_motion_row(reply_, motion, free);
+  }
+
   void take_covers() {
     deciders_.clear();
-    constexpr std::uint32_t kDecided = kFieldVerdict | kFieldConfiguration;
-    if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kDecided) != 0) return;
+    if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kOfFree) != 0) return;
+    needs_no_row_ = (plan_.size.fields & ~kOfVerdict) == 0;
     covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
     covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
-    if (!covers_ || !covers_->rates() || !covers_->unknown().empty()) return;
+    if (!covers_ || !covers_->rates()) return;
     for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
   }
 
@@ -113,9 +131,10 @@ class MotionJob final : public ParallelJob {
   MotionQuery motion_query_{scene(), plan_, bounds_};
   std::vector<MotionBlock> blocks_;  // one per worker
   std::unique_ptr<const CoverPlan> covers_;
-  std::vector<MotionDecider> deciders_;           // one per worker; none without covers
-  std::vector<std::vector<std::uint64_t>> left_;  // motions that they leave open; one per worker
+  std::vector<MotionDecider> deciders_;        // one per worker; none without covers
+  std::vector<std::vector<OpenMotion>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
+  bool needs_no_row_ = false;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};

@@ -24,7 +24,7 @@ bool is_within(const PairAnswer& answer, double margin) {
 
 }  // namespace
 
-void MotionSearch::begin() {
+void MotionSearch::begin(std::span<const OpenPair> open) {
   const bool each = motion_query_.plan.query.reduce == Reduce::kNone;
   goals_.assign(each ? motion_query_.plan.pairs.size() : 1, Goal{});
   spans_.clear();
@@ -34,13 +34,30 @@ void MotionSearch::begin() {
   seeded_ = false;
   done_ = motion_query_.plan.pairs.size() == 0;
   seeks_contact_ = any() && wants_contact();
-  if (!done_) open_all();
+  if (done_) return;
+  if (open.empty())
+    open_all();
+  else
+    open_some(open);
 }
 
 void MotionSearch::open_all() {
   Node root{0, 1, {}, {}, 0, false};
   root.open.resize(motion_query_.plan.pairs.size());
   std::iota(root.open.begin(), root.open.end(), std::uint64_t{0});
+  root.low.assign(root.open.size(), 0);
+  push(std::move(root));
+}
+
+// All begin together, in the time that holds theirs, since placing the bodies costs as much as many pairs.
+void MotionSearch::open_some(std::span<const OpenPair> open) {
+  double begin = 1, end = 0;
+  for (const OpenPair& pair : open) {
+    begin = std::min(begin, pair.begin);
+    end = std::max(end, pair.end);
+  }
+  Node root{begin, end, {}, {}, 0, false};
+  for (const OpenPair& pair : open) root.open.push_back(pair.position);
   root.low.assign(root.open.size(), 0);
   push(std::move(root));
 }

@@ -6,6 +6,7 @@
 #include <span>
 #include <vector>
 
+#include "engine/decision/motion_decider.h"
 #include "engine/evaluate/evaluate.h"
 #include "engine/motion/half_spans.h"
 #include "engine/motion/motion_bounds.h"
@@ -80,7 +81,8 @@ class MotionSearch {
   explicit MotionSearch(const MotionQuery& request) : motion_query_(request) {}
 
   /// Begins with another motion, `moving`.
-  void begin();
+  /// \param open the pairs that may be within their margins, and when; empty for all pairs and times
+  void begin(std::span<const OpenPair> open);
   MovingBodies moving;
 
   bool is_done() const { return done_; }
@@ -147,6 +149,7 @@ class MotionSearch {
   HalfSpans half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner, const Moment& moment,
                        double half, bool of_boxes) const;
   void open_all();
+  void open_some(std::span<const OpenPair> open);
   bool seek_contact();
   bool may_request() const {
     return !spans_.empty() && (spans_[0].has_steps || steps_ < motion_query_.plan.query.max_evaluations);

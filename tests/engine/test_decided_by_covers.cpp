@@ -2,9 +2,12 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <bit>
+#include <cmath>
 #include <numeric>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/decision/motion_decider.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/crowded_arm.h"
 #include "tests/engine/same_rows.h"
@@ -48,18 +51,24 @@ void verdicts_and_pairs_are_those_of_the_rows(const CoverEngines& engines) {
   EXPECT_LT(bare.info.pairs_evaluated, 600u) << "covers decide most states alone";
 }
 
+/// Straight motions between states, a tenth of the way to the next one.
+struct Edges : ArmStates {
+  explicit Edges(const engine::Scene& scene) : ArmStates(scene, 600) {
+    const std::size_t each = joints.size();
+    for (std::size_t k = 1; k < 600; k += 2)
+      for (std::size_t j = 0; j < each; ++j) {
+        double& end = positions[k * each + j];
+        const double start = positions[(k - 1) * each + j];
+        end = start + 0.1 * (end - start);
+      }
+    query.max_evaluations = 256;
+  }
+};
+
 void motions_have_the_verdicts_that_they_have_without(const CoverEngines& engines) {
-  ArmStates c(engines.with.scene(), 600);
-  const std::size_t joints = c.joints.size();
-  for (std::size_t k = 1; k < 600; k += 2)  // a tenth of the way to the next state
-    for (std::size_t j = 0; j < joints; ++j) {
-      double& end = c.positions[k * joints + j];
-      const double start = c.positions[(k - 1) * joints + j];
-      end = start + 0.1 * (end - start);
-    }
+  Edges c(engines.with.scene());
   c.query.fields = kFieldVerdict;
-  c.query.max_evaluations = 256;
-  for (const double margin : {0.0, 0.02}) {
+  for (const double margin : {0.0, 0.005, 0.02}) {
     c.query.margin = margin;
     const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
     int free = 0, hit = 0;
@@ -72,6 +81,81 @@ void motions_have_the_verdicts_that_they_have_without(const CoverEngines& engine
     EXPECT_GT(hit, 20);
     EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated / 2) << "covers decide most motions";
   }
+}
+
+/// Covers decide free motions if the columns are the same for all of them.
+void motions_have_the_rows_that_they_have_without(const CoverEngines& engines) {
+  Edges c(engines.with.scene());
+  constexpr std::uint32_t kOfFree = kFieldVerdict | kFieldConfiguration | kFieldUpper | kFieldStatus | kFieldFlags |
+                                    kFieldPair | kFieldPairLower | kFieldTime | kFieldFirstContact;
+  for (const std::uint32_t fields : {kOfFree, kOfFree & ~kFieldFirstContact, kOfFree | kFieldLower | kFieldSteps}) {
+    c.query.fields = fields;
+    const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
+    const auto counts = expect_same_rows(without, 0, with, 300);
+    EXPECT_GT(counts[static_cast<std::size_t>(Status::kBeyond)], 10u);
+    EXPECT_GT(counts[static_cast<std::size_t>(Status::kOverlap)], 20u);
+    for (int k = 0; k < 300; ++k) {
+      EXPECT_EQ(std::bit_cast<std::uint64_t>(with.view.time[k]), std::bit_cast<std::uint64_t>(without.view.time[k]));
+      EXPECT_EQ(with.view.pair_lower[k].a, without.view.pair_lower[k].a) << k;
+      if (!(fields & kFieldFirstContact)) continue;
+      EXPECT_EQ(with.view.first_contact[2 * k], without.view.first_contact[2 * k]) << k;
+      EXPECT_EQ(with.view.first_contact[2 * k + 1], without.view.first_contact[2 * k + 1]) << k;
+    }
+    if (fields & kFieldSteps)
+      EXPECT_EQ(with.info.pairs_evaluated, without.info.pairs_evaluated);
+    else
+      EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated) << "covers decide some motions";
+  }
+}
+
+/// Of each motion without a hit, every pair is left that is within its margin at a sample, with that time.
+void motions_leave_the_pairs_that_are_near(const CoverEngines& engines) {
+  constexpr double kMargin = 0.02;
+  constexpr std::size_t kMotions = 300, kTimes = 17;
+  Edges c(engines.with.scene());
+  const std::size_t each = c.joints.size();
+  std::vector<double> samples;
+  for (std::size_t m = 0; m < kMotions; ++m)
+    for (std::size_t t = 0; t < kTimes; ++t)
+      for (std::size_t j = 0; j < each; ++j)
+        samples.push_back(std::lerp(c.positions[2 * m * each + j], c.positions[(2 * m + 1) * each + j], t / 16.0));
+  QueryView at_samples;
+  at_samples.joints = c.joints;
+  at_samples.positions = samples;
+  at_samples.configuration_count = kMotions * kTimes;
+  at_samples.fields = kFieldUpper;
+  const Answer exact = evaluate(engines.without, at_samples);
+
+  c.query.fields = kFieldVerdict;
+  c.query.margin = kMargin;
+  const engine::Engine& engine = engines.with;
+  const PoseStore store(engine.scene(), std::chrono::seconds(1));
+  Plan plan = make_plan(c.query, engine.scene(), store.snapshot(), 1u << 20, true);
+  plan.uncertainties = uncertainties_of(engine.scene(), *plan.snapshot, 0);
+  const auto covers = CoverPlan::make(engine.scene(), plan, *engine.cover_store());
+  ASSERT_TRUE(covers && covers->rates());
+  MotionDecider decider(*covers, plan);
+  const std::size_t pairs = plan.pairs.size();
+  ASSERT_EQ(exact.size.rows, kMotions * kTimes * pairs);
+  int near = 0, parts = 0;
+  for (std::size_t m = 0; m < kMotions; ++m) {
+    const Verdict verdict = decider.decide(m);
+    if (verdict == Verdict::kHit) continue;
+    const auto open = decider.open();
+    parts += std::any_of(open.begin(), open.end(), [](const OpenPair& o) { return o.end - o.begin < 1; });
+    EXPECT_EQ(verdict == Verdict::kUnresolved, !open.empty()) << m;
+    for (std::size_t t = 0; t < kTimes; ++t)
+      for (std::size_t p = 0; p < pairs; ++p) {
+        if (exact.view.upper[(m * kTimes + t) * pairs + p] > kMargin) continue;
+        ++near;
+        EXPECT_TRUE(
+            std::any_of(open.begin(), open.end(),
+                        [&](const OpenPair& o) { return o.position == p && o.begin <= t / 16.0 && t / 16.0 <= o.end; }))
+            << "motion " << m << ", pair " << p << ", time " << t;
+      }
+  }
+  EXPECT_GT(near, 10) << "some pairs are near without a hit that covers find";
+  EXPECT_GT(parts, 5) << "pairs are left for a part of the time";
 }
 
 void every_kernel_gives_the_same_decisions(const CoverEngines& engines) {
@@ -131,6 +215,8 @@ TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
   rows_have_the_bits_that_they_have_without(engines);
   verdicts_and_pairs_are_those_of_the_rows(engines);
   motions_have_the_verdicts_that_they_have_without(engines);
+  motions_have_the_rows_that_they_have_without(engines);
+  motions_leave_the_pairs_that_are_near(engines);
   every_kernel_gives_the_same_decisions(engines);
   bodies_without_a_pose_are_reported_as_without(engines);
 }

@@ -205,3 +205,16 @@ def test_pairs_that_are_not_free_have_names(front):
     assert stopped.hit and stopped.pair_names == ("ball", "cup") and "pair_names=('ball', 'cup')" in repr(stopped)
     assert stopped.pair == tuple(map(front.body_id, stopped.pair_names))
     assert front.check_path(np.array([[at(0)], [at(0.5)]], float), bodies=["ball"]).pair_names is None
+
+
+def test_a_path_stops_with_the_details_of_its_first_motion_that_is_not_free(front):
+    places = np.array([[at(0.1 * x)] for x in (0, 1, 2, 3, 4, 5, 6, 5, 4, 3, 2, 12, 0)], float)
+    options = {"bodies": ["ball"], "pairs": [("ball", "cup"), ("ball", "wall")]}
+    fields = ("status", "pair", "time", "first_contact")
+    details = front.motions(places[:-1], places[1:], reduce="any", fields=fields, **options)
+    path = front.check_path(places, **options)
+    first = int(np.argmax(details.status != Status.BEYOND))
+    assert first == path.index == 10 and not path.free
+    assert (path.t, path.status) == (details.time[first], details.status[first])
+    assert path.pair == tuple(details.pair[first].tolist()) == (front.body_id("ball"), front.body_id("cup"))
+    assert front.check_path(places[:11], **options).free

@@ -64,6 +64,7 @@ def moves(count, seed, spread=0.6):
 
 def check(checker, engine, seen, **requested):
     """Checks that all rows are proved, and equal those of motions(); counts kinds of proofs."""
+    requested = {"fields": ("default", "first_contact"), **requested}
     result, document = engine.motions(**requested), engine.certificate(**requested).document
     rows = document["rows"]
     for name in ("lower", "upper"):

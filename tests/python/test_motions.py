@@ -58,7 +58,8 @@ def test_the_least_distance_of_a_motion_is_in_its_bounds(engine):
 def test_any_decides_and_names_when(engine):
     arm = engine.joints("arm")
     start, end = edges_of(arm, 40)
-    r = engine.motions(start, end, joints=arm, pairs=PAIRS, reduce="any", margin=0.01)
+    fields = ("status", "pair", "time", "first_contact")
+    r = engine.motions(start, end, joints=arm, pairs=PAIRS, reduce="any", margin=0.01, fields=fields)
     free = r.status == Status.BEYOND
     hit = r.status <= Status.CONTACT
     assert free.sum() >= 5 and hit.sum() >= 5
@@ -70,6 +71,16 @@ def test_any_decides_and_names_when(engine):
     for k in np.flatnonzero(free):
         rows = np.array([along(start[k], end[k], t) for t in TIMES])
         assert engine.check(rows, joints=arm, margin=0.01, pairs=PAIRS).free.all()
+
+
+def test_a_decision_has_the_columns_that_cost_nothing_more(engine):
+    arm = engine.joints("arm")
+    start, end = edges_of(arm, 20)
+    options = dict(joints=arm, start=start, end=end, pairs=PAIRS)
+    decided = engine.motions(reduce="any", **options)
+    assert set(decided.columns) == {"status", "verdict", "flags", "pair", "time"}
+    assert (decided.status == Status.BEYOND).any() and (decided.status <= Status.CONTACT).any()
+    assert {"lower", "upper", "time", "first_contact", "steps"} < set(engine.motions(**options).columns)
 
 
 def test_a_decision_has_tolerances_that_decide(engine):

@@ -87,11 +87,14 @@ inline Query as_free_scale(Query query, std::span<const double> weights) {
   return query;
 }
 /// Converts a query to that of motions(): sets options that have their default value. These are the maximum of
-/// evaluations, the columns (the default ones, flags, pair and those of motions) and, except for Reduce::kAny, the
-/// tolerance (1 mm).
+/// evaluations, the columns and, except for Reduce::kAny, the tolerance (1 mm). The columns are the default ones, flags,
+/// pair and those of motions; of Reduce::kAny status, verdict, flags, pair and time, which need no longer search.
 inline Query as_motions(Query query) {
   if (query.max_evaluations == 0) query.max_evaluations = kDefaultEvaluations;
-  if (query.fields == kDefaultFields) query.fields |= kFieldFlags | kFieldPair | kMotionFields;
+  if (query.fields == kDefaultFields)
+    query.fields = query.reduce == Reduce::kAny
+                       ? kFieldStatus | kFieldVerdict | kFieldFlags | kFieldPair | kFieldTime
+                       : kDefaultFields | kFieldFlags | kFieldPair | kMotionFields;
   if (query.reduce != Reduce::kAny && query.abs_tol == 0 && query.rel_tol < 0) {
     query.abs_tol = 1e-3;
     query.rel_tol = 0;

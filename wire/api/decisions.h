@@ -60,41 +60,73 @@ std::vector<T> ends_of_motions(std::span<const T> waypoints, std::size_t each, s
   return ends;
 }
 
-/// Answers check_path().
+/// A part of a path, as motions.
+class PathPart {
+ public:
+  /// \param first first of the waypoints
+  PathPart(const Query& path, std::size_t first, std::size_t last)
+      : positions_(ends_of_motions(path.positions, path.joints.size(), first, last)),
+        poses_(ends_of_motions(path.configurations, path.bodies.size(), first, last)),
+        path_(path) {}
+
+  /// Refers to this.
+  Query query(std::uint32_t fields) const {
+    Query query = path_;
+    query.positions = positions_;
+    query.configurations = poses_;
+    query.reduce = Reduce::kAny;
+    query.fields = fields;
+    if (query.max_evaluations == 0) query.max_evaluations = kDefaultEvaluations;
+    return query;
+  }
+
+ private:
+  std::vector<double> positions_;
+  std::vector<Pose7> poses_;
+  const Query& path_;
+};
+
+/// Describes a motion that is not proved free.
+inline void describe_stop(const Result& details, std::size_t motion, PathCheck& check) {
+  const double time = details.time()[0];
+  check.free = false;
+  check.index = motion;
+  check.t = std::isnan(time) ? details.first_contact()[0] : time;
+  check.pair = details.pair()[0];
+  check.status = details.status()[0];
+}
+
+/// Answers check_path(): requests verdicts, and details of the first motion without a proof alone.
 /// \param distances answers a query
 /// \param joints returns a pointer to JointsInfo with the limits, for a result
 template <class Distances, class JointsAt>
 PathCheck check_path_with(const Query& path, Distances&& distances, JointsAt&& joints) {
   constexpr std::size_t kFirstMotions = 8, kMostMotions = 1024;  // in one query
+  constexpr std::uint32_t kDetails = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact;
   const std::size_t count = configuration_count(path);
   if (count < 2)
     throw std::invalid_argument("check_path: expected two waypoints or more, got " + std::to_string(count));
   PathCheck check;
   std::size_t room = kFirstMotions;
-  for (std::size_t first = 0; first < count - 1; room = std::min(2 * room, kMostMotions)) {
+  for (std::size_t first = 0; first < count - 1;) {
     const std::size_t last = std::min(first + room, count - 1);
-    const std::vector<double> positions = ends_of_motions(path.positions, path.joints.size(), first, last);
-    const std::vector<Pose7> poses = ends_of_motions(path.configurations, path.bodies.size(), first, last);
-    Query query = path;
-    query.positions = positions;
-    query.configurations = poses;
-    query.reduce = Reduce::kAny;
-    query.fields = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact;
-    if (query.max_evaluations == 0) query.max_evaluations = kDefaultEvaluations;
-    const Result result = distances(query);
-    if (first == 0 && !path.joints.empty()) check.limit_violations = first_violations(path, *joints(result));
-    const auto bad = std::ranges::find_if(result.status(), [](Status s) { return s != Status::kBeyond; });
-    if (bad != result.status().end()) {
-      const auto row = static_cast<std::size_t>(bad - result.status().begin());
-      const double time = result.time()[row];
-      check.free = false;
-      check.index = first + row;
-      check.t = std::isnan(time) ? result.first_contact()[2 * row] : time;
-      check.pair = result.pair()[row];
-      check.status = *bad;
+    const PathPart part(path, first, last);
+    const Result verdicts = distances(part.query(kFieldVerdict));
+    if (first == 0 && !path.joints.empty()) check.limit_violations = first_violations(path, *joints(verdicts));
+    const auto verdict = verdicts.verdict();
+    const auto open = std::ranges::find_if(verdict, [](Status s) { return s != Status::kBeyond; });
+    first += static_cast<std::size_t>(open - verdict.begin());
+    if (open == verdict.end()) {
+      room = std::min(2 * room, kMostMotions);
+      continue;
+    }
+    const PathPart motion(path, first, first + 1);
+    const Result details = distances(motion.query(kDetails));
+    if (details.status()[0] != Status::kBeyond) {
+      describe_stop(details, first, check);
       return check;
     }
-    first = last;
+    ++first;
   }
   return check;
 }

@@ -46,7 +46,9 @@ class JointProblem:
         self.requested: dict[str, Any] = {"joints": self.joints, "margin": margin, "pairs": pairs}
         self.max_evaluations = max_evaluations
         self._check = engine.prepare("check", **self.requested)
-        self._motions = engine.prepare("motions", reduce="any", max_evaluations=max_evaluations, **self.requested)
+        decided: dict[str, Any] = {"reduce": "any", "max_evaluations": max_evaluations, **self.requested}
+        self._motions = engine.prepare("motions", **decided)
+        self._contacts = engine.prepare("motions", fields=("status", "first_contact"), **decided)
         self._least = engine.prepare(joints=self.joints, pairs=pairs, reduce="min", fields="lower")
         bounded = np.isfinite(self.joints.lower) & np.isfinite(self.joints.upper)
         self._bounded: list[int] = np.flatnonzero(bounded).tolist()
@@ -114,6 +116,10 @@ class JointProblem:
         """Returns the Result of motions() with reduce="any" from (K, J) to (K, J), along OMPL's interpolation."""
         return self._motions.run(start, self.unwrapped(start, end))
 
+    def contact(self, start: np.ndarray, end: np.ndarray) -> Any:
+        """Returns the same for (J,) positions, with the columns status and first_contact."""
+        return self._contacts.run(start[None], self.unwrapped(start, end)[None])
+
     def least(self, row: np.ndarray) -> float:
         """Returns the certified lower bound of the least distance at (J,) positions, in metres."""
         return float(self._least.run(row[None]).lower[0])
@@ -170,7 +176,7 @@ class CertifiedMotions(ob.MotionValidator):  # type: ignore[misc]
         """
         problem = self._problem
         a, b = problem.row(start), problem.row(end)
-        result = problem.motions(a[None], b[None])
+        result = problem.contact(a, b)
         if result.status[0] == Status.BEYOND:
             return None
         time = float(result.first_contact[0, 0])

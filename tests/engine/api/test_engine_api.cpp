@@ -8,10 +8,12 @@
 #include <mutex>
 #include <string>
 #include <thread>
+#include <utility>
 #include <vector>
 
 #include "engine/api/engine.h"
 #include "tests/temporary_folder.h"
+#include "wire/api/decisions.h"
 
 namespace clearance {
 namespace {
@@ -209,6 +211,39 @@ TEST(EngineApi, PathsAreCheckedBetweenTheirWaypoints) {
   EXPECT_EQ(motions.rows(), 1u);
   EXPECT_LE(motions.upper()[0], 1e-3);
   EXPECT_EQ(motions.first_contact().size(), 2u);
+}
+
+TEST(EngineApi, PathsRequestDetailsOfTheFirstMotionWithoutAProofAlone) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{2};
+  std::vector<Pose7> path(20, at(6));
+  path[13] = at(-3);  // motions 12 and 13 pass through the boxes
+  const Query query{.bodies = moved, .configurations = path};
+  using Request = std::pair<std::uint32_t, std::size_t>;  // columns, and motions
+  std::vector<Request> requests;
+  bool loses_proofs = false;
+  const auto check = [&] {
+    requests.clear();
+    return check_path_with(
+        query,
+        [&](Query motions) {
+          requests.emplace_back(motions.fields, motions.configurations.size() / 2);
+          if (loses_proofs && motions.fields == kFieldVerdict) motions.margin = 100;
+          return engine.distances(motions);
+        },
+        [](const Result&) { return std::make_shared<const JointsInfo>(); });
+  };
+  constexpr std::uint32_t kDetails = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact;
+  const PathCheck found = check();
+  EXPECT_EQ(found.index, 12u);
+  EXPECT_EQ(requests, (std::vector<Request>{{kFieldVerdict, 8}, {kFieldVerdict, 11}, {kDetails, 1}}));
+  loses_proofs = true;  // details may prove a motion that the verdict leaves open
+  const PathCheck again = check();
+  EXPECT_EQ(again.index, found.index);
+  EXPECT_EQ(again.t, found.t);
+  EXPECT_EQ(again.pair, found.pair);
+  EXPECT_EQ(again.status, found.status);
+  EXPECT_EQ(requests.size(), 26u);
 }
 
 TEST(EngineApi, JointsByGroupWithLimits) {

@@ -11,7 +11,7 @@ import numpy as np
 from .._arguments import to_floats
 from .._limits import LimitViolation, beyond_limits
 from .._poses import as_pose7
-from .._words import Field, Reduce, Status
+from .._words import FIELD_MASKS, Field, Reduce, Status
 from .check import Check
 from .path import PathCheck
 from .query import Query, Run
@@ -24,7 +24,9 @@ Steps = Generator[Request, Any, Any]
 _FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # motions of a path in one query
 _ANY, _BEYOND = int(Reduce.ANY), int(Status.BEYOND)  # numpy compares an enum's member as an object
 _FREE = PathCheck(True, None, None, None, Status.BEYOND)
+#: Columns of motions by default. Bounds, steps and first contact of a decision need a longer search.
 _MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
+_DECIDED_FIELDS = ("status", "verdict", "flags", "pair", "time")
 
 
 class Call:
@@ -90,10 +92,10 @@ class Motions(Call):
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
         requested = dict(arguments)
-        if requested.get("fields") is None:
-            requested["fields"] = _MOTION_FIELDS
-        # Wider tolerances would leave decisions open.
         wide = requested.get("reduce") != "any"
+        if requested.get("fields") is None:
+            requested["fields"] = _MOTION_FIELDS if wide else _DECIDED_FIELDS
+        # Wider tolerances would leave decisions open.
         for name, value in (("abs_tol", 1e-3 if wide else 0.0), ("rel_tol", 0.0 if wide else None)):
             if requested.get(name) is None:
                 requested[name] = value
@@ -113,7 +115,9 @@ class Motions(Call):
 
 class Paths(Call):
     inputs = ("path",)
-    fixed: ClassVar = {"reduce": "any", "fields": ("status", "verdict", "pair", "time", "first_contact")}
+    fixed: ClassVar = {"reduce": "any", "fields": "verdict"}
+    #: Columns of the first motion without a proof. They cost more than the verdict, above all `first_contact`.
+    details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
     def steps(self, path: Any = None) -> Steps:
         points = arrays_of(self.query, path, "path")
@@ -132,9 +136,17 @@ class Paths(Call):
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
                 violations = self._violations(positions)
-            if not answer.all_free():
-                return _stopped(Result(answer, _ANY, run), first, violations)
-            first, room = last, min(2 * room, _MOST_MOTIONS)
+            if answer.all_free():
+                first, room = last, min(2 * room, _MOST_MOTIONS)
+                continue
+            first += int(np.argmax(Result(answer, _ANY, run).verdict != _BEYOND))
+            poses, rows = (_ends(p, first, first + 1) for p in points)
+            run = self.query.run_of(True, self.details)
+            answer = yield run, poses, rows
+            result = Result(answer, _ANY, run)
+            if result.status[0] != _BEYOND:
+                return _stopped(result, first, violations)
+            first += 1
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
 
     def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
@@ -238,10 +250,9 @@ def _ends(waypoints: Optional[np.ndarray], first: int, last: int) -> Optional[np
     return np.repeat(waypoints[first : last + 1], 2, axis=0)[1:-1]
 
 
-def _stopped(r: Result, first: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
-    row = int(np.argmax(r.status != _BEYOND))
-    time = float(r.time[row])
+def _stopped(r: Result, motion: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
+    time = float(r.time[0])
     if math.isnan(time):
-        time = float(r.first_contact[row, 0])
-    a, b = r.pair[row].tolist()
-    return PathCheck(False, first + row, time, (a, b), Status(int(r.status[row])), violations, (r.names[a], r.names[b]))
+        time = float(r.first_contact[0, 0])
+    a, b = r.pair[0].tolist()
+    return PathCheck(False, motion, time, (a, b), Status(int(r.status[0])), violations, (r.names[a], r.names[b]))

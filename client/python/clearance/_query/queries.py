@@ -152,8 +152,9 @@ class Queries:
         max_evaluations: maximum evaluations per motion. Beyond it the status is UNCONVERGED; the bounds remain valid.
             Default: 256; most motions need fewer than 20.
         fields: as in distances(). The columns `time`, `first_contact` and `steps` exist for motions only, and are
-            returned by default; `first_contact` costs a second search where a motion is not free. `gradient` and signed
-            distances are not available.
+            returned by default. For reduce="any" the default is status, verdict, flags, pair and time: bounds and steps
+            take several times as long where a motion is free, and `first_contact` where it is not. `gradient` and
+            signed distances are not available.
 
         Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] contains the least distance of the whole
         motion, both ends included. `time`, 0 to 1, is the time of the witness points. `first_contact` (..., 2) is the

@@ -101,7 +101,10 @@ class Query:
 
     def run(self, moves: bool, count: int) -> Run:
         """Returns the query for the current poses, or for `count` configurations."""
-        mask = self.source._default_fields(self, moves, count) if self.mask is None else self.mask
+        return self.run_of(moves, self.source._default_fields(self, moves, count) if self.mask is None else self.mask)
+
+    def run_of(self, moves: bool, mask: int) -> Run:
+        """Returns the query with these columns."""
         run = self._runs.get((moves, mask))
         return self.with_columns(moves, mask) if run is None else run
 
