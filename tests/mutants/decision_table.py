@@ -128,10 +128,9 @@ DECISION_MUTANTS = [
             "decision_table_margin",
             "decision/table_plan.cpp",
             "-cells_below(-(@margin@ + of_pair.inner)",
-            "0.99 * margin",
+            "0.9 * margin",
         ),
-        ("decision_table_slack", "decision/table_plan.cpp", "-cells_below(-(margin + @of_pair.inner@)", "0.0"),
-        ("decision_table_hit", "decision/table_plan.cpp", "cells_below(@margin@ - of_pair.outer", "1.01 * margin"),
+        ("decision_table_hit", "decision/table_plan.cpp", "cells_below(@margin@ - of_pair.outer", "1.1 * margin"),
         (
             "decision_table_of",
             "decision/table_plan.cpp",
@@ -142,6 +141,25 @@ DECISION_MUTANTS = [
         ("decision_table_hit_above", "decision/table_lookup.h", "if (@cell.high@ < pair.hit_below) hit", "cell.low"),
         ("decision_table_reach", "decision/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),
         ("decision_table_side", "decision/table_lookup.h", "low[c] = at[c] - @by@", "0.0"),
+        # Pairs that the exact engine decides.
+        (
+            "decision_unknown",
+            "query/decision_job.cpp",
+            "Verdict::kFree && @covers_->unknown().empty()@",
+            "true",
+        ),
+        (
+            "decision_left_unknown",
+            "query/decision_job.cpp",
+            "open.insert(open.end(), @covers_->unknown().begin()@",
+            "covers_->unknown().end()",
+        ),
+        (
+            "decision_left_open",
+            "query/decision_job.cpp",
+            "share.open.begin() + @decision.open_end@)",
+            "decision.open_begin",
+        ),
         # Motions.
         (
             "span_speed",
@@ -161,18 +179,11 @@ DECISION_MUTANTS = [
             "acceleration = @(a.acceleration + b.acceleration)@ * kUp",
             "0 * a.acceleration",
         ),
-        ("span_seer", "decision/span_rates.cpp", "best.acceleration = acceleration, best.seer = @view.seer@", "kNone"),
         (
             "span_ball",
             "decision/span_rates.cpp",
             "MotionPath(robot, source.link, @source.ball@).movers()}",
             "LinkBall{}",
-        ),
-        (
-            "span_centres",
-            "decision/cover_plan.cpp",
-            "LinkBall ball{@{c[0], c[1], c[2]}@, cover.root.outer}",
-            "Vec3d{0, 0, 0}",
         ),
         (
             "span_tool",
