@@ -139,8 +139,6 @@ DECISION_MUTANTS = [
         ),
         ("decision_table_free", "decision/table_lookup.h", "is_free_[t] = @cell.low@ > pair.free_above", "cell.high"),
         ("decision_table_hit_above", "decision/table_lookup.h", "if (@cell.high@ < pair.hit_below) hit", "cell.low"),
-        ("decision_table_reach", "decision/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),
-        ("decision_table_side", "decision/table_lookup.h", "low[c] = at[c] - @by@", "0.0"),
         # Pairs that the exact engine decides.
         (
             "decision_unknown",
@@ -160,7 +158,11 @@ DECISION_MUTANTS = [
             "share.open.begin() + @decision.open_end@)",
             "decision.open_begin",
         ),
-        # Motions.
+    ),
+    *mutants_of(
+        "decided_motions",
+        ("span_table_reach", "decision/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),
+        ("span_table_side", "decision/table_lookup.h", "low[c] = at[c] - @by@", "0.0"),
         (
             "span_speed",
             "decision/span_rates.cpp",

@@ -107,8 +107,7 @@ inline std::vector<double> random_positions(const BallScene& made, Random& rando
 /// Verdicts near a margin.
 struct Verdicts {
   int free = 0, hit = 0, open = 0;
-  int untrue = 0;  ///< free within the margin, or within it and proved beyond
-  int late = 0;    ///< open, though farther from the margin than the errors allow
+  int late = 0;  ///< open, though farther from the margin than the errors allow
 };
 
 // An arm, one link of which slides, a body that it holds, and an arm of one link.

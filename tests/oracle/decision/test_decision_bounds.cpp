@@ -73,7 +73,7 @@ TEST(DecisionBounds, ObstaclesAreWithinTheirError) {
   EXPECT_GT(worst, 0.002);
 }
 
-// Decides a pair at random states for margins that are its distance, give or take a little.
+// Decides a pair at random states, and expects no wrong verdict, for margins that are its distance, give or take a little.
 // \param width metres by which margins differ from the distance at most; 0: three times the plan's error
 // \param tables may be null
 void decide_near_margin(const BallScene& made, BodyPair pair, double width, int count, Random& random,
@@ -93,8 +93,12 @@ void decide_near_margin(const BallScene& made, BodyPair pair, double width, int 
     verdicts.free += verdict == Verdict::kFree;
     verdicts.hit += verdict == Verdict::kHit;
     verdicts.open += verdict == Verdict::kUnresolved;
-    verdicts.untrue +=
-        (verdict == Verdict::kFree && !(d - slack > at + by)) || (verdict == Verdict::kHit && !(d <= at + by));
+    if (verdict == Verdict::kFree) {
+      EXPECT_GT(d - slack, at + by);
+    }
+    if (verdict == Verdict::kHit) {
+      EXPECT_LE(d, at + by);
+    }
     const bool is_clear = at + by < d - slack - 2.5 * error || at + by > d + 2.5 * error;
     verdicts.late += verdict == Verdict::kUnresolved && is_clear;
   }
@@ -116,10 +120,8 @@ TEST(DecisionBounds, StatesAtTheirMarginAreNeverDecidedWrongly) {
   for (const BodyPair pair : pairs_of(several)) decide_near_margin(several, pair, 0.03, 60, random, many);
   std::printf("one ball: %d free, %d hit, %d open; 60: %d, %d, %d\n", one.free, one.hit, one.open, many.free, many.hit,
               many.open);
-  EXPECT_EQ(one.untrue, 0);
   EXPECT_EQ(one.late, 0) << "balls against balls leave nothing open but their errors";
   EXPECT_GT(std::min(one.free, one.hit), 50);
-  EXPECT_EQ(many.untrue, 0);
   EXPECT_GT(std::min(many.free, many.hit), 50);
 }
 
@@ -131,7 +133,6 @@ TEST(DecisionBounds, TablesAtTheirMarginAreNeverWrong) {
   const BodyPair pair{made.link(1), made.link(3)};
   EXPECT_EQ(PairQuery(made, {pair}, random_positions(made, random), 0, false, tables.get()).view().tabled_count, 1u);
   decide_near_margin(made, pair, 0.006, 600, random, found, tables.get());
-  EXPECT_EQ(found.untrue, 0);
   EXPECT_GT(std::min(found.free, found.hit), 100);
 }
 

@@ -38,8 +38,8 @@ TEST(MotionDecisions, MotionsThatReachTheirMarginAreNeverFree) {
   Random random(5);
   const BallScene arm = made_arm(1, 0.0625);
   const std::uint32_t bodies = static_cast<std::uint32_t>(arm.scene().bodies().size()), tool = bodies - 3;
-  int untrue = 0, free = 0, clear = 0;
-  for (int n = 0; n < 1500; ++n) {
+  int free = 0, clear = 0;
+  for (int n = 0; n < 900; ++n) {
     const Motion m = random_motion(arm, random);
     const double ends[] = {0, 1, 0.5, 0.25, 0.75, random.uniform(0, 1)};
     const double time = ends[random.integer(0, 5)], middle = time < 0.5 ? time + 0.25 : time > 0.5 ? time - 0.25 : 0.5;
@@ -56,23 +56,23 @@ TEST(MotionDecisions, MotionsThatReachTheirMarginAreNeverFree) {
     const BodyPair pair{body, made.add_obstacle(kPebble, Pose{at})};
     const double d = made.distance(pair, made.frames(m.at(time)));
     const Verdict touching = PairQuery(made, {pair}, m.both(), d * (1 + 1e-9), true).motion();
-    untrue += touching == Verdict::kFree;
+    EXPECT_NE(touching, Verdict::kFree);
+    if (n % 2 == 0) continue;
     const auto least_of = [&](int times) {
       double least = d;
       for (int s = 0; s <= times; ++s) least = std::min(least, made.distance(pair, made.frames(m.at(s * 1.0 / times))));
       return least;
     };
-    const double least = least_of(16);
+    const double least = least_of(8);
     if (least < 0.001) continue;
     const Verdict apart = PairQuery(made, {pair}, m.both(), 0.5 * least, true).motion();
     ++clear;
     free += apart == Verdict::kFree;
-    untrue += apart == Verdict::kHit && least_of(256) > 0.5 * least;  // times of hits are multiples of 2^-8 at most
+    EXPECT_FALSE(apart == Verdict::kHit && least_of(256) > 0.5 * least);  // times of hits are multiples of 2^-8 at most
   }
   std::printf("motions: %d of %d free\n", free, clear);
-  EXPECT_EQ(untrue, 0);
   EXPECT_GT(free, clear / 2);
-  EXPECT_GT(clear, 500);
+  EXPECT_GT(clear, 100);
 }
 
 // Motions of moved bodies, of which one pair is as near as the margin at one time.
@@ -89,12 +89,32 @@ void decide_touching_pairs(const BallScene& made, const std::vector<BodyPair>& p
     double d = HUGE_VAL;
     for (const BodyPair pair : chosen) d = std::min(d, made.distance(pair, there));
     if (d < 0.001) continue;
-    verdicts.untrue += PairQuery(made, chosen, m.both(), d * (1 + 1e-9), true, tables).motion() == Verdict::kFree;
+    EXPECT_NE(PairQuery(made, chosen, m.both(), d * (1 + 1e-9), true, tables).motion(), Verdict::kFree);
     const Verdict verdict = PairQuery(made, chosen, m.both(), std::max(d - 0.15, 0.0), true, tables).motion();
     verdicts.free += verdict == Verdict::kFree;
     verdicts.hit += verdict == Verdict::kHit;
     verdicts.open += verdict == Verdict::kUnresolved;
   }
+}
+
+// In the middle the velocities of two joints cancel, and acceleration alone brings a ball near another.
+TEST(MotionDecisions, MovedPairsThatTurnBackAreNeverFree) {
+  Random random(8);
+  const BallScene made({{},
+                        {{}, 0, turning({0, 0, 0}, {0, 0, 1})},
+                        {{{{0.25, 0, 0}, 0.03125}}, 1, turning({0.5, 0, 0}, {0, 0, 1})},
+                        {kPebble, 0, turning({0.375, 0, 0}, {0, 0, 1})}});
+  const BodyPair pair{made.link(2), made.link(3)};
+  int free = 0;
+  for (int n = 0; n < 20; ++n) {
+    const double turn = random.sign() * random.uniform(0.02, 0.14);
+    const Motion m{{-turn / 2, 1.5 * turn, 0}, {turn / 2, -1.5 * turn, 0}};
+    const double middle = made.distance(pair, made.frames(m.at(0.5))), d = made.distance(pair, made.frames(m.to));
+    EXPECT_LT(d, middle - 2e-5);
+    EXPECT_NE(PairQuery(made, {pair}, m.both(), d * (1 + 1e-9), true).motion(), Verdict::kFree);
+    free += PairQuery(made, {pair}, m.both(), 0.9 * d, true).motion() == Verdict::kFree;
+  }
+  EXPECT_EQ(free, 20);
 }
 
 TEST(MotionDecisions, MovedPairsThatReachTheirMarginAreNeverFree) {
@@ -107,7 +127,6 @@ TEST(MotionDecisions, MovedPairsThatReachTheirMarginAreNeverFree) {
   decide_touching_pairs(many, pairs, 100, random, nullptr, found);
   decide_touching_pairs(folding, {{folding.link(1), folding.link(3)}}, 400, random, tables_of(folding).get(), found);
   std::printf("moved pairs: %d free, %d hit, %d open\n", found.free, found.hit, found.open);
-  EXPECT_EQ(found.untrue, 0);
   EXPECT_GT(found.free, 300);
 }
 
