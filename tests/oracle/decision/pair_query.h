@@ -65,7 +65,7 @@ class PairQuery {
     const auto block = all.at(0, 1);
     return {block.poses.begin(), block.poses.end()};
   }
-  /// What is added to the radii of a moved body, against an obstacle or another one.
+  /// Growth of the outer radii of a moved body, against an obstacle or another one.
   double grow(std::uint32_t body) const {
     return view().moved_pair_count ? view().moved_pairs[0].grow : view().grow[index_of(body)];
   }

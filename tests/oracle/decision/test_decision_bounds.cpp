@@ -74,7 +74,7 @@ TEST(DecisionBounds, ObstaclesAreWithinTheirError) {
 }
 
 // Decides a pair at random states, and expects no wrong verdict, for margins that are its distance, give or take a little.
-// \param width metres by which margins differ from the distance at most; 0: three times the plan's error
+// \param width metres by which margins differ from the distance at most, or 0 for three times the plan's error
 // \param tables may be null
 void decide_near_margin(const BallScene& made, BodyPair pair, double width, int count, Random& random,
                         Verdicts& verdicts, const JointTableStore* tables = nullptr) {
