@@ -27,7 +27,7 @@ struct BallLink {
 std::string turning(const Vec3d& at, const Vec3d& axis);
 std::string sliding(const Vec3d& at, const Vec3d& axis, double lower, double upper);
 
-/// Bodies of balls: the links "r/l0", "r/l1", ... of one robot, and what is added.
+/// Bodies of balls: the links "r/l0", "r/l1", ... of one robot, and the bodies that are added.
 class BallScene {
  public:
   BallScene(const std::vector<BallLink>& links, engine::RobotOptions options = {});
@@ -51,7 +51,7 @@ class BallScene {
 
   engine::Scene scene_;
   std::vector<Balls> balls_;         // by body, with padding and uncertain position
-  std::vector<double> uncertainty_;  // likewise: of what it follows
+  std::vector<double> uncertainty_;  // likewise: of the body that it follows
 };
 
 test::RealVec point_of(const test::RealFrame& X, const Vec3d& p);

@@ -45,7 +45,7 @@ struct StateTally {
 inline constexpr std::array<double, 3> kStateMargins = {0, 0.005, 0.02};
 using StateTable = std::array<std::array<StateTally, kStateMargins.size()>, kStateKinds>;
 
-/// What is made once for a robot.
+/// Covers and tables, made once for a robot.
 struct RobotCovers {
   std::shared_ptr<CoverStore> covers;
   std::shared_ptr<JointTableStore> tables;
