@@ -36,7 +36,7 @@ def bars(axis, robots, ways, height_of, title):
     axis.set_yscale("log")
     axis.set_ylabel("us")
     axis.set_title(title, fontsize=10)
-    axis.legend(fontsize=7)
+    axis.legend(fontsize=7, loc="upper center", bbox_to_anchor=(0.5, -0.08), ncols=len(ways))
 
 
 def draw(path):
