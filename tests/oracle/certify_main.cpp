@@ -9,7 +9,6 @@
 #include <thread>
 #include <utility>
 
-#include "engine/cover/cover_store.h"
 #include "tests/engine/motion/motion_oracle.h"
 #include "tests/oracle/in_parallel.h"
 #include "tests/oracle/oracle_run.h"
@@ -177,7 +176,7 @@ bool certify_decisions(const Options& o) {
   std::vector<DecidedRobot> robots(kMade + o.robots.size());
   in_parallel(robots.size(), o.threads, [&](std::size_t r) {
     robots[r].made = r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade]);
-    robots[r].covers = covers_of(robots[r].made, CoverStore::kMostBytes);
+    robots[r].covers = covers_of(robots[r].made);
     std::cerr << robots[r].made.name << " has covers\n";
   });
   std::mutex mutex;

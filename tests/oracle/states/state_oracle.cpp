@@ -4,7 +4,6 @@
 #include <cmath>
 #include <cstdio>
 
-#include "engine/cover/cover_store.h"
 #include "tests/engine/same_rows.h"
 #include "tests/oracle/states/exact_state.h"
 #include "tests/oracle/states/state_round.h"
@@ -42,9 +41,8 @@ std::string StateTally::text() const {
   return text;
 }
 
-RobotCovers covers_of(const RobotScene& made, std::uint64_t most_bytes) {
-  const engine::Engine robot(engine::Scene(made.robot),
-                             {.threads = 1, .cover_store = std::make_shared<CoverStore>(most_bytes)});
+RobotCovers covers_of(const RobotScene& made) {
+  const engine::Engine robot(engine::Scene(made.robot), {.threads = 1});
   if (!robot.wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
   return {robot.cover_store(), robot.joint_table_store()};
 }

@@ -51,8 +51,7 @@ struct RobotCovers {
   std::shared_ptr<JointTableStore> tables;
 };
 /// Makes the covers of a robot, and leaves those of obstacles to others. Throws std::runtime_error after ten minutes.
-/// \param most_bytes as for CoverStore
-RobotCovers covers_of(const RobotScene& made, std::uint64_t most_bytes);
+RobotCovers covers_of(const RobotScene& made);
 
 /// Two engines with one scene, and the oracle.
 class StateOracle {

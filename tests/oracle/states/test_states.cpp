@@ -26,9 +26,8 @@ StateTally sum_of(const char* what, const StateTable& table, int least_hits, int
 
 // In one process: the covers take seconds.
 TEST(States, CoversDecideAsTheExactEngine) {
-  constexpr std::uint64_t kMostBytes = 1 << 18;  // of the robot's covers, and those of a few obstacles
   const RobotScene robot = made_robot(2);
-  StateOracle oracle(robot, covers_of(robot, kMostBytes));
+  StateOracle oracle(robot, covers_of(robot));
 
   const StateTally states = sum_of("states", compare_states(oracle, 12'000, 1), 400, 20);
   EXPECT_GT(states.free, 2000);
