@@ -47,16 +47,9 @@ demo: setup  ## move an arm by joint messages, query it over all three transport
 bench:  ## measure latency and throughput; another benchmark by SUITE="robots rrt" OPTIONS="--rounds 5", a small run by QUICK=1; SUITE=list lists them
 	@python3 bench/run.py $(if $(QUICK),--quick) $(or $(SUITE),latency) $(OPTIONS)
 
-ROBOTS := panda/panda ur5/ur5 fetch/fetch baxter/baxter
-certify: setup  ## check a million pairs of every hard class of hulls and meshes, 100,000 motions, states of robots and 30,000 certificates of each class against exact arithmetic; rewrites docs/results/*accuracy.csv
+certify: setup  ## check a million pairs of every hard class of hulls and meshes, 100,000 motions, a million states and 100,000 edges of each robot and 30,000 certificates of each class against exact arithmetic, on THREADS=all cores; rewrites docs/results/*accuracy.csv
 	@tools/build.sh release clearance-certify clearance-certificates
-	@rm -rf out/certificates && mkdir -p out
-	@build/bin/clearance-certificates --cases 30000 --meshes 3000 --python 1000 --motions 400 --python-motions 40 --out out/certificates
-	@$(PYTHON_VENV) tools/check_certificate.py out/certificates/*.json
-	@build/bin/clearance-certify --pairs 1000000 --seed 1 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
-	@build/bin/clearance-certify --motions 100000 --seed 1 --csv docs/results/motion_accuracy.csv
-	@build/bin/clearance-certify --meshes --pairs 1000000 --seed 1 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
-	@build/bin/clearance-certify --states 1000000 --seed 1 --robots scenes/cell/arm.urdf $(wildcard $(ROBOTS:%=build/robots/resources/%.urdf)) --csv docs/results/state_accuracy.csv
+	@tools/certify.sh
 
 gpu-test: setup  ## compare the cuda backend with the CPU and exact arithmetic, on this machine's GPU; TASK=certify: a million pairs, TASK=sanitize: under compute-sanitizer
 	@targets=$$(tools/gpu.sh programs $(or $(TASK),test)) && tools/build.sh release $$targets

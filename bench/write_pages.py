@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
 """Writes the tables of the pages in docs from docs/results. Exit code 1 if results contradict a page's claims.
 
-    bench/write_pages.py [--draw NAME...]    also draws pictures: peers, report, robots, tradeoff
+    bench/write_pages.py [--draw NAME...]    also draws pictures: peers, proof, report, robots, tradeoff
     bench/write_pages.py --check             changes nothing; exit code 1 if pages differ from docs/results
 """
 
@@ -10,10 +10,10 @@ import re
 import sys
 
 from harness import ROOT
-from pages import accuracy, broad, edges, gpu, latency, peers, report, robots, tradeoff
+from pages import accuracy, broad, edges, gpu, latency, peers, proof, report, robots, tradeoff
 
 DOCS = ROOT / "docs"
-MODULES = (accuracy, broad, edges, gpu, latency, peers, report, robots, tradeoff)
+MODULES = (accuracy, broad, edges, gpu, latency, peers, proof, report, robots, tradeoff)
 PICTURES = {module.__name__.split(".")[-1]: module for module in MODULES if hasattr(module, "PICTURE")}
 TABLE = re.compile(r"(?<=<!-- table )(.*?)( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
 

@@ -6,7 +6,8 @@
 From each problem's start and goal, edges of 0.2 to 1.5 rad go in random directions; pairs of the robot with itself are
 included. One batch for each problem, one thread, processor time. Sampling checks every 0.02 rad of the joint that moves
 most. `missed` counts edges that are free by samples but not by proof, `wrong` edges that are free by proof but not by
-samples, which must be 0 (exit code 1 otherwise).
+samples. The verdict alone is timed with covers and without: `changed` counts verdicts that differ. Both must be 0 (exit
+code 1 otherwise).
 """
 
 import sys
@@ -33,8 +34,9 @@ def edges_of(problem, joints, count, rng):
 
 def measure(robot, resources, margin, options):
     requested = problems.load(resources, robot, options.problems)
-    sums = dict.fromkeys(("edges", "free", "steps", "steps_free", "undecided", "missed", "wrong"), 0)
+    sums = dict.fromkeys(("edges", "free", "steps", "steps_free", "undecided", "missed", "wrong", "changed"), 0)
     proof_s = sampling_s = 0.0
+    verdict_s = {"off": 0.0, "background": 0.0}  # by covers
     for problem in requested:
         joints = list(problem.goal)
         engine = engine_of(problem, resources)
@@ -44,6 +46,17 @@ def measure(robot, resources, margin, options):
         engine.motions(start[:2], end[:2], **proof)  # fills the caches
         seconds, r = timed(engine.motions, start, end, **proof)
         proof_s += seconds
+        verdicts = {}
+        for covers in verdict_s:
+            each = engine_of(problem, resources, covers=covers)
+            each.wait_covers()
+            requested_only = {**proof, "fields": "verdict"}
+            each.motions(start[:2], end[:2], **requested_only)
+            seconds, found = timed(each.motions, start, end, **requested_only)
+            verdict_s[covers] += seconds
+            verdicts[covers] = np.asarray(found.verdict)
+        decided = verdicts["off"] != Status.UNCONVERGED
+        sums["changed"] += int((decided & (verdicts["off"] != verdicts["background"])).sum())
         seconds, (free_at_samples, _) = timed(within_samples, engine, names, start, end, margin, STEP)
         sampling_s += seconds
         free = r.status == Status.BEYOND
@@ -63,10 +76,14 @@ def measure(robot, resources, margin, options):
         "configurations_a_free_edge": f"{sums['steps_free'] / max(sums['free'], 1):.3g}",
         "configurations_an_edge": f"{sums['steps'] / sums['edges']:.3g}",
         "us_an_edge": f"{1e6 * proof_s / sums['edges']:.3g}",
+        "us_a_verdict_without_covers": f"{1e6 * verdict_s['off'] / sums['edges']:.3g}",
+        "us_a_verdict": f"{1e6 * verdict_s['background'] / sums['edges']:.3g}",
+        "us_a_sampled_edge": f"{1e6 * sampling_s / sums['edges']:.3g}",
         "time_over_sampling": f"{proof_s / sampling_s:.3g}",
         "undecided": sums["undecided"],
         "missed_by_samples": sums["missed"],
         "wrong": sums["wrong"],
+        "changed": sums["changed"],
     }
 
 
@@ -79,7 +96,7 @@ def main():
     resources = problems.fetch()
     rows = shown(measure(robot, resources, margin, options) for robot in options.robots for margin in options.margins)
     write(rows, options.csv)
-    return 1 if any(row["wrong"] for row in rows) else 0
+    return 1 if any(row["wrong"] or row["changed"] for row in rows) else 0
 
 
 if __name__ == "__main__":

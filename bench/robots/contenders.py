@@ -226,8 +226,8 @@ def scene_of(problem, resources, mesh_as="hull", shape=shape_of):
     return scene
 
 
-def engine_of(problem, resources, mesh_as="hull"):
+def engine_of(problem, resources, mesh_as="hull", covers="background"):
     """An engine with one thread on such a scene."""
     import clearance
 
-    return clearance.Engine(scene_of(problem, resources, mesh_as), backend="cpu", threads=1)
+    return clearance.Engine(scene_of(problem, resources, mesh_as), backend="cpu", threads=1, covers=covers)

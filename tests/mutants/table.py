@@ -8,6 +8,7 @@ CLEARANCE_MUTANT selects one. A replacement that begins with = stands in all of 
 
 from __future__ import annotations
 
+from decision_table import DECISION_MUTANTS
 from kernel_table import KERNEL_MUTANTS
 from mutant import mutants_of
 
@@ -22,6 +23,10 @@ SOURCES_OF_HEADERS = {
         "evaluate/evaluate_containment.cpp",
     ],
     "robot/motion_path_step.h": ["robot/motion_path.cpp"],
+    # Without its definitions for instruction sets, the list of kernels has that of the baseline alone.
+    "decision/decide_kernel.h": ["decision/decide_baseline.cpp", "decision/decision_kernels.cpp"],
+    "decision/placed_balls.h": ["decision/decide_baseline.cpp"],
+    "decision/table_lookup.h": ["decision/decide_baseline.cpp"],
     "motion/motion_step.h": ["motion/half_spans.cpp", "motion/motion_search.cpp", "motion/motion_bounds.cpp"],
 }
 
@@ -441,5 +446,6 @@ MUTANTS = [
         ("table_column", "joint_table/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
         ("table_levels", "joint_table/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
     ),
+    *DECISION_MUTANTS,
     *KERNEL_MUTANTS,
 ]

@@ -132,7 +132,7 @@ void check_motions_over_plane(const Options& o, const test::MotionCase& made, te
   Pose X = random.rotation();
   X.translation = places[static_cast<std::size_t>(random.integer(0, static_cast<int>(places.size()) - 1))];
   const std::uint32_t plane = scene.add_half_space("plane", {.radius = random.chance(0.5) ? 0 : 0.01, .pose = X});
-  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   test::Motions requested = made.motions;
   requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))
@@ -159,7 +159,8 @@ void check_motions(const Options& o, test::MotionKind kind, std::uint64_t number
   std::filesystem::create_directories(folder);
   const test::MotionCase made(random, kind, kAtOnce, folder);
   check_motions_over_plane(o, made, kind, number, count);
-  const engine::Engine engine(engine::Scene(made.scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(engine::Scene(made.scene),
+                              {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   test::Motions requested = made.motions;
   requested.pairs.clear();
   for (const BodyPair pair : engine.pairs(made.motions.view(Reduce::kNone)))

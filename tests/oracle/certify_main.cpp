@@ -7,6 +7,7 @@
 #include <iostream>
 #include <mutex>
 #include <thread>
+#include <utility>
 
 #include "tests/engine/motion/motion_oracle.h"
 #include "tests/oracle/in_parallel.h"
@@ -20,7 +21,7 @@ namespace {
 constexpr int kBatch = 200;
 
 struct Options {
-  std::int64_t pairs = 10000, slack = 0, motions = 0, states = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0, states = 0, edges = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
@@ -138,46 +139,68 @@ bool certify_motions(const Options& o) {
   return all.wrong() == 0 && (backend != "cuda" || all.on_device > 0);
 }
 
-void write_states(std::ostream& out, const Options& o, const std::vector<std::string>& robots,
-                  const std::vector<StateTable>& tables) {
-  out << "# states " << o.states << " of each robot, seed " << o.seed << "\n"
-      << "robot,kind,margin,states,free,hit,wrong,fewer,more,other_pairs,other_bits,exact,untrue,close_free,close_hit,"
-         "inside,pairs_without,pairs_with\n";
-  for (std::size_t r = 0; r < tables.size(); ++r)
-    for (std::size_t kind = 0; kind < tables[r].size(); ++kind)
-      for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
-        const StateTally& t = tables[r][kind][m];
-        out << robots[r] << ',' << name_of(static_cast<StateKind>(kind)) << ',' << kStateMargins[m];
-        for (const std::int64_t n : {t.states, t.free, t.hit, t.wrong, t.fewer, t.more, t.other_pairs, t.other_bits,
-                                     t.exact, t.untrue, t.close_free, t.close_hit, t.inside, t.pairs, t.open})
-          out << ',' << n;
-        out << '\n';
-      }
+/// A robot whose states and edges are decided.
+struct DecidedRobot {
+  RobotScene made;
+  RobotCovers covers;
+  StateTable states, edges;
+};
+
+void write_decisions(std::ostream& out, const char* what, const DecidedRobot& robot, const StateTable& table) {
+  for (std::size_t kind = 0; kind < table.size(); ++kind)
+    for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
+      const StateTally& t = table[kind][m];
+      if (t.count == 0) continue;
+      out << what << ',' << robot.made.name << ',' << name_of(static_cast<StateKind>(kind)) << ',' << kStateMargins[m];
+      for (const std::int64_t n : {t.count, t.free, t.hit, t.wrong, t.fewer, t.more, t.other_pairs, t.other_bits,
+                                   t.exact, t.untrue, t.close_free, t.close_hit, t.inside, t.pairs, t.open})
+        out << ',' << n;
+      out << '\n';
+    }
 }
 
-/// States of two made robots and of those in files, one robot to a thread. Returns false if any decision is wrong.
-bool certify_states(const Options& o) {
-  constexpr std::size_t kMade = 2;
-  std::vector<std::string> names(kMade + o.robots.size());
-  std::vector<StateTable> tables(names.size());
+void write_decisions(std::ostream& out, const Options& o, const std::vector<DecidedRobot>& robots) {
+  out << "# states " << o.states << " and edges " << o.edges << " of each robot, seed " << o.seed << "\n"
+      << "of,robot,kind,margin,count,free,hit,wrong,fewer,more,other_pairs,other_bits,exact,untrue,close_free,"
+         "close_hit,inside,pairs_without,pairs_with\n";
+  for (const DecidedRobot& robot : robots) {
+    write_decisions(out, "state", robot, robot.states);
+    write_decisions(out, "edge", robot, robot.edges);
+  }
+}
+
+/// States and edges of two made robots and of those in files, in shares that do not depend on the threads. Returns
+/// false if any decision is wrong.
+bool certify_decisions(const Options& o) {
+  constexpr std::size_t kMade = 2, kShares = 16;
+  std::vector<DecidedRobot> robots(kMade + o.robots.size());
+  in_parallel(robots.size(), o.threads, [&](std::size_t r) {
+    robots[r].made =
+        r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade], o.meshes ? MeshAs::kAuto : MeshAs::kHull);
+    robots[r].covers = covers_of(robots[r].made);
+    std::cerr << robots[r].made.name << " has covers\n";
+  });
   std::mutex mutex;
   StateTally all;
-  in_parallel(names.size(), o.threads, [&](std::size_t r) {
-    RobotScene robot =
-        r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade], o.meshes ? MeshAs::kAuto : MeshAs::kHull);
-    names[r] = robot.name;
-    StateOracle oracle(std::move(robot));
-    tables[r] = compare_states(oracle, o.states, o.seed);
-    StateTally sum;
-    for (const auto& row : tables[r])
-      for (const StateTally& tally : row) sum.add(tally);
+  in_parallel(robots.size() * kShares, o.threads, [&](std::size_t k) {
+    DecidedRobot& robot = robots[k % robots.size()];
+    const std::uint64_t share = k / robots.size(), seed = o.seed * 1'000 + share;
+    StateOracle oracle(robot.made, robot.covers);
+    StateTable states{}, edges{};
+    if (o.states > 0) states = compare_states(oracle, o.states / kShares, seed);
+    if (o.edges > 0) edges = compare_motions(oracle, o.edges / kShares, seed);
     const std::lock_guard lock(mutex);
-    all.add(sum);
-    std::cerr << names[r] << ": " << sum.text() << '\n';
+    for (const auto& [sum, table] : {std::pair(&robot.states, &states), {&robot.edges, &edges}})
+      for (std::size_t kind = 0; kind < table->size(); ++kind)
+        for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
+          (*sum)[kind][m].add((*table)[kind][m]);
+          all.add((*table)[kind][m]);
+        }
+    std::cerr << robot.made.name << ", share " << share << ": " << all.text() << '\n';
   });
   if (!o.csv.empty()) {
     std::ofstream out(o.csv);
-    write_states(out, o, names, tables);
+    write_decisions(out, o, robots);
     if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
   }
   return all.errors() == 0;
@@ -243,7 +266,10 @@ int main(int argc, char** argv) {
   app.add_option("--states", o.states,
                  "in place of pairs so many states of each robot, decided with and without covers")
       ->check(CLI::NonNegativeNumber);
-  app.add_option("--robots", o.robots, "URDF files of robots whose states are decided, too")->check(CLI::ExistingFile);
+  app.add_option("--edges", o.edges, "likewise, so many edges: motions that are decided")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--robots", o.robots, "URDF files of robots whose states and edges are decided, too")
+      ->check(CLI::ExistingFile);
   app.add_option("--seed", o.seed, "of the cases");
   app.add_option("--backend", o.backends, "backends to ask; cpu and reference if none is named. Motions: the first");
   app.add_option("--threads", o.threads, "batches at a time")->check(CLI::Range(1, 256));
@@ -256,7 +282,7 @@ int main(int argc, char** argv) {
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);
   try {
-    if (o.states > 0) return clearance::exact::certify_states(o) ? 0 : 1;
+    if (o.states > 0 || o.edges > 0) return clearance::exact::certify_decisions(o) ? 0 : 1;
     if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);
   } catch (const std::exception& e) {

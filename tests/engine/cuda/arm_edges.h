@@ -42,7 +42,7 @@ struct ArmEdges {
   }
   // Excludes pairs that are near at half or more of the ends, since they would decide nearly every edge.
   void leave_out_neighbours() {
-    const engine::Engine cpu(engine::Scene(scene), {.backend = "cpu", .threads = 2});
+    const engine::Engine cpu(engine::Scene(scene), {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff});
     QueryView ends;
     ends.joints = motions.joints;
     ends.positions = motions.positions;

@@ -103,7 +103,7 @@ std::size_t expect_the_cpus_rows(const engine::Engine& cpu, const QueryView& q, 
 TEST(DecideKernel, GivesTheBitsOfTheCpu) {
   for (const double room : {1.0, 2.5, 8.0}) {
     Case c(room, 41);
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     std::size_t answered = 0;
     const auto compare = [&](const std::string& what) {
       answered += expect_the_cpus_rows(cpu, c.q, decide(cpu, c.q), what + ", room " + std::to_string(room));
@@ -136,7 +136,7 @@ TEST(DecideKernel, GivesTheBitsOfTheCpu) {
 
 TEST(DecideKernel, LooksAtLittleBehindTheFirstOverlap) {
   Case c(1.0, 41);
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   const Answer least = evaluate(cpu, c.q);
   ASSERT_TRUE(std::all_of(least.view.status, least.view.status + 41,
                           [](std::uint8_t s) { return s == static_cast<std::uint8_t>(Status::kOverlap); }));
@@ -153,7 +153,7 @@ TEST(DecideKernel, LeavesOpenWhatTouches) {
   for (int i = 0; i < 64; ++i)
     scene.add_box("b" + std::to_string(i), {1, 1, 1},
                   {.pose = Pose{{1.0 * (i % 4), 1.0 * (i / 4 % 4), 1.0 * (i / 16)}}});
-  const engine::Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   const std::vector<std::uint32_t> bodies{7};
   std::vector<BodyPair> pairs;
   for (std::uint32_t b = 0; b < 64; ++b)

@@ -23,7 +23,7 @@ struct Case : EmulatedCase {
 
 TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
   ASSERT_GT(chunk.counts[kEnclosedPairs], kFewBlocks * kTile) << "more than there are threads";
@@ -33,7 +33,7 @@ TEST(DenseKernels, GroupsThenProofsGiveTheBitsOfTheCpu) {
 
 TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
   Case c(Precision::kF64);
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   chunk.view.enclosed = nullptr;
@@ -45,7 +45,7 @@ TEST(DenseKernels, StraysThatProveAtOnceGiveTheBitsOfTheCpu) {
 
 TEST(DenseKernels, Float32ThenFloat64GiveTheBitsOfTheCpu) {
   Case c(Precision::kF32);
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());
   chunk.launch(tiles, [&] { answer_groups<float>(chunk.view); });
@@ -66,13 +66,14 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
       c.q.signed_distance = true;
       c.q.fields = fields;
       c.q.rel_tol = rel_tol;
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       HostChunk chunk(cpu, c.q);
       chunk.view.pair_limits.rel_tol = rel_tol;
       chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
       const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
       ASSERT_GT(enclosed, 4 * kFewBlocks * kDepthWarps) << "more than there are warps";
-      chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
+      chunk.launch_last(
+          kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
       EXPECT_LT((chunk.host_counts[kRest] - left_before) * 20, enclosed) << "left to the CPU";
       chunk.expect_the_cpus(cpu, c.q, "depths");
     }
@@ -83,7 +84,7 @@ void expect_lean_rows(Case& c, std::uint32_t fields, const std::string& what) {
   ASSERT_EQ(fields & ~kLeanFields, 0u);
   const bool points = (fields & kFieldPoints32) != 0, f32 = c.q.precision == Precision::kF32;
   c.q.fields = fields;
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   chunk.view.pair_limits.cull = c.q.max_distance < std::numeric_limits<double>::infinity();
   const auto tiles = static_cast<std::uint32_t>(chunk.group_of_tile.size());

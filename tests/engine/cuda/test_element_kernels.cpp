@@ -39,7 +39,7 @@ TEST(ElementKernels, HoldWhatTheCpuHolds) {
     for (const double room : {0.5, 1.0, 2.5}) {
       ElementCase c(kind, is_mesh(kind) ? 2 : 700, room, 9, 5, room == 1, 0.05, room == 0.5);
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       const auto run = [&](Found& found, const std::string& what) {
         HostReduction reduction(cpu, c.q);
         found.left += reduction.compare_bounds(what + ", kind " + std::to_string(static_cast<int>(kind)) + ", room " +
@@ -83,7 +83,7 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
       c.q.pairs = c.pairs;
       Random random(3);
       for (std::uint32_t k = 0; k < 24; ++k) c.put(k, MeshOfCase::kPlaces[k % 4], random);
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       for (const Reduce reduce : {Reduce::kMin, Reduce::kAny}) {
         c.q.reduce = reduce;
         HostReduction reduction(cpu, c.q);
@@ -99,7 +99,7 @@ TEST(ElementKernels, KnowWhatASolidHolds) {
 // Without a cutoff no bound excludes any of a large mesh at first; the stack must still suffice.
 TEST(ElementKernels, HoldEnoughForLargeTrees) {
   ElementCase c(ElementKind::kSurface, 40, 0.6, 3, 3, false);
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   c.q.reduce = Reduce::kWithin;
   HostReduction reduction(cpu, c.q);
   EXPECT_EQ(reduction.compare_bounds("86,400 triangles"), 0u);
@@ -197,7 +197,7 @@ TEST(ElementKernels, HoldTheExactDistance) {
       Random random(9);
       if (is_mesh(kind))
         for (std::uint32_t k = 0; k < 4; ++k) c.put(k, MeshOfCase::kPlaces[k], random);
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       const std::vector<Body>& bodies = cpu.scene().bodies();
       const auto pose = [&](std::uint32_t k, std::uint32_t b) {
         const auto at = std::find(c.bodies.begin(), c.bodies.end(), b);

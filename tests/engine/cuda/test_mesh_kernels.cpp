@@ -86,7 +86,7 @@ TEST(MeshKernels, HoldTheExactDistance) {
     }
     pairs.push_back({2 * i, 2 * i + 1});
   }
-  const engine::Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.all_pairs = false;
   q.pairs = pairs;
@@ -159,7 +159,7 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
     MeshCase c(6, room, 5);
     c.request_about(c.pairs_of_meshes());
     c.poses[5].translation.x = std::numeric_limits<double>::quiet_NaN();
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     EXPECT_LT(compare_all(cpu, c.q, "room " + std::to_string(room)), 4u);
   }
 }
@@ -168,7 +168,7 @@ TEST(MeshKernels, HoldWhatTheCpuHolds) {
 TEST(MeshKernels, LeaveSinglePairsToTheCpu) {
   MeshCase c(4, 0.8, 7);
   c.request_about(c.pairs_of_all());
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   EXPECT_GT(compare_all(cpu, c.q, "left"), 60u);
 }
 
@@ -179,7 +179,7 @@ TEST(MeshKernels, HoldEnoughForLargeTrees) {
   Random random(3);
   for (const char* name : {"a", "b"})
     scene.add_mesh(name, mesh.vertices, mesh.triangles, MeshAs::kSurface, {.pose = random.pose(0)});
-  const engine::Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   const std::vector<std::uint32_t> moved{1};
   const std::vector<Pose> poses{random.pose(6)};
   const std::vector<BodyPair> pairs{{0, 1}};

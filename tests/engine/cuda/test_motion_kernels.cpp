@@ -45,7 +45,8 @@ struct Found {
 
 // Results never contradict the CPU's, and hits are confirmed.
 Found compare(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
-  const engine::Engine cpu(engine::Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const engine::Engine cpu(engine::Scene(edges.scene),
+                           {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff});
   const Answer wanted = evaluate(cpu, q);
   host.run();
   Found found;
@@ -108,7 +109,8 @@ struct Least {
   int apart = 0, touching = 0, hits = 0, open = 0;
 };
 Least compare_nearest(const ArmEdges& edges, const QueryView& q, HostMotions& host) {
-  const engine::Engine cpu(engine::Scene(edges.scene), {.backend = "cpu", .threads = 2});
+  const engine::Engine cpu(engine::Scene(edges.scene),
+                           {.backend = "cpu", .threads = 2, .covers = engine::Covers::kOff});
   const Answer wanted = evaluate(cpu, q);
   host.run();
   Least found;

@@ -16,7 +16,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
                      to.add_capsule(name, 0.2, 0.5, options);
                    });
     c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     c.q.fields = kAllFields | kFieldPairLower;
     for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
       for (const double distance : {kInf, 0.3}) {
@@ -33,7 +33,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     UncertainCase c(30, 9);
     c.poses[8].qw = c.poses[8].qx = c.poses[8].qy = c.poses[8].qz = 0;
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     c.q.precision = precision;
     for (const Reduce reduce : {Reduce::kNearest, Reduce::kMin, Reduce::kWithin})
       for (const double distance : {kInf, 0.02, 0.3}) {
@@ -105,7 +105,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
       c.q.precision = precision;
       c.poses[4].translation.x = std::numeric_limits<double>::quiet_NaN();
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       compare_margins(cpu, c.q, "room " + std::to_string(room), outcomes);
     }
     EXPECT_GT(outcomes.near, 20u);
@@ -125,7 +125,7 @@ TEST(ReduceKernels, DecideAsTheCpuDoesUncertainBodies) {
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
     // Few of the pairs at a time, since otherwise every configuration has an overlap.
     const std::vector<BodyPair> all = c.pairs;
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     MarginCounts outcomes;
     for (std::size_t first = 0; first < 12; ++first) {
       std::vector<BodyPair> some;
@@ -163,13 +163,13 @@ TEST(ReduceKernels, AnswerWhatIsLeftAsWellAsTheyCan) {
       // Configuration 2: every body exactly on another, where nothing can be resolved.
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[2 * c.bodies.size() + i] = Pose{{1.0 * (i % 4), 0, 0}};
       c.q.reduce = reduce;
-      const engine::Engine cpu(std::move(c.scene), {"cpu"});
+      const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       run(cpu, c.q, what + ", room " + std::to_string(room));
     }
     UncertainCase c(30, 9);
     c.positions[c.joints.size() * 3] = std::numeric_limits<double>::quiet_NaN();
     const std::vector<BodyPair> all = c.pairs;
-    const engine::Engine cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     c.q.reduce = reduce;
     for (std::size_t first = 0; first < 12; ++first) {
       std::vector<BodyPair> some;
@@ -208,7 +208,7 @@ TEST(ReduceKernels, LeaveOutNothingThatSlackMayLetWin) {
   const std::vector<std::uint32_t> bodies{1, 3};
   const std::vector<BodyPair> pairs{{0, 1}, {2, 3}};
   const std::vector<Pose> poses{{{0.8, 0.8, 0.8}}, {{50 + 0.5 + 0.1 + far + 0.005, 0, 0}}};
-  const engine::Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.all_pairs = false;
   q.pairs = pairs;

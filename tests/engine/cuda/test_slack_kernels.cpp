@@ -151,7 +151,7 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   UncertainCase c(50, 7);
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   const Seen all = expect_rows_of_the_cpu<false>(cpu, c.q, "float64");
   EXPECT_GT(all.slack, 500u);
   EXPECT_GT(all.contact, 50u) << "slack alone makes them touch";
@@ -174,7 +174,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
   c.poses[3].translation.y = std::numeric_limits<double>::quiet_NaN();
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   c.q.fields = kAllFields | kFieldGradientJoints;
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const double distance : {kInf, 0.1}) {
     c.q.max_distance = distance;
     HostChunk chunk(cpu, c.q);
@@ -234,7 +234,7 @@ struct CanCase {
 // Convex parts that overlap by less than `outer` prove nothing about the exact bodies; an overlap by more does.
 TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
   CanCase c;
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   ASSERT_TRUE(chunk.bodies.uncertain);
   chunk.view.prove_at_once = true;
@@ -261,7 +261,7 @@ TEST(SlackKernels, OverlapsAreProvedByMoreThanTheUncertainty) {
 // Rows that no CPU finishes have bounds that contain the CPU's distances, including slack.
 TEST(SlackKernels, RowsThatRemainUnfinishedHaveBoundsThatHold) {
   CanCase c;
-  const engine::Engine cpu(std::move(c.scene), {"cpu"});
+  const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   HostChunk chunk(cpu, c.q);
   chunk.view.prove_at_once = true;
   const Group all{kNone, kNone, 0, 1, 0};

@@ -135,7 +135,7 @@ TEST(TableKernels, ListThePairsThatAreNear) {
   scene.set_requires_pose("body" + std::to_string(kNowhere));
   scene.ignore("body0", "body1");
   for (int i = 20; i < 60; i += 2) scene.ignore("body" + std::to_string(i), "body" + std::to_string(i + 31));
-  const engine::Engine cpu(std::move(scene), {"cpu"});
+  const engine::Engine cpu(std::move(scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.reduce = Reduce::kWithin;
   q.fields = kAllFields;

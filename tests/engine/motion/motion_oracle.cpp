@@ -28,7 +28,7 @@ class MotionOracle {
       : case_(c),
         random_(random),
         findings_(findings),
-        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1}) {
+        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = engine::Covers::kOff}) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);

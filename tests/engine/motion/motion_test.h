@@ -45,7 +45,7 @@ struct Motions {
 };
 
 inline engine::Engine engine_of(engine::Scene scene, int threads = 2) {
-  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads});
+  return engine::Engine(std::move(scene), {.backend = "cpu", .threads = threads, .covers = engine::Covers::kOff});
 }
 
 /// A ball that flies past another at a known distance.

@@ -149,7 +149,7 @@ struct Approach {
   /// \param term contribution of the tested term, in metres
   void expect_bound(double term) {
     motion.pairs = {pair};
-    const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+    const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
     QueryView query = motion.view(Reduce::kMin, 1);
     query.abs_tol = 1e-9;
     const Answer bound = evaluate(engine, query);

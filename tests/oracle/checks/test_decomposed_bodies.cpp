@@ -32,7 +32,7 @@ std::vector<Row> evaluate(const ConvexPartPtr& a, const Pose& X_wa, const Convex
   first.pose = X_wa, second.pose = X_wb;
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
-  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   std::vector<Row> rows;
   for (const double limit : limits) {
     Row& row = rows.emplace_back();

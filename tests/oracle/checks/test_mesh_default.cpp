@@ -24,7 +24,7 @@ Bounds evaluate(const Shape& mesh, MeshAs how, const std::vector<Vec3d>& other, 
   scene.add_mesh("mesh", mesh.vertices, mesh.triangles, how, {.pose = Pose{}});
   EXPECT_FALSE(scene.has_surfaces());
   scene.add_hull("other", other, {.pose = X});
-  const engine::Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1, .covers = engine::Covers::kOff});
   Bounds bounds{};
   std::uint8_t status;
   QueryView q;

@@ -32,7 +32,7 @@ Depth evaluate(const Case& c, const SolidPtr& second = nullptr) {
   a.pose = c.X_wa, b.pose = c.X_wb;
   scene.add_body(std::move(a));
   scene.add_body(std::move(b));
-  const engine::Engine engine(std::move(scene), {.threads = 1});
+  const engine::Engine engine(std::move(scene), {.threads = 1, .covers = engine::Covers::kOff});
   Depth d{};
   QueryView q;
   q.signed_distance = true;

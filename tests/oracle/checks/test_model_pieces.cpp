@@ -286,7 +286,7 @@ void look_at_held(Random& random, Found& found) {
   first.pose = Pose{}, second.pose = random.rotation(random.direction() * random.uniform(0, 0.3));
   scene.add_body(std::move(first));
   scene.add_body(std::move(second));
-  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kMin, Reduce::kAny})
     for (const bool is_signed : {false, true}) {
       if (is_signed && reduce == Reduce::kAny) continue;
@@ -323,7 +323,7 @@ void look_at_tube(Found& found) {
                  make_convex_part({{0, 0, 0}}, 0.125)};
   for (std::uint32_t i = 2; i <= kOthers; ++i) trial.solids[i] = trial.solids[1], trial.parts[i] = trial.parts[1];
   trial.check_all();
-  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   const int apart = found.apart;
   for (const double limit : {0.0, 1.0}) look_at_rows(engine, trial, limit, Precision::kF64, found);
   look_at_reductions(engine, trial, 0.25, Precision::kF64, found);
@@ -332,7 +332,7 @@ void look_at_tube(Found& found) {
 
 void try_all(Random& random, Kind kind, Found& found) {
   const Trial trial(random, kind);
-  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1});
+  const engine::Engine engine(trial.scene(), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   double near = 0.1;
   for (const Result& exact_value : trial.exact_value[0])
     if (exact_value.distance.compare(0) > 0) near = exact_value.distance.upper();

@@ -145,8 +145,10 @@ RobotScene made_robot(std::uint64_t seed) {
     maker.keep(made.scene.find_body("r/" + name), std::move(parts));
   }
   maker.box("tool", {0.0625, 0.125, 0.0625}, {.parent = "r/l6", .pose = random.rotation({0, 0.125, 0.125})});
-  maker.sphere("bead", 0.03125, {.parent = "tool", .pose = Pose{{0, 0.125, 0}}});
+  // On the tool, or on its link: covers decide no motions of a chain.
+  maker.sphere("bead", 0.03125, {.parent = seed % 2 == 1 ? "tool" : "r/l6", .pose = Pose{{0, 0.125, 0}}});
   for (const char* other : {"r/l6", "bead"}) made.scene.ignore("tool", other);
+  made.scene.ignore("bead", "r/l6");
   finish(made, random);
   return made;
 }

@@ -3,34 +3,15 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 
 #include "tests/engine/same_rows.h"
 #include "tests/oracle/states/exact_state.h"
+#include "tests/oracle/states/state_round.h"
 
 namespace clearance::exact {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr int kFreeStates = 64;
-
-bool is_hit(Status s) {
-  return s == Status::kOk;
-}
-bool is_free(Status s) {
-  return s == Status::kBeyond;
-}
-
-QueryView query_of(std::span<const std::uint32_t> joints, std::span<const double> positions, double margin) {
-  QueryView query;
-  query.joints = joints;
-  query.positions = positions;
-  query.configuration_count = static_cast<std::uint32_t>(positions.size() / joints.size());
-  query.reduce = Reduce::kAny;
-  query.margin = margin;
-  query.fields = kFieldVerdict | kFieldPair;
-  return query;
-}
 
 }  // namespace
 
@@ -40,7 +21,7 @@ std::string name_of(StateKind kind) {
 }
 
 void StateTally::add(const StateTally& o) {
-  states += o.states, free += o.free, hit += o.hit, wrong += o.wrong, fewer += o.fewer, more += o.more;
+  count += o.count, free += o.free, hit += o.hit, wrong += o.wrong, fewer += o.fewer, more += o.more;
   other_pairs += o.other_pairs, other_bits += o.other_bits, exact += o.exact, untrue += o.untrue;
   close_free += o.close_free, close_hit += o.close_hit, inside += o.inside, pairs += o.pairs, open += o.open;
 }
@@ -49,10 +30,10 @@ std::string StateTally::text() const {
   char text[400];
   std::snprintf(
       text, sizeof text,
-      "%lld states (%lld free, %lld hit): %lld wrong, %lld fewer, %lld more, %lld other pairs, %lld other bits; "
+      "%lld (%lld free, %lld hit): %lld wrong, %lld fewer, %lld more, %lld other pairs, %lld other bits; "
       "%lld of %lld contradict the oracle; within 1 mm %lld free, %lld hit; %lld with an obstacle inside; exact pairs "
       "%lld -> %lld",
-      static_cast<long long>(states), static_cast<long long>(free), static_cast<long long>(hit),
+      static_cast<long long>(count), static_cast<long long>(free), static_cast<long long>(hit),
       static_cast<long long>(wrong), static_cast<long long>(fewer), static_cast<long long>(more),
       static_cast<long long>(other_pairs), static_cast<long long>(other_bits), static_cast<long long>(untrue),
       static_cast<long long>(exact), static_cast<long long>(close_free), static_cast<long long>(close_hit),
@@ -60,21 +41,17 @@ std::string StateTally::text() const {
   return text;
 }
 
-struct StateOracle::Round {
-  StateKind kind;
-  double margin;
-  std::size_t margin_index;
-  std::vector<double> positions{};  // (K, J)
-  double gap = kInf;                // of the placed obstacle, beyond the margin
-  bool is_attached = false;
-};
+RobotCovers covers_of(const RobotScene& made) {
+  const engine::Engine robot(engine::Scene(made.robot), {.threads = 1});
+  if (!robot.wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
+  return {robot.cover_store(), robot.joint_table_store()};
+}
 
-StateOracle::StateOracle(RobotScene made)
-    : made_(std::move(made)),
-      robot_(engine::Scene(made_.robot), {.threads = 1}),
-      without_(engine::Scene(made_.scene), {.threads = 1, .covers = engine::Covers::kOff}),
-      with_(engine::Scene(made_.scene), {.threads = 1, .cover_store = robot_.cover_store()}) {
-  if (!robot_.wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
+StateOracle::StateOracle(const RobotScene& made, const RobotCovers& of_robot)
+    : made_(made),
+      without_(engine::Scene(made.scene), {.threads = 1, .covers = engine::Covers::kOff}),
+      with_(engine::Scene(made.scene),
+            {.threads = 1, .cover_store = of_robot.covers, .joint_table_store = of_robot.tables}) {
   for (std::uint32_t j = 0; j < made_.scene.joints().size(); ++j) joints_.push_back(j);
   park();
   Random random(1);
@@ -135,26 +112,29 @@ double StateOracle::put(std::uint32_t obstacle, std::uint32_t link, const std::v
   return gap;
 }
 
-void StateOracle::begin(Round& round, Random& random) {
+void StateOracle::place_obstacles(Round& round, Random& random) {
   const auto any_of = [&](const std::vector<std::uint32_t>& from) {
     return from[static_cast<std::size_t>(random.integer(0, static_cast<int>(from.size()) - 1))];
   };
-  const bool is_close = round.kind == StateKind::kTouching || round.kind == StateKind::kDeep;
-  const std::vector<double> q = free_state(round.margin_index, random);
-  if (is_close) {
+  round.through = free_state(round.margin_index, random);
+  if (round.is_close()) {
     round.gap = round.kind == StateKind::kDeep ? -random.log_uniform(0.005, 0.15)
                                                : random.sign() * random.log_uniform(1e-5, 8e-3);
-    const double gap = put(any_of(made_.obstacles), any_of(made_.links), q, round.margin + round.gap, random);
+    const double gap =
+        put(any_of(made_.obstacles), any_of(made_.links), round.through, round.margin + round.gap, random);
     if (gap == kInf) round.gap = kInf;
   } else {
     for (int n = random.integer(1, 4); n > 0; --n)
       put(any_of(made_.obstacles), any_of(made_.links), free_state(round.margin_index, random),
           random.uniform(-0.02, 0.3), random);
   }
-  const int count = is_close ? 8 : 64;
-  const double spread = is_close ? 1e-4 : 0.03;
-  for (int k = 0; k < count; ++k) {
-    std::vector<double> state = round.kind == StateKind::kUniform ? uniform_state(random) : q;
+}
+
+void StateOracle::add_states(Round& round, Random& random) {
+  round.count = round.is_close() ? 8 : 64;
+  const double spread = round.is_close() ? 1e-4 : 0.03;
+  for (std::size_t k = 0; k < round.count; ++k) {
+    std::vector<double> state = round.kind == StateKind::kUniform ? uniform_state(random) : round.through;
     if (round.kind != StateKind::kUniform && k > 0)
       for (double& position : state) position += random.uniform(-spread, spread);
     round.positions.insert(round.positions.end(), state.begin(), state.end());
@@ -168,57 +148,75 @@ void StateOracle::begin(Round& round, Random& random) {
 }
 
 // Hangs the last placed obstacle onto a link.
-void StateOracle::attach_last(const Round&, Random& random) {
+void StateOracle::attach_last(Random& random) {
   const std::uint32_t link =
       made_.links[static_cast<std::size_t>(random.integer(0, static_cast<int>(made_.links.size()) - 1))];
   const Pose X = random.rotation(random.direction() * 0.2);
   for (engine::Engine* engine : {&without_, &with_}) engine->attach(placed_.back(), link, &X);
 }
 
-void StateOracle::round(StateKind kind, std::size_t margin, Random& random, StateTally& tally) {
-  Round round{.kind = kind, .margin = kStateMargins[margin], .margin_index = margin};
-  begin(round, random);
-  if (kind <= StateKind::kNear && !placed_.empty() && random.chance(0.125)) {
-    attach_last(round, random);
+// Hangs an obstacle onto a link for some rounds.
+void StateOracle::compare_round(Round& round, Random& random, StateTally& tally, Comparison comparison) {
+  if (round.kind <= StateKind::kNear && !placed_.empty() && random.chance(0.125)) {
+    attach_last(random);
     round.is_attached = true;
   }
-  compare(round, random, tally);
+  (this->*comparison)(round, random, tally);
   if (round.is_attached)
     for (engine::Engine* engine : {&without_, &with_}) engine->attach(placed_.back(), kNone);
   park();
 }
 
+void StateOracle::round(StateKind kind, std::size_t margin, Random& random, StateTally& tally) {
+  Round round{.kind = kind, .margin = kStateMargins[margin], .margin_index = margin};
+  place_obstacles(round, random);
+  add_states(round, random);
+  compare_round(round, random, tally, &StateOracle::compare);
+}
+
+// Sometimes a margin of its own for one obstacle: the others have none.
+std::vector<MarginEntry> StateOracle::some_margins(const Round& round, Random& random, QueryView& query) const {
+  std::vector<MarginEntry> entries;
+  if (!random.chance(0.125) || placed_.empty()) return entries;
+  entries.push_back({placed_.back(), kEveryBody, round.margin});
+  query.margin = 0;
+  query.margins = entries;
+  return entries;
+}
+
+void StateOracle::count(const Round& round, const ReplyView& expected, const ReplyView& found,
+                        StateTally& tally) const {
+  for (std::size_t k = 0; k < round.count; ++k) {
+    const auto e = static_cast<Status>(expected.verdict[k]), f = static_cast<Status>(found.verdict[k]);
+    ++tally.count;
+    tally.free += is_free(f);
+    tally.hit += is_hit(f);
+    tally.wrong += (is_free(e) && is_hit(f)) || (is_hit(e) && is_free(f));
+    tally.fewer += is_decided(e) && !is_decided(f);
+    tally.more += !is_decided(e) && is_decided(f);
+    const bool is_close = round.margin == 0 && std::abs(round.gap) < 1e-3;
+    tally.close_free += is_close && is_free(f);
+    tally.close_hit += is_close && is_hit(f);
+    tally.inside += round.kind == StateKind::kDeep && is_hit(f) && round.gap < -0.02;
+  }
+}
+
 void StateOracle::compare(const Round& round, Random& random, StateTally& tally) {
   QueryView query = query_of(joints_, round.positions, round.margin);
-  std::vector<MarginEntry> entries;
-  if (random.chance(0.125) && !placed_.empty()) {  // a margin of its own for one obstacle: the others keep theirs
-    entries.push_back({placed_.back(), kEveryBody, round.margin});
-    query.margin = 0;
-    query.margins = entries;
-  }
+  const std::vector<MarginEntry> entries = some_margins(round, random, query);
   const test::Answer expected = test::evaluate(without_, query);
   const bool names_pair = random.chance(0.5);
   if (!names_pair) query.fields = kFieldVerdict;
   const test::Answer found = test::evaluate(with_, query);
   tally.pairs += static_cast<std::int64_t>(expected.info.pairs_evaluated);
   tally.open += static_cast<std::int64_t>(found.info.pairs_evaluated);
-  for (std::size_t k = 0; k < query.configuration_count; ++k) {
+  count(round, expected.view, found.view, tally);
+  for (std::size_t k = 0; k < round.count; ++k) {
     const auto e = static_cast<Status>(expected.view.verdict[k]), f = static_cast<Status>(found.view.verdict[k]);
-    const bool decided_e = is_free(e) || is_hit(e), decided_f = is_free(f) || is_hit(f);
-    ++tally.states;
-    tally.free += is_free(f);
-    tally.hit += is_hit(f);
-    tally.wrong += (is_free(e) && is_hit(f)) || (is_hit(e) && is_free(f));
-    tally.fewer += decided_e && !decided_f;
-    tally.more += !decided_e && decided_f;
     tally.other_pairs += (names_pair && is_hit(e) && is_hit(f) && expected.view.pair[k] != found.view.pair[k]) ||
-                         (!decided_e && !decided_f && e != f);
-    const bool is_close = round.margin == 0 && std::abs(round.gap) < 1e-3;
-    tally.close_free += is_close && is_free(f);
-    tally.close_hit += is_close && is_hit(f);
-    tally.inside += round.kind == StateKind::kDeep && is_hit(f) && round.gap < -0.02;
+                         (!is_decided(e) && !is_decided(f) && e != f);
   }
-  const auto chosen = static_cast<std::size_t>(random.integer(0, static_cast<int>(query.configuration_count) - 1));
+  const auto chosen = static_cast<std::size_t>(random.integer(0, static_cast<int>(round.count) - 1));
   if (entries.empty() && !round.is_attached && made_.has_oracle())
     solve(query, chosen, static_cast<Status>(found.view.verdict[chosen]), tally);
   if (random.chance(0.0625)) compare_bits(query, tally);
@@ -241,36 +239,52 @@ void StateOracle::compare_bits(const QueryView& batch, StateTally& tally) {
   }
 }
 
-// Compares a decision with the oracle. A hit is untrue if all pairs are farther than the margin.
-void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdict, StateTally& tally) {
-  if (!is_free(verdict) && !is_hit(verdict)) return;
-  const std::size_t width = joints_.size();
-  const std::vector<PlacedBody> bodies = placed_bodies(made_, with_, batch.positions.subspan(state * width, width));
-  const auto contradicts = [&](BodyPair p) {
-    return is_free(verdict) ? is_nearer(bodies[p.a], bodies[p.b], batch.margin)
-                            : !is_farther(bodies[p.a], bodies[p.b], batch.margin);
-  };
-  const std::vector<BodyPair> pairs = with_.pairs(for_pairs(batch));
-  const bool any = std::any_of(pairs.begin(), pairs.end(), contradicts);
-  ++tally.exact;
-  tally.untrue += is_free(verdict) ? any : !any;
+// Whether the oracle contradicts a free state for some pair, or a hit for all.
+bool StateOracle::is_contradicted(const QueryView& query, std::span<const double> positions, Status verdict) const {
+  const std::vector<PlacedBody> bodies = placed_bodies(made_, with_, positions);
+  const std::vector<BodyPair> pairs = with_.pairs(for_pairs(query));
+  if (is_free(verdict))
+    return std::any_of(pairs.begin(), pairs.end(),
+                       [&](BodyPair p) { return is_nearer(bodies[p.a], bodies[p.b], query.margin); });
+  return std::all_of(pairs.begin(), pairs.end(),
+                     [&](BodyPair p) { return is_farther(bodies[p.a], bodies[p.b], query.margin); });
 }
 
-StateTable compare_states(StateOracle& oracle, std::int64_t states, std::uint64_t seed) {
+void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdict, StateTally& tally) {
+  if (!is_decided(verdict)) return;
+  const std::size_t width = joints_.size();
+  ++tally.exact;
+  tally.untrue += is_contradicted(batch, batch.positions.subspan(state * width, width), verdict);
+}
+
+namespace {
+
+// Rounds of every kind and margin in turn. Close rounds have fewer states, and are four times as many.
+template <class Round>
+StateTable compare_rounds(std::int64_t count, std::uint64_t seed, const Round& round) {
   StateTable table;
   Random random(seed);
   std::int64_t all = 0;
-  // Close states come by eight, others by 64: close rounds are four times as many.
-  for (std::size_t turn = 0; all < states; ++turn)
+  for (std::size_t turn = 0; all < count; ++turn)
     for (int kind = 0; kind < kStateKinds; ++kind)
       for (int n = kind <= static_cast<int>(StateKind::kNear) ? 1 : 4; n > 0; --n) {
         const std::size_t margin = turn % kStateMargins.size();
         StateTally tally;
-        oracle.round(static_cast<StateKind>(kind), margin, random, tally);
+        round(static_cast<StateKind>(kind), margin, random, tally);
         table[static_cast<std::size_t>(kind)][margin].add(tally);
-        all += tally.states;
+        all += tally.count;
       }
   return table;
+}
+
+}  // namespace
+
+StateTable compare_states(StateOracle& oracle, std::int64_t count, std::uint64_t seed) {
+  return compare_rounds(count, seed, [&](auto&&... of_round) { oracle.round(of_round...); });
+}
+
+StateTable compare_motions(StateOracle& oracle, std::int64_t count, std::uint64_t seed) {
+  return compare_rounds(count, seed, [&](auto&&... of_round) { oracle.round_of_motions(of_round...); });
 }
 
 }  // namespace clearance::exact
