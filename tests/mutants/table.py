@@ -141,13 +141,13 @@ MUTANTS = [
         (
             "cover_share",
             "cover/cover_simplices.cpp",
-            "i < @pieces.size()@; ++i) { result.shares",
+            "i < @pieces.size()@; ++i) shares",
             "pieces.size() / 16 * 15",
         ),
         ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
         ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
         ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
-        ("cover_planes", "cover/hull_planes.cpp", "i < @height_.size()@; ++i) depth", "height_.size() - 1"),
+        ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() - 1"),
         (
             "cover_cylinder",
             "cover/cover_shape.cpp",
