@@ -28,9 +28,9 @@ struct LevelRule {
             std::max(6, static_cast<int>(effort * rounds))};
   }
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.11, 6000, 100},
-                                                            {BallPacket::kBalls, 0.3, 2000, 40},
-                                                            {BallPacket::kBalls, 0.3, 1000, 16}}};
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.055, 40000, 50},
+                                                            {BallPacket::kBalls, 0.24, 4000, 40},
+                                                            {BallPacket::kBalls, 0.24, 1000, 16}}};
 
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};

@@ -59,7 +59,7 @@ struct StandOut {
 StandOut stand_out(const Cover& cover, int level);
 
 /// The cover of the union of convex parts in one frame, or nothing if a part is a half-space, has a surface or is beyond
-/// 1e9 m, and for no or more than 300 parts. Deterministic: the same on every machine. Takes about 0.1 s on one core.
+/// 1e9 m, and for no or more than 300 parts. Deterministic: the same on every machine. Takes about 0.2 s on one core.
 /// \param stopped makes it end early, without a cover, once it is true; may be null
 /// \param effort share of the usual work, from 0 to 1; less makes the balls wider
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped = nullptr,
