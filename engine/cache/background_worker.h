@@ -30,7 +30,7 @@ class BackgroundTask {
   int makers_ = 0;  // threads at work on it
 };
 
-/// Something, such as an engine, for as long as which results are kept. Null: for ever.
+/// Something, such as an engine, for as long as which results are kept; if null, for ever.
 using TaskOwner = std::shared_ptr<const void>;
 
 class TaskOwners {
