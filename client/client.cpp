@@ -202,8 +202,9 @@ bool Client::wait_covers(Duration timeout) {
   const auto begin = std::chrono::steady_clock::now();
   while (true) {
     const auto counters = stats();
-    if (std::none_of(counters.begin(), counters.end(),
-                     [](const auto& c) { return c.first == "engine.covers_pending" && c.second > 0; }))
+    if (std::none_of(counters.begin(), counters.end(), [](const auto& c) {
+          return c.second > 0 && (c.first == "engine.covers_pending" || c.first == "engine.joint_tables_pending");
+        }))
       return true;
     if (std::chrono::steady_clock::now() - begin >= timeout) return false;
     std::this_thread::sleep_for(kPeriod);

@@ -46,8 +46,8 @@ std::vector<std::uint32_t> bodies_to_cover(const Scene& scene) {
 void Engine::Impl::request_covers() const {
   std::vector<CoverStore::Parts> shapes;
   for (const std::uint32_t id : bodies_to_cover(scene)) shapes.push_back(scene.bodies()[id].parts);
-  covers->request(std::move(shapes));
-  tables->request(scene);
+  covers->request(std::move(shapes), owner);
+  tables->request(scene, owner);
 }
 
 bool Engine::wait_covers(std::chrono::nanoseconds timeout) const {

@@ -40,6 +40,7 @@ struct Engine::Impl {
   mutable JobCache job_cache{scene};        // after `trees`, to which its jobs return theirs
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
+  TaskOwner owner = std::make_shared<char>();
   ForkGuard fork_guard;
   mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};

@@ -39,6 +39,12 @@ void append_covers(Counters& counters, const CoverStore::Progress& progress) {
   counters.emplace_back("engine.cover_bytes", progress.bytes);
 }
 
+void append_tables(Counters& counters, const JointTableStore& tables) {
+  counters.emplace_back("engine.joint_tables", tables.count());
+  counters.emplace_back("engine.joint_tables_pending", tables.pending());
+  counters.emplace_back("engine.joint_table_bytes", tables.bytes());
+}
+
 }  // namespace
 
 Counters Engine::stats() const {
@@ -74,6 +80,7 @@ Counters Engine::stats() const {
                     {"engine.stamps_late", impl_->poses.stamps_late()}};
   append_ages(counters, *snapshot);
   if (impl_->covers) append_covers(counters, impl_->covers->progress());
+  if (impl_->tables) append_tables(counters, *impl_->tables);
   if (impl_->device) impl_->device->append(counters);
   if (impl_->router) impl_->router->append(counters);
   return counters;

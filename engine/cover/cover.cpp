@@ -20,20 +20,17 @@ struct LevelRule {
   std::size_t children;
   double edge_of_radius;  ///< the choice sees simplices whose edges are at most this share of the parent's radius
   std::size_t simplices;  ///< by which a share may exceed its parent's
-  std::size_t candidates, samples;
+  int rounds;             ///< of the choice
 
   LevelRule with(double effort) const {
-    const auto share = [&](std::size_t n) {
-      return std::max<std::size_t>(50, static_cast<std::size_t>(effort * static_cast<double>(n)));
-    };
-    return {children, edge_of_radius, share(simplices), share(candidates), share(samples)};
+    return {children, edge_of_radius,
+            std::max<std::size_t>(50, static_cast<std::size_t>(effort * static_cast<double>(simplices))),
+            std::max(6, static_cast<int>(effort * rounds))};
   }
 };
-constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.11, 6000, 1500, 1000},
-                                                            {BallPacket::kBalls, 0.3, 2000, 700, 400},
-                                                            {BallPacket::kBalls, 0.3, 1000, 200, 150}}};
-/// Choices of balls for one share.
-constexpr int kRounds = 8;
+constexpr std::array<LevelRule, Cover::kLevels - 1> kRules{{{2 * BallPacket::kBalls, 0.055, 40000, 50},
+                                                            {BallPacket::kBalls, 0.24, 4000, 40},
+                                                            {BallPacket::kBalls, 0.24, 1000, 16}}};
 
 Vec3d centre_of(const CoverBall& ball) {
   return {ball.centre[0], ball.centre[1], ball.centre[2]};
@@ -85,36 +82,17 @@ Vec3d middle_of(std::span<const CoverSimplex> simplices) {
   return c;
 }
 
-std::vector<CoverSample> some_of(std::span<const CoverSample> all, std::size_t most, PortableRandom& random) {
-  std::vector<CoverSample> some;
-  const double share = static_cast<double>(most) / static_cast<double>(all.size());
-  for (const CoverSample& sample : all)
-    if (random.uniform() < share) some.push_back(sample);
-  return some;
-}
-
-/// Shares for new balls. Points that the balls do not hold become samples of another choice.
+/// Shares for new balls.
 std::vector<Node> children_of(const CoverShape& shape, const Node& parent, const LevelRule& rule,
                               PortableRandom& random) {
   const double edge = rule.edge_of_radius * parent.ball.outer;
   const std::size_t most = parent.share.size() + rule.simplices;
-  const BallChoice choice{rule.children, rule.candidates, rule.samples, edge};
-  const std::vector<CoverSimplex> pieces = divided(parent.share, edge, most);
-  BallCandidates candidates(shape, pieces, choice, random);
-  BallChooser chooser(candidates, rule.children);
-  std::vector<CoverSample> samples = sample_shares(shape, pieces, choice, random);
-  std::vector<ChosenBall> balls;
-  Distribution distribution;
-  for (int round = 0; round < kRounds && !samples.empty(); ++round) {
-    candidates.add(samples);
-    balls = chooser.choose();
-    distribution = distribute(parent.share, balls, 0.03 * edge, most);
-    samples = some_of(distribution.lacking, rule.samples / 4, random);
-  }
+  const std::vector<ChosenBall> balls =
+      choose_balls(shape, divided(parent.share, edge, most), rule.children, rule.rounds, random);
+  auto shares = distribute(parent.share, balls, 0.03 * edge, most);
   std::vector<Node> children;
   for (std::size_t k = 0; k < balls.size(); ++k)
-    if (!distribution.shares[k].empty())
-      children.push_back(node_of(shape, balls[k].centre, std::move(distribution.shares[k])));
+    if (!shares[k].empty()) children.push_back(node_of(shape, balls[k].centre, std::move(shares[k])));
   return children;
 }
 

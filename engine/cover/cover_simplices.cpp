@@ -80,30 +80,22 @@ std::vector<CoverSimplex> divided(std::span<const CoverSimplex> simplices, doubl
   return result;
 }
 
-Distribution distribute(std::span<const CoverSimplex> simplices, std::span<const ChosenBall> balls, double slack,
-                        std::size_t most) {
+std::vector<std::vector<CoverSimplex>> distribute(std::span<const CoverSimplex> simplices,
+                                                  std::span<const ChosenBall> balls, double slack, std::size_t most) {
   std::vector<CoverSimplex> pieces(simplices.begin(), simplices.end());
   std::vector<std::size_t> owner(pieces.size());
-  std::vector<double> lacks(pieces.size());
   halve_greatest(pieces, slack, most, [&](std::size_t i) {
     owner.resize(pieces.size());
-    lacks.resize(pieces.size());
     double least = std::numeric_limits<double>::infinity();
     for (std::size_t k = 0; k < balls.size(); ++k)
       if (const double lack = radius_for(pieces[i], balls[k].centre) - balls[k].radius; lack < least)
         least = lack, owner[i] = k;
-    lacks[i] = least;
     // Halving a simplex that is small compared with its lack gains little.
     return longest_edge(pieces[i]).length > 0.25 * least ? least : 0;
   });
-  Distribution result;
-  result.shares.resize(balls.size());
-  for (std::size_t i = 0; i < pieces.size(); ++i) {
-    result.shares[owner[i]].push_back(pieces[i]);
-    if (lacks[i] > slack)
-      for (const Vec3d& corner : pieces[i].corner) result.lacking.push_back({corner, pieces[i].growth});
-  }
-  return result;
+  std::vector<std::vector<CoverSimplex>> shares(balls.size());
+  for (std::size_t i = 0; i < pieces.size(); ++i) shares[owner[i]].push_back(pieces[i]);
+  return shares;
 }
 
 }  // namespace clearance

@@ -17,15 +17,9 @@ double radius_for(const CoverSimplex& s, const Vec3d& c);
 /// than `edge` or there are `most` simplices.
 std::vector<CoverSimplex> divided(std::span<const CoverSimplex> simplices, double edge, std::size_t most);
 
-/// Shares of balls, and some points that their balls do not hold.
-struct Distribution {
-  std::vector<std::vector<CoverSimplex>> shares;
-  std::vector<CoverSample> lacking;
-};
-
 /// Distributes simplices over balls: a share for each, by which its ball may have to grow. Simplices that no ball holds
 /// are halved, above all those that lack most, until none lacks more than `slack` or there are `most`.
-Distribution distribute(std::span<const CoverSimplex> simplices, std::span<const ChosenBall> balls, double slack,
-                        std::size_t most);
+std::vector<std::vector<CoverSimplex>> distribute(std::span<const CoverSimplex> simplices,
+                                                  std::span<const ChosenBall> balls, double slack, std::size_t most);
 
 }  // namespace clearance

@@ -4,6 +4,8 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/base/clones.h"
+
 namespace clearance {
 
 namespace {
@@ -41,6 +43,23 @@ void add_farthest(std::vector<std::size_t>& taken, std::span<const Vec3d> vertic
       taken.push_back(f.vertex);
 }
 
+/// How far `p` is below each plane, the least.
+CLEARANCE_CLONES double least_depth(const double* __restrict x, const double* __restrict y, const double* __restrict z,
+                                    const double* __restrict height, std::size_t count, const Vec3d& p) {
+  constexpr std::size_t kLanes = 16;
+  const double px = p.x, py = p.y, pz = p.z;
+  double least[kLanes];
+  std::fill_n(least, kLanes, std::numeric_limits<double>::infinity());
+  std::size_t i = 0;
+  for (; i + kLanes <= count; i += kLanes)
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const double depth = height[i + k] - (x[i + k] * px + y[i + k] * py + z[i + k] * pz);
+      least[k] = depth < least[k] ? depth : least[k];
+    }
+  for (; i < count; ++i) least[0] = std::min(least[0], height[i] - (x[i] * px + y[i] * py + z[i] * pz));
+  return *std::min_element(least, least + kLanes);
+}
+
 }  // namespace
 
 /// For any n, the fan's tetrahedra hold the points x of their cone with n . x <= the least n . v of the face's corners
@@ -64,9 +83,7 @@ HullPlanes::HullPlanes(const Fan& fan) : centre_(fan.points.back()) {
 }
 
 double HullPlanes::depth(const Vec3d& c) const {
-  double depth = std::numeric_limits<double>::infinity();
-  for (std::size_t i = 0; i < height_.size(); ++i)
-    depth = std::min(depth, height_[i] - (x_[i] * c.x + y_[i] * c.y + z_[i] * c.z));
+  const double depth = least_depth(x_.data(), y_.data(), z_.data(), height_.data(), height_.size(), c);
   return (depth - 2 * kCoverRounding * norm(c)) * (1 - 0x1p-48);
 }
 

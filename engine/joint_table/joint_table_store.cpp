@@ -25,8 +25,8 @@ std::uint64_t hash_of_links(const SceneRobot& robot, const Body& a, const Body& 
 
 class JointTableStore::Entry final : public BackgroundTask {
  public:
-  Entry(TablePair pair, const Cache& cache, std::atomic<std::uint64_t>& made)
-      : pair_(std::move(pair)), cache_(cache), made_(made) {}
+  Entry(TablePair pair, JointTableStore& store) : pair_(std::move(pair)), store_(store), cache_(store.cache_) {}
+  ~Entry() override { store_.bytes_ -= is_there_ ? table_->resident_bytes() : 0; }
 
   bool is_of(const SceneRobot& robot, const Body& a, const Body& b) const {
     return pair_.robot->digest == robot.digest && pair_.a.link == a.link && pair_.b.link == b.link &&
@@ -35,6 +35,7 @@ class JointTableStore::Entry final : public BackgroundTask {
   std::shared_ptr<const JointTable> table() const {
     return is_there_.load(std::memory_order_acquire) ? table_ : nullptr;
   }
+  TaskOwners owners;
 
   Result read() const override {
     const auto record = cache_.read(joint_table_name(pair_));
@@ -50,20 +51,21 @@ class JointTableStore::Entry final : public BackgroundTask {
   void take(Result result, std::chrono::nanoseconds) override {
     if (!result) return;
     table_ = std::static_pointer_cast<const JointTable>(result);
+    store_.bytes_ += table_->resident_bytes();
     is_there_.store(true, std::memory_order_release);
-    made_.fetch_add(1, std::memory_order_release);
+    store_.arrived_.fetch_add(1, std::memory_order_release);
   }
 
  private:
   const TablePair pair_;
+  JointTableStore& store_;
   const Cache& cache_;
-  std::atomic<std::uint64_t>& made_;
   std::shared_ptr<const JointTable> table_;
   std::atomic<bool> is_there_{false};  // set after `table_`
 };
 
-const JointTableStore::Entry* JointTableStore::find_entry(std::uint64_t hash, const SceneRobot& robot, const Body& a,
-                                                          const Body& b) const {
+JointTableStore::Entry* JointTableStore::find_entry(std::uint64_t hash, const SceneRobot& robot, const Body& a,
+                                                    const Body& b) const {
   const auto [begin, end] = entries_.equal_range(hash);
   const auto it = std::find_if(begin, end, [&](const auto& entry) { return entry.second->is_of(robot, a, b); });
   return it == end ? nullptr : it->second.get();
@@ -76,12 +78,21 @@ std::shared_ptr<const JointTable> JointTableStore::find(const SceneRobot& robot,
   return entry ? entry->table() : nullptr;
 }
 
-void JointTableStore::add(TablePair pair, const Body& a, const Body& b, std::vector<BackgroundTask*>& tasks) {
+std::uint64_t JointTableStore::count() const {
+  const std::lock_guard lock(mutex_);
+  return static_cast<std::uint64_t>(std::count_if(entries_.begin(), entries_.end(),
+                                                  [](const auto& entry) { return entry.second->table() != nullptr; }));
+}
+
+void JointTableStore::add(TablePair pair, const Body& a, const Body& b, const TaskOwner& owner,
+                          std::vector<std::shared_ptr<BackgroundTask>>& tasks) {
   const std::uint64_t hash = hash_of_links(*pair.robot, a, b);
-  if (entries_.size() == kMostTables || find_entry(hash, *pair.robot, a, b)) return;
-  const auto entry = std::make_shared<Entry>(std::move(pair), cache_, made_);
+  if (Entry* const known = find_entry(hash, *pair.robot, a, b)) return known->owners.add(owner);
+  if (entries_.size() >= kMostTables) return;
+  const auto entry = std::make_shared<Entry>(std::move(pair), *this);
+  entry->owners.add(owner);
   entries_.emplace(hash, entry);
-  tasks.push_back(entry.get());
+  tasks.push_back(entry);
 }
 
 namespace {
@@ -93,10 +104,11 @@ struct RequestedPair {
 
 }  // namespace
 
-void JointTableStore::request(const engine::Scene& scene) {
+void JointTableStore::request(const engine::Scene& scene, const TaskOwner& owner) {
   const auto& ignored = scene.ignored();
-  const std::lock_guard lock(mutex_);
-  std::vector<BackgroundTask*> tasks;
+  std::vector<std::shared_ptr<BackgroundTask>> tasks;
+  std::unique_lock lock(mutex_);
+  std::erase_if(entries_, [](const auto& entry) { return entry.second->owners.are_gone(); });
   for (const auto& robot : scene.robots()) {
     std::vector<std::uint32_t> links = robot->bodies;
     std::sort(links.begin(), links.end());
@@ -111,8 +123,9 @@ void JointTableStore::request(const engine::Scene& scene) {
       return p.pair.columns.size() < q.pair.columns.size();
     });
     pairs.resize(std::min(pairs.size(), kMostOfRobot));
-    for (RequestedPair& requested : pairs) add(std::move(requested.pair), *requested.a, *requested.b, tasks);
+    for (RequestedPair& requested : pairs) add(std::move(requested.pair), *requested.a, *requested.b, owner, tasks);
   }
+  lock.unlock();
   worker_.add(tasks);
 }
 

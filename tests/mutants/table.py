@@ -146,7 +146,7 @@ MUTANTS = [
         (
             "cover_share",
             "cover/cover_simplices.cpp",
-            "i < @pieces.size()@; ++i) { result.shares",
+            "i < @pieces.size()@; ++i) shares",
             "pieces.size() / 16 * 15",
         ),
         ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
@@ -160,7 +160,7 @@ MUTANTS = [
             "middle - 1e-3",
         ),
         ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
-        ("cover_planes", "cover/hull_planes.cpp", "i < @height_.size()@; ++i) depth", "height_.size() - 1"),
+        ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() - 1"),
         (
             "cover_cylinder",
             "cover/cover_shape.cpp",

@@ -33,6 +33,8 @@ def test_an_engine_makes_them_in_the_background(scene_file):
     found = counters(engine)
     assert found.pop("engine.cover_bytes") > 1000
     assert found == {"engine.covers": 1, "engine.covers_pending": 0, "engine.covers_impossible": 0}
+    tables = {name: value for name, value in engine.stats().items() if "joint_table" in name}
+    assert tables == {"engine.joint_tables": 0, "engine.joint_tables_pending": 0, "engine.joint_table_bytes": 0}
     with pytest.raises(ValueError, match="timeout_s"):
         engine.wait_covers(-1)
 

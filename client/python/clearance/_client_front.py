@@ -179,12 +179,13 @@ class Client(RemoteFront):
         return dict(self._use().stats())
 
     def wait_covers(self, timeout_s: float = 60.0) -> bool:
-        """Waits until the daemon has made all covers, which make decisions faster, and returns whether it has.
+        """Waits until the daemon has made all covers and joint tables, which make decisions faster, and returns whether it has.
 
         timeout_s: seconds.
         """
         until = time.monotonic() + to_number_from_0(timeout_s, "timeout_s")
-        while self.stats().get("engine.covers_pending", 0) > 0:
+        pending = ("engine.covers_pending", "engine.joint_tables_pending")
+        while sum(count for name, count in self.stats().items() if name in pending) > 0:
             if time.monotonic() >= until:
                 return False
             time.sleep(0.05)

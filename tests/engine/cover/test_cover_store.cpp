@@ -100,6 +100,49 @@ TEST_F(CoverStoreTest, AFullStoreMakesNoMore) {
   EXPECT_EQ(store.revision(), 0);
 }
 
+TEST_F(CoverStoreTest, DropsCoversWhoseOwnersAreGone) {
+  CoverStore store;
+  auto first = std::make_shared<int>(), second = std::make_shared<int>();
+  store.request({body(1), body(2)}, first);
+  store.request({body(2)}, second);
+  store.request({body(3)});  // for ever
+  ASSERT_TRUE(store.wait(kPatience));
+  const std::uint64_t bytes = store.progress().bytes, revision = store.revision();
+  first.reset();
+  store.request({}, second);
+  EXPECT_EQ(store.find(body(1)), nullptr);
+  EXPECT_TRUE(store.find(body(2)) && store.find(body(3)));
+  EXPECT_EQ(store.progress().made, 2);
+  EXPECT_LT(store.progress().bytes, bytes);
+  EXPECT_EQ(store.revision(), revision) << "never decreases";
+}
+
+TEST_F(CoverStoreTest, DropsPendingCoversWhoseOwnersAreGone) {
+  CoverStore store;
+  {
+    const auto owner = std::make_shared<int>();
+    std::vector<Parts> bodies;
+    for (int i = 0; i < 2000; ++i) bodies.push_back(hull(i));
+    store.request(bodies, owner);
+  }
+  store.request({body(1)});
+  ASSERT_TRUE(store.wait(kPatience));
+  EXPECT_LE(store.progress().made, 4) << "those at work";
+  EXPECT_TRUE(store.find(body(1)));
+}
+
+TEST_F(CoverStoreTest, DoesNotGrowAsShapesComeAndGo) {
+  CoverStore store;
+  std::shared_ptr<int> now, before;
+  for (int i = 0; i < 300; ++i) {
+    before = std::exchange(now, std::make_shared<int>());
+    store.request({body(1), body(i + 2)}, now);
+    ASSERT_TRUE(store.wait(kPatience));
+    ASSERT_LE(store.progress().made, 4);
+  }
+  EXPECT_EQ(store.revision(), 301);
+}
+
 TEST_F(CoverStoreTest, ThreadsRequestAndFindAtOnce) {
   constexpr int kThreads = 4, kBodies = 40;
   CoverStore store;
@@ -129,7 +172,7 @@ TEST_F(CoverStoreTest, TheThreadMakesCoversByItself) {
 
 TEST_F(CoverStoreTest, EndsWhileCoversArePending) {
   std::vector<Parts> bodies;
-  for (int i = 0; i < 2000; ++i) bodies.push_back(hull(i));  // an hour's work
+  for (int i = 0; i < 2000; ++i) bodies.push_back(hull(i));  // minutes of work
   auto store = std::make_unique<CoverStore>();
   store->request(bodies);
   ASSERT_FALSE(store->wait(std::chrono::milliseconds(1)));

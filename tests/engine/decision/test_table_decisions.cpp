@@ -65,6 +65,23 @@ TEST_F(TableDecisions, StoreMakesATableOnce) {
   EXPECT_TRUE(table(arm_of_boxes(), store)) << "the same robot in another scene";
 }
 
+TEST_F(TableDecisions, StoreDropsTablesWhoseOwnersAreGone) {
+  const engine::Scene scene = arm_of_boxes(), other = arm_of_boxes("2.5");
+  JointTableStore store;
+  auto first = std::make_shared<int>(), second = std::make_shared<int>();
+  store.request(scene, first);
+  store.request(other, second);
+  ASSERT_TRUE(store.wait(kPatience));
+  EXPECT_EQ(store.count(), 2);
+  EXPECT_EQ(store.bytes(), table(scene, store)->resident_bytes() + table(other, store)->resident_bytes());
+  first.reset();
+  store.request(other, second);
+  EXPECT_EQ(table(scene, store), nullptr);
+  ASSERT_TRUE(table(other, store));
+  EXPECT_EQ(store.count(), 1);
+  EXPECT_EQ(store.bytes(), table(other, store)->resident_bytes());
+}
+
 TEST_F(TableDecisions, StoreReadsTheCache) {
   const TemporaryFolder folder;
   ::setenv("CLEARANCE_CACHE", (folder / "cache").c_str(), 1);

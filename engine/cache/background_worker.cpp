@@ -1,4 +1,4 @@
-#include "engine/joint_table/background_worker.h"
+#include "engine/cache/background_worker.h"
 
 #include <pthread.h>
 #include <signal.h>
@@ -25,7 +25,8 @@ using WorkClock = std::chrono::steady_clock;
 /// Time without new results after the thread has started, so that short programs and first answers are not disturbed.
 constexpr std::chrono::milliseconds kWorkGrace{100};
 
-/// Gives the calling thread the lowest priority, and leaves signals to other threads.
+/// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
+/// planners take all cores, nothing would ever be made.
 void work_last() {
   sigset_t all;
   sigfillset(&all);
@@ -49,12 +50,13 @@ struct BackgroundWorker::State {
   void start();
   void stop();
   void work();
-  BackgroundTask* next(int most_makers) const;
+  void drop_unowned();
+  std::shared_ptr<BackgroundTask> next(int most_makers);
   void run(BackgroundTask& task, std::unique_lock<std::mutex>& lock, bool in_background);
 
   std::mutex mutex;  // guards all below
   std::condition_variable changed;
-  std::deque<BackgroundTask*> pending;
+  std::deque<std::shared_ptr<BackgroundTask>> pending;
   std::atomic<std::uint64_t> pending_count{0};
   std::thread thread;
   bool is_running = false;
@@ -115,14 +117,21 @@ void BackgroundWorker::State::stop() {
 void BackgroundWorker::State::work() {
   work_last();
   std::unique_lock lock(mutex);
-  while (BackgroundTask* task = is_stopping ? nullptr : next(0)) run(*task, lock, true);
+  while (const auto task = is_stopping ? nullptr : next(0)) run(*task, lock, true);
   is_running = false;
 }
 
+/// Removes tasks whose results nobody waits for any more.
+void BackgroundWorker::State::drop_unowned() {
+  std::erase_if(pending, [](const auto& task) { return task.use_count() == 1; });
+  pending_count = pending.size();
+}
+
 /// The first pending task on which at most so many threads work, or null.
-BackgroundTask* BackgroundWorker::State::next(int most_makers) const {
+std::shared_ptr<BackgroundTask> BackgroundWorker::State::next(int most_makers) {
+  drop_unowned();
   for (int makers = 0; makers <= most_makers; ++makers)
-    for (BackgroundTask* task : pending)
+    for (const auto& task : pending)
       if (task->makers_ == makers) return task;
   return nullptr;
 }
@@ -139,7 +148,7 @@ void BackgroundWorker::State::run(BackgroundTask& task, std::unique_lock<std::mu
       changed.wait_until(lock, begin + kWorkGrace, [&] { return is_stopping || task.is_done_; });
       lock.unlock();
     }
-    if (!result && !is_stopping) result = task.make(is_stopping);
+    if (!result && !is_stopping && !task.is_done_) result = task.make(is_stopping);
   } catch (const std::exception&) {  // no memory
   }
   lock.lock();
@@ -147,7 +156,7 @@ void BackgroundWorker::State::run(BackgroundTask& task, std::unique_lock<std::mu
   if (task.is_done_ || (!result && is_stopping)) return;
   task.is_done_ = true;
   task.take(std::move(result), WorkClock::now() - before);
-  std::erase(pending, &task);
+  std::erase_if(pending, [&](const auto& other) { return other.get() == &task; });
   pending_count = pending.size();
   changed.notify_all();
 }
@@ -158,7 +167,7 @@ BackgroundWorker::~BackgroundWorker() {
   if (getpid() != process_) static_cast<void>(state_.release());  // a lock or the condition may be in use for ever
 }
 
-void BackgroundWorker::add(const std::vector<BackgroundTask*>& tasks) {
+void BackgroundWorker::add(const std::vector<std::shared_ptr<BackgroundTask>>& tasks) {
   const std::lock_guard lock(state_->mutex);
   state_->pending.insert(state_->pending.end(), tasks.begin(), tasks.end());
   state_->pending_count = state_->pending.size();
@@ -171,9 +180,9 @@ bool BackgroundWorker::wait(std::chrono::nanoseconds timeout) {
       timeout < WorkClock::time_point::max() - begin ? begin + timeout : WorkClock::time_point::max();
   std::unique_lock lock(state_->mutex);
   while (!state_->pending.empty() && WorkClock::now() < until) {
-    if (BackgroundTask* task = state_->next(1))
+    if (const auto task = state_->next(1))
       state_->run(*task, lock, false);
-    else
+    else if (!state_->pending.empty())
       state_->changed.wait_until(lock, until);
   }
   return state_->pending.empty();

@@ -1,6 +1,7 @@
 // Work on a thread of lowest priority.
 #pragma once
 
+#include <algorithm>
 #include <atomic>
 #include <chrono>
 #include <cstdint>
@@ -19,14 +20,35 @@ class BackgroundTask {
   virtual Result read() const = 0;
   /// Returns null if the result is impossible, or once `stopped` is set.
   virtual Result make(const std::atomic<bool>& stopped) const = 0;
-  /// Publishes the result, or null if it is impossible. Called once, and not by two threads at a time for any task of the
-  /// worker.
+  /// Publishes the result, or null if it is impossible. Called once, by one thread at a time for all tasks of the worker,
+  /// whose functions it must not call.
   virtual void take(Result result, std::chrono::nanoseconds took) = 0;
 
  private:
   friend class BackgroundWorker;
-  bool is_done_ = false;
+  std::atomic<bool> is_done_{false};
   int makers_ = 0;  // threads at work on it
+};
+
+/// Something, such as an engine, for as long as which results are kept; if null, for ever.
+using TaskOwner = std::shared_ptr<const void>;
+
+class TaskOwners {
+ public:
+  void add(const TaskOwner& owner) {
+    std::erase_if(owners_, [](const auto& known) { return known.expired(); });
+    if (owner)
+      owners_.push_back(owner);
+    else
+      for_ever_ = true;
+  }
+  bool are_gone() const {
+    return !for_ever_ && std::all_of(owners_.begin(), owners_.end(), [](const auto& known) { return known.expired(); });
+  }
+
+ private:
+  std::vector<std::weak_ptr<const void>> owners_;
+  bool for_ever_ = false;
 };
 
 /// Does tasks one by one, in order. Its thread exists only while some are pending. Thread-safe.
@@ -38,8 +60,8 @@ class BackgroundWorker {
   BackgroundWorker(const BackgroundWorker&) = delete;
   BackgroundWorker& operator=(const BackgroundWorker&) = delete;
 
-  /// \param tasks must outlive the worker
-  void add(const std::vector<BackgroundTask*>& tasks);
+  /// Tasks that nothing else holds any more are dropped before they begin.
+  void add(const std::vector<std::shared_ptr<BackgroundTask>>& tasks);
   /// Waits until nothing is pending, and returns whether that is so. Does tasks on the calling thread meanwhile, since a
   /// thread of lowest priority may get no time; so one task may take longer than the timeout.
   bool wait(std::chrono::nanoseconds timeout);
