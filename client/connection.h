@@ -10,7 +10,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/fork_guard.h"
+#include "wire/fork_guard.h"
 #include "client/hang_watch.h"
 
 namespace clearance {

@@ -14,7 +14,7 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "client/fork_guard.h"
+#include "wire/fork_guard.h"
 #include "client/reply_spin.h"
 #include "client/shm_client_segment.h"
 #include "client/shm_options.h"

@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-#include "client/fork_guard.h"
+#include "wire/fork_guard.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
 

@@ -14,8 +14,8 @@
 #include <vector>
 
 #include "client/client.h"
-#include "client/fork_guard.h"
 #include "client/python/bindings/gil.h"
+#include "wire/fork_guard.h"
 
 namespace clearance::python {
 

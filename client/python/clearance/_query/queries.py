@@ -257,7 +257,7 @@ class Queries:
 
         Names become ids here, and the query keeps these: see Prepared. Raises as that method does, and TypeError for an
         argument that it does not take. Errors of the arguments alone are raised here; from a client, those that need
-        the daemon's scene or several arguments are raised by run().
+        the daemon's scene are raised by run().
         """
         to_word(call, CALLS, "call")
         everyday = _everyday(call)
@@ -277,7 +277,7 @@ class Queries:
     def _once(self, call: str, arguments: dict[str, Any]) -> Any:
         """Answers a call. arguments: all of them by name, and self."""
         prepared, inputs = self._parsed(call, arguments)
-        return prepared.run(*inputs)
+        return prepared._run(*inputs)
 
     def _parsed(self, call: str, arguments: Mapping[str, Any]) -> tuple[Prepared, list[Any]]:
         given = dict(arguments)
