@@ -140,7 +140,7 @@ class Client:
         return pending.answer() if pending.wait(timeout_s) else None
 
     def ask_rows(self, query: Query, copy: bool, timeout_s: float, *rows: np.ndarray) -> None:
-        """Returns None: this client has no shorter way for arrays that need no conversion."""
+        """Returns None, since this client has no shorter way for arrays that need no conversion."""
 
     def check_options(self, query: Query) -> None:
         """Does nothing: the daemon rejects options that contradict each other in each run."""
