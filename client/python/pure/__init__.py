@@ -143,7 +143,7 @@ class Client:
         """Returns None, since this client has no shorter way for arrays that need no conversion."""
 
     def check_options(self, query: Query) -> None:
-        """Does nothing: the daemon rejects options that contradict each other in each run."""
+        query.check_options()
 
     def pairs(self, query: Query) -> np.ndarray:
         return self._with(self._session.pairs, query)
