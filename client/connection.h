@@ -10,8 +10,8 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "wire/fork_guard.h"
 #include "client/hang_watch.h"
+#include "wire/fork_guard.h"
 
 namespace clearance {
 

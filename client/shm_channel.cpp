@@ -14,10 +14,10 @@
 
 #include "client/channel.h"
 #include "client/client.h"
-#include "wire/fork_guard.h"
 #include "client/reply_spin.h"
 #include "client/shm_client_segment.h"
 #include "client/shm_options.h"
+#include "wire/fork_guard.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
 
