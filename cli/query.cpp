@@ -12,9 +12,9 @@ namespace clearance::cli {
 namespace {
 
 const std::map<std::string, std::uint32_t> kFieldNames{
-    {"distance", kFieldDistance}, {"lower", kFieldLower},   {"upper", kFieldUpper},
-    {"status", kFieldStatus},     {"flags", kFieldFlags},   {"points", kFieldPoints},
-    {"normal", kFieldNormal},     {"pieces", kFieldPieces}, {"gradient", kFieldGradient}};
+    {"distance", kFieldDistance}, {"lower", kFieldLower},    {"upper", kFieldUpper},   {"status", kFieldStatus},
+    {"flags", kFieldFlags},       {"points", kFieldPoints},  {"normal", kFieldNormal}, {"pieces", kFieldPieces},
+    {"gradient", kFieldGradient}, {"verdict", kFieldVerdict}};
 const std::map<std::string, Reduce> kReduceNames{{"none", Reduce::kNone},
                                                  {"within", Reduce::kWithin},
                                                  {"nearest", Reduce::kNearest},
@@ -101,6 +101,7 @@ void print_reply(const Result& reply, const SceneInfo& scene, const QueryCommand
   std::vector<std::string> columns{"a", "b"};
   if (row_is_body) columns.insert(columns.begin(), "body");
   if (!reply.status().empty()) columns.push_back("status");
+  if (!reply.verdict().empty()) columns.push_back("verdict");
   for (const auto& d : doubles) columns.insert(columns.end(), d.names.begin(), d.names.end());
   if (!reply.pieces().empty()) columns.insert(columns.end(), {"piece_a", "piece_b"});
   if (!reply.flags().empty()) columns.push_back("flags");
@@ -114,6 +115,7 @@ void print_reply(const Result& reply, const SceneInfo& scene, const QueryCommand
     std::vector<Cell> row{cell_of_body(reply.pair()[r][0]), cell_of_body(reply.pair()[r][1])};
     if (row_is_body) row.insert(row.begin(), cell_of_body(static_cast<std::uint32_t>(r)));
     if (!reply.status().empty()) row.push_back(status_name(reply.status()[r]));
+    if (!reply.verdict().empty()) row.push_back(status_name(reply.verdict()[r]));
     for (const auto& d : doubles)
       for (std::size_t c = 0; c < d.names.size(); ++c) row.push_back(Cell(d.values[r * d.names.size() + c]));
     if (!reply.pieces().empty())
@@ -164,7 +166,9 @@ void add_query(CLI::App& app) {
       ->check(quiet(CLI::IsMember(names_of(kReduceNames))))
       ->type_name("WORD");
   command.add_flag("--signed-distance", q.signed_distance, "also how deep bodies overlap");
-  command.add_option("--fields", options->fields, "distance lower upper status flags points normal pieces gradient")
+  command
+      .add_option("--fields", options->fields,
+                  "distance lower upper status flags points normal pieces gradient; verdict (any)")
       ->check(quiet(CLI::IsMember(names_of(kFieldNames))))
       ->delimiter(',')
       ->type_name("NAME,...");

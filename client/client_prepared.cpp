@@ -22,6 +22,7 @@ void check_options(const Query& query) {
   } catch (const wire::WireError& error) {
     throw RequestError(static_cast<std::uint16_t>(error.code), error.what());
   }
+  check_contradictions(query);
 }
 
 }  // namespace

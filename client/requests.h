@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "client/client.h"
+#include "wire/query_contradictions.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -45,5 +46,13 @@ std::vector<std::byte> payload_of(const NewBody& body);
 /// Returns the records of kAddBody: what differs from its defaults.
 /// @param replaces whether the shape replaces that of an existing body
 std::vector<std::byte> records_of(const NewBody& body, bool replaces = false);
+
+/// Throws RequestError for options that contradict each other.
+inline void check_contradictions(const Query& query) {
+  const Contradiction wrong = contradiction_in(query);
+  if (!wrong.text) return;
+  const wire::ErrorCode code = wrong.is_unsupported ? wire::ErrorCode::kNotSupported : wire::ErrorCode::kBadQuery;
+  throw RequestError(static_cast<std::uint16_t>(code), wrong.text);
+}
 
 }  // namespace clearance

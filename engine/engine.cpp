@@ -25,8 +25,7 @@ Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bo
   if (missing.empty() && of.has_proxies()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
-  const bool is_cached = plan.question && JobCache::keeps(plan.size);
-  if (keep_on_cpu || is_cached || !missing.empty()) return route;
+  if (keep_on_cpu || !missing.empty()) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
   return route;
@@ -163,18 +162,23 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
   return scales;
 }
 
-PreparedQuery Engine::begin_preparing(const QueryView& query) const {
+PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  const bool is_cached = impl_->may_cache_job_of(query);
-  if (is_cached)
-    if (Job::StatePtr cached = impl_->job_cache.take(query, snapshot)) return PreparedQuery(std::move(cached));
-  return PreparedQuery(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
-                                                 impl_->options.max_rows, true, is_cached));
+  const bool may_keep = pool && impl_->may_keep_job_of(query);
+  if (may_keep)
+    if (Job::StatePtr kept = pool->take(query, snapshot)) {
+      impl_->repeated.fetch_add(1, std::memory_order_relaxed);
+      return PreparedQuery(std::move(kept));
+    }
+  PreparedQuery prepared(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
+                                                   impl_->options.max_rows, true));
+  if (may_keep) prepared.pool_ = pool;
+  return prepared;
 }
 
-PreparedQuery Engine::prepare(const QueryView& query) const {
-  PreparedQuery prepared = begin_preparing(query);
+PreparedQuery Engine::prepare(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
+  PreparedQuery prepared = begin_preparing(query, pool);
   prepared.advance();
   return prepared;
 }
@@ -213,16 +217,18 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
                                                       " rows and there is room for " + std::to_string(reply.rows) +
                                                       ": query its size again");
   impl_->queries.fetch_add(1, std::memory_order_relaxed);
-  if (query.cached_) {
-    query.cached_->reset(reply);
-    return Job(std::move(query.cached_));
+  if (query.kept_) {
+    query.kept_->reset(reply);
+    return Job(std::move(query.kept_));
   }
   Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context(Impl::scene_of(*plan.snapshot, plan.query.model));
-  const Impl::Route route = impl_->route_of(plan, *context.scene, query.keep_on_cpu_);
+  const bool keeps = query.pool_ && JobPool::allows(plan.size);
+  const Impl::Route route = impl_->route_of(plan, *context.scene, query.keep_on_cpu_ || keeps);
   std::unique_ptr<Job::State> state;
   if (route.to_device) state = cuda::make_device_job(context, plan, reply);
   if (!state) state = make_job_on_cpu(context, std::move(plan), reply);
+  if (keeps && state->repeatable_plan()) state->pool = std::move(query.pool_);
   if (route.router)
     state->when_done = [route](const ReplyInfo& info, std::chrono::nanoseconds took) {
       route.router->learn(route.kind, route.pairs, info.backend == "cuda", took);

@@ -154,14 +154,14 @@ class Engine {
   /// follow links.
   /// \param weights (J,) >= 0
   std::vector<double> free_scale(const QueryView& query, std::span<const double> weights) const;
-  /// Begins a query on the newest snapshot, and copies its data as needed. Throws QueryError. A small query that
-  /// repeats an earlier one on the same snapshot reuses its job (query/job_cache.h).
+  /// Begins a query on the newest snapshot, and copies its data as needed. Throws QueryError.
   Job start(const QueryView& query, const ReplyView& reply) const;
   /// Prepares a query, so that the size of its answer is known before start(), until when the data of `query` must
   /// stay. Both throw QueryError.
-  PreparedQuery prepare(const QueryView& query) const;
+  /// \param pool of earlier jobs of this query with other configurations, and for its next one; may be null
+  PreparedQuery prepare(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   /// Prepares a query in slices. The caller calls PreparedQuery::advance().
-  PreparedQuery begin_preparing(const QueryView& query) const;
+  PreparedQuery begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
 
   /// A query that a device answers from poses and joint positions in its memory to rows in its memory (docs/cuda.md),

@@ -13,7 +13,7 @@
 #include "engine/device/router.h"
 #include "engine/engine.h"
 #include "engine/joint_table/joint_table_store.h"
-#include "engine/query/job_cache.h"
+#include "engine/query/job_pool.h"
 #include "engine/query/job_state.h"
 #include "engine/query/query_cost.h"
 #include "engine/state/pose_store.h"
@@ -30,19 +30,19 @@ struct Engine::Impl {
   const LaneKernel* lanes = nullptr;
   bool light = false;
   NearBy near_by = NearBy::kAuto;
-  mutable BoxTreeStore trees;
+  std::shared_ptr<BoxTreeStore> trees = std::make_shared<BoxTreeStore>();
   std::unique_ptr<cuda::DeviceBackend> device;
   std::string rejected_device;  // reason that the device is not used, or empty
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
-  mutable JobCache job_cache{scene};        // after `trees`, to which its jobs return theirs
+  bool jobs_may_repeat = JobPool::allows(scene);
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
   TaskOwner owner = std::make_shared<char>();
-  ForkGuard fork_guard;
-  mutable std::atomic<std::uint64_t> queries{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
+  ForkGuard process;
+  mutable std::atomic<std::uint64_t> queries{0}, repeated{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
   static Scene with_proxies(Scene scene) {
@@ -58,14 +58,14 @@ struct Engine::Impl {
 
   JobContext context(const Scene& of) const {
     const bool is_light = light && !of.has_proxies();
-    return {&of,    options.threads, reference,    lanes,      is_light, &pairs_evaluated, &contradictions,
-            &trees, near_by,         device.get(), &job_cache, &teams,   covers.get(),     tables.get()};
+    return {&of,         options.threads, reference,    lanes,  is_light,     &pairs_evaluated, &contradictions,
+            trees.get(), near_by,         device.get(), &teams, covers.get(), tables.get()};
   }
 
-  // Whether the job of a query may be reused; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
+  // Whether a pool may keep the job of a query; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
   // where the CPU may answer at all: it takes less time for a small decision than a launch on the device.
-  bool may_cache_job_of(const QueryView& query) const {
-    return (!device || (router && query.reduce == Reduce::kAny)) && job_cache.keeps(query);
+  bool may_keep_job_of(const QueryView& query) const {
+    return jobs_may_repeat && (!device || (router && query.reduce == Reduce::kAny)) && JobPool::allows(query);
   }
 
   // Requests covers of the bodies that may move.
@@ -83,7 +83,7 @@ struct Engine::Impl {
 
   // OpenMP's threads do not survive a fork, so a child that used them would hang.
   void check_process() const {
-    if (fork_guard.forked()) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
+    if (process.forked()) throw std::logic_error("this engine belongs to the process before fork(); make a new one");
   }
 };
 

@@ -1,7 +1,6 @@
-// Detects that this process is a fork of the one that made an engine or opened a connection.
+// Detects that this process is a fork of the one that made an object.
 //
-// Threads, sockets and shared slots belong to that process. A child must neither use nor close them, and must make its
-// own.
+// Threads, sockets and shared memory belong to the process that opened them. A child must neither use nor close them.
 #pragma once
 
 #include <pthread.h>
@@ -14,16 +13,16 @@ namespace clearance {
 /// Identifies the process that constructed it.
 class ForkGuard {
  public:
-  /// True in a child forked since. Costs a load, without a system call.
-  bool forked() const { return generation_ != current_; }
+  /// True in a child forked since. Costs a load; getpid() would need a system call each time.
+  bool forked() const { return generation_ != generation.load(std::memory_order_relaxed); }
 
  private:
-  // Number of forks between the first process and this one.
-  inline static std::atomic<std::uint64_t> current_{0};
-  inline static const int registered_ =
-      pthread_atfork(nullptr, nullptr, [] { current_.fetch_add(1, std::memory_order_relaxed); });
+  // Counts the forks between the first process and this one.
+  inline static std::atomic<std::uint64_t> generation{0};
+  inline static const int registered =
+      pthread_atfork(nullptr, nullptr, [] { generation.fetch_add(1, std::memory_order_relaxed); });
 
-  std::uint64_t generation_ = current_;
+  std::uint64_t generation_ = (static_cast<void>(registered), generation.load(std::memory_order_relaxed));
 };
 
 }  // namespace clearance

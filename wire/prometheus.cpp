@@ -123,7 +123,7 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"engine.covers_impossible", kGaugeMetric, "Bodies' shapes whose cover could not be made."},
     {"engine.cover_bytes", kGaugeMetric, "Memory of the covers, in bytes."},
     {"engine.queries", kCounterMetric, "Queries that the engine began."},
-    {"engine.queries_from_cache", kCounterMetric, "Queries whose plan was cached."},
+    {"engine.jobs_reused", kCounterMetric, "Queries that a job of an earlier one answered."},
     {"engine.pairs_evaluated", kCounterMetric, "Pairs evaluated."},
     {"engine.contradictions", kCounterMetric,
      "Pairs whose bounds contradicted each other; answered again, or unconverged."},

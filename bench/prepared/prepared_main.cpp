@@ -23,6 +23,7 @@
 
 #include "engine/api/engine.h"
 #include "engine/engine.h"
+#include "engine/query/job_pool.h"
 #include "engine/scene/scene.h"
 
 namespace clearance {
@@ -44,7 +45,7 @@ class Bare {
   bool free(std::span<const double> positions) {
     query_.positions = positions;
     query_.configuration_count = 1;
-    Job job = engine_.start(query_, reply_);
+    Job job = engine_.start(engine_.prepare(query_, jobs_), reply_);
     while (!job.advance()) {
     }
     return verdict_ == static_cast<std::uint8_t>(Status::kBeyond);
@@ -52,6 +53,7 @@ class Bare {
 
  private:
   engine::Engine engine_;
+  const std::shared_ptr<JobPool> jobs_ = std::make_shared<JobPool>();
   QueryView query_;
   ReplyView reply_;
   std::uint8_t verdict_ = 0;

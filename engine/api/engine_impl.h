@@ -20,7 +20,9 @@ struct Engine::Impl {
 
   /// Answers a query.
   /// \param memory of an earlier result, which is reused if no such result exists; may be null
-  Result run(const QueryView& query, std::shared_ptr<ResultMemory>& memory) const;
+  /// \param jobs of earlier runs of this query; may be null
+  Result run(const QueryView& query, std::shared_ptr<ResultMemory>& memory,
+             const std::shared_ptr<JobPool>& jobs = nullptr) const;
   /// Starts a query in the background.
   static Pending submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done);
   /// The joints, of which only the limits are valid.

@@ -2,6 +2,7 @@
 #include <type_traits>
 
 #include "engine/api/engine_impl.h"
+#include "engine/query/job_pool.h"
 #include "wire/api/owned_query.h"
 #include "wire/api/query_names.h"
 
@@ -21,7 +22,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
     take(inputs);
-    return in_present_scene([&] { return engine->run(view, memory); });
+    return in_present_scene([&] { return engine->run(view, memory, jobs); });
   }
 
   Pending submit(const clearance::Prepared::Inputs& inputs, WhenDone when_done) override {
@@ -64,6 +65,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   OwnedQuery owned;
   QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
   QueryNames names;
+  const std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
   std::shared_ptr<ResultMemory> memory;
   std::string why;  ///< what changed, if the query is stale
 };

@@ -18,10 +18,11 @@ struct Engine::Impl::Request final : Pending::Request {
   const std::shared_ptr<BackgroundJob> job;
 };
 
-Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& memory) const {
+Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& memory,
+                         const std::shared_ptr<JobPool>& jobs) const {
   const auto begin = std::chrono::steady_clock::now();
   const std::shared_ptr<engine::Engine> now = engine();
-  PreparedQuery prepared = now->prepare(query);
+  PreparedQuery prepared = now->prepare(query, jobs);
   if (memory && memory.use_count() == 1)
     memory->fit(prepared.size());
   else

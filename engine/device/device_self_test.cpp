@@ -57,10 +57,11 @@ void evaluate(SelfTest& test, const std::vector<int>& devices) {
   options.fallback = false;
   DeviceBackend device(scene, options);
   const PoseStore poses(scene, std::chrono::nanoseconds(0));  // no pose here is stamped
-  BoxTreeStore trees;
+  const auto trees = std::make_shared<BoxTreeStore>();
   std::atomic<std::uint64_t> evaluated{0}, contradictions{0};
-  const JobContext context{
-      &scene, 1, false, &lane_kernel("baseline"), true, &evaluated, &contradictions, &trees, NearBy::kAuto, &device};
+  const JobContext context{&scene,        1,          false,           &lane_kernel("baseline"),
+                           true,          &evaluated, &contradictions, trees.get(),
+                           NearBy::kAuto, &device};
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
     SelfTestCase test_case(known);
     test_case.query.precision = precision;

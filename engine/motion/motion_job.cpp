@@ -7,7 +7,6 @@
 
 #include "engine/decision/motion_decider.h"
 #include "engine/motion/motion_block.h"
-#include "engine/query/job_cache.h"
 #include "engine/query/parallel_job.h"
 
 namespace clearance {
@@ -153,10 +152,7 @@ void check_motion_pairs(const Plan& plan) {
 std::unique_ptr<Job::State> make_motion_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   check_motion_pairs(plan);
   plan.keep_configurations();
-  const bool may_be_kept = plan.question && JobCache::keeps(plan.size);
-  auto job = std::make_unique<MotionJob>(context, std::move(plan), reply);
-  if (may_be_kept) job->keeper = context.job_cache;
-  return job;
+  return std::make_unique<MotionJob>(context, std::move(plan), reply);
 }
 
 }  // namespace clearance

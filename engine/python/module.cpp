@@ -7,6 +7,7 @@
 
 #include <atomic>
 #include <chrono>
+#include <limits>
 #include <utility>
 
 #include "client/python/bindings/answer.h"
@@ -18,6 +19,7 @@
 #include "engine/python/device_plan_binding.h"
 #include "engine/python/scene_bindings.h"
 #include "engine/python/update_binding.h"
+#include "engine/query/job_pool.h"
 
 namespace clearance::python {
 namespace {
@@ -34,8 +36,8 @@ std::int64_t nanoseconds_since(Clock::time_point begin) {
 /// A running query with its columns.
 class PyJob {
  public:
-  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer, std::int64_t engine_ns)
-      : engine_(std::move(engine)), guard_(guard), job_(std::move(job)), answer_(std::move(answer)), ns_(engine_ns) {}
+  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer)
+      : engine_(std::move(engine)), guard_(guard), job_(std::move(job)), answer_(std::move(answer)) {}
 
   /// Works for a time without the interpreter's lock. Returns true once done.
   bool advance(std::int64_t budget_ns) {
@@ -44,8 +46,8 @@ class PyJob {
     return go_on(budget_ns);
   }
   /// The same, for a caller that has released the lock.
-  bool go_on(std::int64_t budget_ns) {
-    const auto begin = Clock::now();
+  /// \param begin of this slice
+  bool go_on(std::int64_t budget_ns, Clock::time_point begin = Clock::now()) {
     const bool done = job_.advance(std::chrono::nanoseconds(budget_ns));
     ns_ += nanoseconds_since(begin);
     return done;
@@ -71,10 +73,17 @@ class PyJob {
   ProcessGuard guard_;
   Job job_;
   Answer answer_;
-  std::int64_t ns_;
+  std::int64_t ns_ = 0;
+};
+
+/// A query whose runs share jobs.
+struct RepeatedQuery : Query {
+  std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
 };
 
 static_assert(sizeof(BodyPair) == 2 * sizeof(std::uint32_t) && sizeof(Pose) == 7 * sizeof(double));
+
+constexpr std::size_t kMostConfigurations = 0xFFFFFFFF;
 
 QueryView view_of(const Query& q) {
   QueryView view;
@@ -90,7 +99,7 @@ QueryView view_of(const Query& q) {
 
 QueryView view_of(const Query& q, const Configurations& at) {
   at.check(q);
-  if (at.count() > 0xFFFFFFFFu) throw nb::value_error("configurations: too many");
+  if (at.count() > kMostConfigurations) throw nb::value_error("configurations: too many");
   QueryView view = view_of(q);
   view.configuration_count = static_cast<std::uint32_t>(at.count());
   if (at.poses)
@@ -141,29 +150,28 @@ class PyEngine : public PyUpdates {
     open(scene, options);
   }
 
-  std::unique_ptr<PyJob> start(const Query& query, std::optional<PosesArray> poses,
+  std::unique_ptr<PyJob> start(const RepeatedQuery& query, std::optional<PosesArray> poses,
                                std::optional<PositionsArray> positions) const {
     const Configurations at{std::move(poses), std::move(positions)};
     const GilRelease release;
-    return std::make_unique<PyJob>(begin(query, at));
+    return std::make_unique<PyJob>(begin(query, view_of(query, at)));
   }
 
   /// Returns the answer, or none after the timeout.
-  nb::object answer(const Query& query, std::optional<PosesArray> poses, std::optional<PositionsArray> positions,
-                    double timeout_s) const {
+  nb::object answer(const RepeatedQuery& query, std::optional<PosesArray> poses,
+                    std::optional<PositionsArray> positions, double timeout_s) const {
     const Configurations at{std::move(poses), std::move(positions)};
-    const auto start = Clock::now();
-    std::optional<PyJob> job;
-    for (bool done = false; !done;) {
-      if (job) {
-        check_signals();
-        if (1e-9 * static_cast<double>(nanoseconds_since(start)) > timeout_s) return nb::none();
-      }
-      const GilRelease release;
-      if (!job) job.emplace(begin(query, at));
-      done = job->go_on(std::chrono::nanoseconds(kSignalPeriod).count());
-    }
-    return nb::cast(job->take());
+    return answer_of(query, view_of(query, at), timeout_s);
+  }
+
+  /// The same for positions of joints, or with `end` for motions. Returns none also for arrays that need a conversion.
+  nb::object answer_rows(const RepeatedQuery& query, nb::handle start, nb::handle end) const {
+    const RowsOfRun rows(query, start, end);
+    if (rows.count() == 0 || rows.count() > kMostConfigurations) return nb::none();
+    QueryView view = view_of(query);
+    view.configuration_count = static_cast<std::uint32_t>(rows.count());
+    view.positions = rows.numbers();
+    return answer_of(query, view, std::numeric_limits<double>::infinity());
   }
 
   bool wait_covers(double timeout_s) const {
@@ -183,7 +191,7 @@ class PyEngine : public PyUpdates {
   }
 
   /// \param configurations number of configurations; 0 for the current poses
-  std::unique_ptr<PyDevicePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
+  std::unique_ptr<PyDevicePlan> plan_on_device(const RepeatedQuery& query, std::uint32_t configurations) const {
     QueryView view = view_of(query);
     view.configuration_count = configurations;
     const GilRelease release;
@@ -193,7 +201,7 @@ class PyEngine : public PyUpdates {
   }
 
   /// Throws QueryError for a query that is invalid with any inputs, by one configuration or motion.
-  void check(const Query& query) const {
+  void check(const RepeatedQuery& query) const {
     QueryView view = view_of(query);
     if (query.bodies || query.joints) view.configuration_count = query.max_evaluations ? 2 : 1;
     const GilRelease release;
@@ -202,7 +210,7 @@ class PyEngine : public PyUpdates {
     engine->size(view);
   }
 
-  nb::object pairs(const Query& query) const {
+  nb::object pairs(const RepeatedQuery& query) const {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
     {
@@ -213,8 +221,8 @@ class PyEngine : public PyUpdates {
   }
 
   /// \param rows null for all
-  std::string certificate(const Query& query, std::optional<PosesArray> poses, std::optional<PositionsArray> positions,
-                          const std::optional<RowNumbers>& rows) const {
+  std::string certificate(const RepeatedQuery& query, std::optional<PosesArray> poses,
+                          std::optional<PositionsArray> positions, const std::optional<RowNumbers>& rows) const {
     const Configurations at{std::move(poses), std::move(positions)};
     const GilRelease release;
     const QueryView view = view_of(query, at);
@@ -225,13 +233,31 @@ class PyEngine : public PyUpdates {
   }
 
  private:
-  // Begins a query. The caller has released the interpreter's lock.
-  PyJob begin(const Query& query, const Configurations& at) const {
-    const std::shared_ptr<engine::Engine> engine = use();
+  // Returns the answer, or none after the timeout.
+  nb::object answer_of(const RepeatedQuery& query, const QueryView& view, double timeout_s) const {
     const auto start = Clock::now();
-    const QueryView view = view_of(query, at);
+    constexpr std::int64_t kSlice = std::chrono::nanoseconds(kSignalPeriod).count();
+    std::optional<PyJob> job;
+    bool done = false;
+    {
+      const GilRelease release;
+      job.emplace(begin(query, view));
+      done = job->go_on(kSlice, start);
+    }
+    while (!done) {
+      check_signals();
+      if (1e-9 * static_cast<double>(nanoseconds_since(start)) > timeout_s) return nb::none();
+      const GilRelease release;
+      done = job->go_on(kSlice);
+    }
+    return nb::cast(job->take());
+  }
+
+  // Begins a query. The caller has released the interpreter's lock.
+  PyJob begin(const RepeatedQuery& query, const QueryView& view) const {
+    const std::shared_ptr<engine::Engine> engine = use();
     check_query_ids(*engine, query.scene_revision, view);
-    PreparedQuery prepared = prepare(*engine, view, query.points_by_default);
+    PreparedQuery prepared = prepare(*engine, view, query);
     const QuerySize size = prepared.size();
     const Layout layout = layout_of(size.fields, size.rows, size.joints);
     Answer answer;
@@ -243,18 +269,18 @@ class PyEngine : public PyUpdates {
     answer.configurations = size.configurations;
     answer.pairs = size.pairs;
     answer.joints = size.joints;
-    answer.beyond_limits = at.beyond_limits(query);
+    answer.beyond_limits = beyond_limits(query, view.positions);
     const ReplyView reply =
         reply_view_over(static_cast<std::byte*>(answer.owner.get()), size.rows, size.fields, nullptr, size.joints);
     Job job = engine->start(std::move(prepared), reply);
-    return {engine, guard_, std::move(job), std::move(answer), nanoseconds_since(start)};
+    return {engine, guard_, std::move(job), std::move(answer)};
   }
 
-  static PreparedQuery prepare(const engine::Engine& engine, QueryView view, bool points_by_default) {
-    if (!points_by_default) return engine.prepare(view);
+  static PreparedQuery prepare(const engine::Engine& engine, QueryView view, const RepeatedQuery& query) {
+    if (!query.points_by_default) return engine.prepare(view, query.jobs);
     const std::uint32_t without = view.fields;
     view.fields |= kFieldPoints | kFieldNormal;
-    PreparedQuery prepared = engine.prepare(view);
+    PreparedQuery prepared = engine.prepare(view, query.jobs);
     if (prepared.size().rows <= kDefaultPointsRows) return prepared;
     view.fields = without;
     return engine.prepare(view);
@@ -279,7 +305,7 @@ NB_MODULE(_engine, m) {
       raise_ours("QueryError", static_cast<int>(e.code), e.what());
     }
   });
-  bind_query(m);
+  bind_query<RepeatedQuery>(m);
   m.attr("OPTIONS") = query_options<QueryView>();
   bind_answer(m);
   bind_scene(m);
@@ -302,6 +328,8 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use()->pose_revision(); })
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none())
+      .def("answer_rows", &PyEngine::answer_rows, nb::arg("query"), nb::arg("start").none(),
+           nb::arg("end") = nb::none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
       .def("check", &PyEngine::check, nb::arg("query"))

@@ -3,33 +3,30 @@
 #include <utility>
 
 #include "engine/base/fp_environment.h"
-#include "engine/query/job_cache.h"
+#include "engine/query/job_pool.h"
 #include "engine/query/job_state.h"
 
 namespace clearance {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  const bool is_cacheable = plan.question && JobCache::keeps(plan.size);
   const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job
                     : covers_may_decide(context, plan) ? make_decision_job
                     : covers_may_bound(context, plan)  ? make_least_distance_job
                                                        : make_reduced_job;
-  std::unique_ptr<Job::State> job = make(context, std::move(plan), reply);
-  if (is_cacheable) job->keeper = context.job_cache;
-  return job;
+  return make(context, std::move(plan), reply);
 }
 
 PreparedQuery::PreparedQuery(std::unique_ptr<Planner> planner) : planner_(std::move(planner)) {}
-PreparedQuery::PreparedQuery(Job::StatePtr cached) : cached_(std::move(cached)) {}
+PreparedQuery::PreparedQuery(Job::StatePtr kept) : kept_(std::move(kept)) {}
 PreparedQuery::PreparedQuery(PreparedQuery&&) noexcept = default;
 PreparedQuery& PreparedQuery::operator=(PreparedQuery&&) noexcept = default;
 PreparedQuery::~PreparedQuery() = default;
 const Plan& PreparedQuery::plan() const {
-  return cached_ ? *cached_->cached_plan() : planner_->plan();
+  return kept_ ? *kept_->repeatable_plan() : planner_->plan();
 }
 bool PreparedQuery::advance(const WorkBudget& budget) {
-  if (cached_) return true;
+  if (kept_) return true;
   const FpEnvironment environment;
   WorkMeter slice(budget);
   const bool is_ready = planner_->advance(slice);

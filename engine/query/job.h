@@ -12,6 +12,7 @@ namespace clearance {
 namespace engine {
 class Engine;
 }
+class JobPool;
 class Planner;
 struct Plan;
 
@@ -39,9 +40,9 @@ class Job {
 
  private:
   friend class engine::Engine;
-  friend class JobCache;
+  friend class JobPool;
   friend class PreparedQuery;
-  // Puts a reusable state back (job_cache.h).
+  // Puts a state back into its pool (job_pool.h).
   struct LetGo {
     void operator()(State* state) const;
   };
@@ -70,10 +71,11 @@ class PreparedQuery {
  private:
   friend class engine::Engine;
   explicit PreparedQuery(std::unique_ptr<Planner> planner);
-  explicit PreparedQuery(Job::StatePtr cached);
+  explicit PreparedQuery(Job::StatePtr kept);
   const Plan& plan() const;
   std::unique_ptr<Planner> planner_;
-  Job::StatePtr cached_;  // instead of a planner, a job of the same query
+  std::shared_ptr<JobPool> pool_;  // for the job; may be null
+  Job::StatePtr kept_;             // instead of a planner, a job of the same query
   bool keep_on_cpu_ = false;
 };
 

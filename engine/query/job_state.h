@@ -20,7 +20,7 @@ class DeviceBackend;  // engine/device/device_job.h
 }  // namespace cuda
 
 class CoverStore;  // engine/cover/cover_store.h
-class JobCache;
+class JobPool;
 class JointTableStore;  // engine/joint_table/joint_table_store.h
 
 /// Resources of the engine that a job uses.
@@ -35,7 +35,6 @@ struct JobContext {
   BoxTreeStore* trees = nullptr;
   NearBy near_by = NearBy::kAuto;
   cuda::DeviceBackend* device = nullptr;        ///< null to use the CPU alone
-  JobCache* job_cache = nullptr;                ///< keeps jobs that may be reused
   std::atomic<std::uint64_t>* teams = nullptr;  ///< counts the teams of threads that were started; may be null
   const CoverStore* covers = nullptr;           ///< null if the engine has none
   const JointTableStore* tables = nullptr;      ///< likewise
@@ -51,12 +50,12 @@ struct Job::State {
   std::function<void(const ReplyInfo&, std::chrono::nanoseconds)> when_done;
   std::chrono::nanoseconds took{0};
 
-  /// The plan of a job that may be reused (job_cache.h), otherwise null.
-  virtual Plan* cached_plan() { return nullptr; }
+  /// The plan of a job that can answer again (job_pool.h), otherwise null.
+  virtual Plan* repeatable_plan() { return nullptr; }
   /// Restarts with the plan's present configurations on the same snapshot.
   virtual void reset(const ReplyView& /*reply*/) {}
-  JobCache* keeper = nullptr;  ///< takes the job back; may be null
-  bool is_whole = false;       ///< whether the answer is complete
+  std::shared_ptr<JobPool> pool;  ///< takes the job back; may be null
+  bool is_whole = false;          ///< whether the answer is complete
 };
 
 /// Makes a job that runs on the CPU.

@@ -35,7 +35,7 @@ class ParallelJob : public Job::State {
 
   const QuerySize& size() const override { return plan_.size; }
   bool advance(const WorkBudget& budget) final;
-  Plan* cached_plan() override { return plan_.question ? &plan_ : nullptr; }
+  Plan* repeatable_plan() override { return &plan_; }
   void reset(const ReplyView& reply) override;
 
  protected:

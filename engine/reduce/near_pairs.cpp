@@ -59,10 +59,11 @@ std::uint64_t BoxTreeStore::builds() const {
 
 NearPairs::NearPairs(const engine::Scene& scene, const Plan& plan, std::span<const Aabb> boxes, BoxTreeStore& store,
                      NearBy by)
-    : store_(store), bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
+    : bodies_(static_cast<std::uint32_t>(scene.bodies().size())) {
   const bool everything = plan.query.reduce == Reduce::kWithin && plan.query.max_distance == kInf;
   if (by == NearBy::kBrute || boxes.empty() || everything || !find_probes(plan, by == NearBy::kTree)) return;
-  tree_ = store_.take();
+  store_ = store.shared_from_this();
+  tree_ = store_->take();
   builds_before_ = tree_->builds();
   std::vector<std::uint32_t> ids(bodies_);
   std::iota(ids.begin(), ids.end(), 0u);
@@ -83,7 +84,7 @@ NearPairs::NearPairs(const engine::Scene& scene, const Plan& plan, std::span<con
 NearPairs::~NearPairs() {
   if (!tree_) return;
   const std::uint64_t builds = tree_->builds() - builds_before_;
-  store_.put_back(std::move(tree_), builds);
+  store_->put_back(std::move(tree_), builds);
 }
 
 // Selects the body with more pairs as the probe of a pair. Returns false if no tree contains the pairs or pays.

@@ -28,8 +28,8 @@ NearBy near_by_name(std::string_view name);
 bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes);
 
 /// Trees of the last queries, which fit the next ones if bodies have moved little. Thread-safe; a tree belongs to one
-/// job at a time.
-class BoxTreeStore {
+/// job at a time. Made by std::make_shared(), as jobs with a tree share it.
+class BoxTreeStore : public std::enable_shared_from_this<BoxTreeStore> {
  public:
   static constexpr std::size_t kTrees = 4;  ///< of concurrent jobs; about 60 bytes per body each
 
@@ -71,7 +71,7 @@ class NearPairs {
  private:
   bool find_probes(const Plan& plan, bool always);
 
-  BoxTreeStore& store_;
+  std::shared_ptr<BoxTreeStore> store_;  // of tree_
   const PairTable* table_ = nullptr;
   std::uint32_t bodies_;
   std::span<const BodyPair> list_;

@@ -8,6 +8,7 @@
 
 #include "engine/base/digest.h"
 #include "engine/narrow/work_meter.h"
+#include "wire/query_contradictions.h"
 
 namespace clearance {
 
@@ -15,36 +16,6 @@ namespace {
 
 [[noreturn]] void reject(const std::string& what) {
   throw engine::QueryError(QueryErrorCode::kBadQuery, what);
-}
-
-void check_motions(const QueryView& q) {
-  if (q.max_evaluations == 0) {
-    if (q.fields & kMotionFields)
-      reject("fields: time, first_contact and steps are only for motions (max_evaluations)");
-    return;
-  }
-  const auto unsupported = [](const char* what) { throw engine::QueryError(QueryErrorCode::kNotSupported, what); };
-  if (q.reduce == Reduce::kWithin || q.reduce == Reduce::kNearest)
-    unsupported("reduce: motions are reduced by none, min and any");
-  if (q.signed_distance) unsupported("signed_distance: motions have no depths");
-  if (q.fields & (kFieldGradient | kFieldGradientJoints)) unsupported("fields: motions have no gradient");
-  if (q.configuration_count == 0 || q.configuration_count % 2 != 0)
-    reject("configurations: motions have two each, got " + std::to_string(q.configuration_count));
-}
-
-void check_free_scale(const QueryView& q) {
-  if (!(q.fields & kFieldFreeScale)) {
-    if (!q.weights.empty()) reject("weights: only for the column free_scale");
-    return;
-  }
-  if (q.reduce != Reduce::kAny) reject("fields: free_scale needs reduce any");
-  if (q.max_evaluations > 0)
-    throw engine::QueryError(QueryErrorCode::kNotSupported, "fields: motions have no free_scale");
-  if (q.fields & ~(kFieldFreeScale | kFieldPair)) reject("fields: free_scale can be combined only with pair");
-}
-
-void check_verdict(const QueryView& q) {
-  if ((q.fields & kFieldVerdict) && q.reduce != Reduce::kAny) reject("fields: verdict needs reduce any");
 }
 
 void check_numbers(const QueryView& q) {
@@ -59,18 +30,11 @@ void check_numbers(const QueryView& q) {
   if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     reject("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
-  const bool any = q.reduce == Reduce::kAny;
-  const bool has_margins = q.margin != 0 || !q.margins.empty() || !q.pair_margins.empty();
-  if (has_margins && !any && q.max_evaluations == 0)
-    reject("margin: only for reduce any and motions; use max_distance for other queries");
-  if (any && q.max_distance < std::numeric_limits<double>::infinity())
-    reject("max_distance: reduce any uses its margins instead");
-  if (any && q.signed_distance) reject("signed_distance: reduce any computes no depth");
-  if ((q.fields & kFieldGradientJoints) && q.joints.empty())
-    reject("fields: gradient_joints is for a query with joints");
-  check_motions(q);
-  check_free_scale(q);
-  check_verdict(q);
+  if (const Contradiction wrong = contradiction_in(q); wrong.text)
+    throw engine::QueryError(wrong.is_unsupported ? QueryErrorCode::kNotSupported : QueryErrorCode::kBadQuery,
+                             wrong.text);
+  if (q.max_evaluations > 0 && (q.configuration_count == 0 || q.configuration_count % 2 != 0))
+    reject("configurations: motions have two each, got " + std::to_string(q.configuration_count));
 }
 
 // A depth is the length of a shift that separates bodies, and points have no inside.
@@ -164,7 +128,7 @@ void check_count(const char* what, const char* of, std::size_t got, std::uint64_
 }  // namespace
 
 Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-                 std::uint64_t max_rows, bool with_configurations, bool with_question)
+                 std::uint64_t max_rows, bool with_configurations)
     : scene_(scene), max_rows_(max_rows) {
   check_numbers(query);
   const bool is_older = query.scene_revision != 0 && query.scene_revision != snapshot->scene_revision;
@@ -188,7 +152,6 @@ Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared
   plan.query.configurations = {};
   plan.query.positions = {};
   if (with_configurations) plan.take_configurations(query);
-  if (with_question) plan.question.emplace(query);
 
   plan.moved = plan.snapshot->with_followers(plan.bodies);
   lister_.emplace(query, scene, plan.snapshot->pairs, plan.moved);

@@ -9,7 +9,6 @@
 #include "engine/selection/margins.h"
 #include "engine/selection/pair_lister.h"
 #include "engine/selection/query.h"
-#include "engine/selection/query_key.h"
 #include "engine/state/pose_store.h"
 #include "engine/uncertainty/pose_uncertainty.h"
 
@@ -34,8 +33,7 @@ struct Plan {
   QuerySize size;
   std::int64_t begun_ns = 0;                   ///< monotonic_ns() that ages of poses refer to
   std::vector<PoseUncertainty> uncertainties;  ///< by body in the snapshot, at begun_ns; empty if all are exact
-  std::optional<QueryKey> question;            ///< key for reuse of the job, if it may be kept
-  std::uint64_t round = 0;                     ///< number of reuses
+  std::uint64_t round = 0;                     ///< number of earlier answers
 
   /// Unique number of a configuration in a round, as key of data cached for it.
   std::uint64_t number(std::uint64_t configuration) const { return round * size.configurations + configuration; }
@@ -52,9 +50,8 @@ class Planner {
   /// \param query its data must outlive this; configurations must stay until Plan::keep_configurations()
   /// \param scene must outlive this
   /// \param with_configurations false for sizes and pairs only
-  /// \param with_question whether the job may be reused (job_cache.h)
   Planner(const QueryView& query, const engine::Scene& scene, std::shared_ptr<const PoseSnapshot> snapshot,
-          std::uint64_t max_rows, bool with_configurations, bool with_question = false);
+          std::uint64_t max_rows, bool with_configurations);
   /// Lists pairs until the slice is over. Returns true once the plan is complete. Throws QueryError.
   bool advance(WorkMeter& meter);
   /// The plan, after advance() has returned true.

@@ -63,7 +63,8 @@ void QueryRequests::start(Request& request) {
 
 /// Begins a query whose poses have arrived.
 void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
-  const QueryCost cost = context_.engine->cost(view_of(parts, request.header.scene_revision));
+  const QueryView view = view_of(parts, request.header.scene_revision);
+  const QueryCost cost = context_.engine->cost(view);
   // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
   const bool is_here = is_small(cost, parts.options) && !context_.has_pose_updates(request.sink->client()) &&
                        !(parts.options.fields & kFieldFreeScale);
@@ -72,7 +73,8 @@ void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
                          due(is_here ? request.received : Clock::now(), cost.pairs));
   query->take_options(parts.options, cost);
   if (!is_here) return begin_on_worker(std::move(query), request, cost);
-  query->begin_on_loop(parts, request.bytes, request.sink);
+  query->begin_on_loop(parts, request.bytes, request.sink,
+                       jobs_.pool_of(*request.sink, view, context_.engine->scene().bodies().size()));
   small_.add(std::move(query));
 }
 
@@ -137,6 +139,7 @@ void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
 }
 
 void QueryRequests::drop_gone() {
+  jobs_.drop_gone();
   const std::size_t dropped = deferred_.drop_gone();
   if (dropped == 0) return;  // a counter exists from its first use
   context_.stats.dropped += dropped;

@@ -7,6 +7,7 @@
 
 #include "server/core/request_context.h"
 #include "server/limits/forecast.h"
+#include "server/tasks/client_jobs.h"
 #include "server/tasks/deferred_queries.h"
 #include "server/tasks/query_task.h"
 #include "server/tasks/scheduler.h"
@@ -29,7 +30,7 @@ class QueryRequests {
   const DeferredQueries& deferred() const { return deferred_; }
   /// Begins deferred queries whose poses have arrived or whose time is up. Returns whether there were any.
   bool begin_deferred(Clock::time_point now);
-  /// Drops deferred queries whose clients are gone.
+  /// Drops deferred queries and jobs of clients that are gone.
   void drop_gone();
 
  private:
@@ -45,6 +46,7 @@ class QueryRequests {
   Forecast forecast_;
   Scheduler small_;
   DeferredQueries deferred_;
+  ClientJobs jobs_;
   std::vector<std::uint64_t> aligned_;  // copy of a payload that arrived unaligned
   QueryTask::Daemon daemon_;
 };

@@ -27,12 +27,12 @@ void QueryTask::check_deadline(Clock::time_point now) const {
 }
 
 void QueryTask::begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes,
-                              std::unique_ptr<ReplySink>& sink) {
+                              std::unique_ptr<ReplySink>& sink, const std::shared_ptr<JobPool>& jobs) {
   worked_ = Clock::now();
   const auto begun = worked_;
   on_loop_ = true;
   payload_bytes_ = payload_bytes;
-  prepare(parts);
+  prepare(parts, jobs);
   list({});
   prepared_->keep_on_cpu();
   reserve(*sink);
@@ -175,7 +175,7 @@ void QueryTask::set_options() {
   step_ = Step::kRead;
 }
 
-void QueryTask::prepare(const wire::QueryParts& parts) {
+void QueryTask::prepare(const wire::QueryParts& parts, const std::shared_ptr<JobPool>& jobs) {
   QueryView query = view_of(parts, pending_.header.scene_revision);
   if (!has_options_) {
     options_ = parts.options;
@@ -186,7 +186,7 @@ void QueryTask::prepare(const wire::QueryParts& parts) {
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
   const bool by_joints = query.fields & kFieldGradientJoints;
   reply_.begin(query, daemon_.answers.records(parts.passed_over, by_joints ? query.joints.size() : 0));
-  prepared_ = engine_->begin_preparing(query);
+  prepared_ = engine_->begin_preparing(query, jobs);
 }
 
 void QueryTask::list(const WorkBudget& budget) {

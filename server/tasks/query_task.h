@@ -48,7 +48,9 @@ class QueryTask final : public ScheduledQuery {
   /// cannot be met.
   void take_options(const QueryOptions& options, const QueryCost& cost);
   /// Begins a small query on the loop, up to Step::kRun. Takes the sink unless it throws.
-  void begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink);
+  /// @param jobs of the client's earlier queries with other configurations; may be null
+  void begin_on_loop(const wire::QueryParts& parts, std::uint64_t payload_bytes, std::unique_ptr<ReplySink>& sink,
+                     const std::shared_ptr<JobPool>& jobs);
   /// Takes a large query, whose payload a worker fetches. Throws RejectedRequest (kBusy).
   void begin_on_worker(std::function<OwnPayload()> fetch, std::uint64_t payload_bytes, std::uint64_t listed_pairs,
                        std::unique_ptr<ReplySink>& sink);
@@ -81,7 +83,7 @@ class QueryTask final : public ScheduledQuery {
   void work_on_loop();
   void read();
   void set_options();
-  void prepare(const wire::QueryParts& parts);
+  void prepare(const wire::QueryParts& parts, const std::shared_ptr<JobPool>& jobs = nullptr);
   void list(const WorkBudget& budget);
   void reserve(ReplySink& sink);
   void start();

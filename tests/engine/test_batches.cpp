@@ -122,6 +122,16 @@ TEST(Batches, HaveATeamWhereOneIsWorthIt) {
   const Answer shared = answer(200, {});
   EXPECT_GT(teams(), 0u);
   expect_same_rows(alone, 0, shared, alone.info.rows);
+
+  const std::uint64_t before = teams();
+  query.reduce = Reduce::kAny;
+  query.max_evaluations = 64;
+  query.fields = kDefaultFields | kFieldPair;
+  const Answer motions_alone = answer(200, std::chrono::hours(1000));
+  EXPECT_EQ(teams(), before) << "100 motions, and nothing is worth that";
+  const Answer motions_shared = answer(200, {});
+  EXPECT_GT(teams(), before);
+  expect_same_rows(motions_alone, 0, motions_shared, motions_alone.info.rows);
   team_cost().set(TeamCost::kFirst, TeamCost::Clock::now());
 }
 

@@ -192,15 +192,64 @@ def test_values_out_of_range_are_rejected_at_once(front, arguments, name):
 @pytest.mark.parametrize("arguments, text", [
     ({"call": "check", "max_distance": 1.0}, "max_distance: reduce any uses its margins instead"),
     ({"joints": "arm", "margin": 0.1}, "margin: only for reduce any and motions"),
+    ({"reduce": "any", "signed_distance": True}, "signed_distance: reduce any computes no depth"),
     ({"fields": "gradient_joints"}, "fields: gradient_joints is for a query with joints"),
+    ({"fields": "steps"}, "fields: time, first_contact and steps are only for motions"),
+    ({"fields": "verdict"}, "fields: verdict needs reduce any"),
+    ({"fields": "free_scale"}, "fields: free_scale needs reduce any"),
+    ({"call": "motions", "joints": "arm", "reduce": "any", "fields": "gradient"}, "fields: motions have no gradient"),
+])  # fmt: skip
+def test_contradictions_are_rejected_at_once(front, arguments, text):
+    with pytest.raises(clearance.QueryError, match=text) as info:
+        front.prepare(**arguments)
+    assert info.value.code == (ErrorCode.NOT_SUPPORTED if "call" in arguments and "joints" in arguments else 1)
+
+
+@pytest.mark.parametrize("arguments, text", [
     ({"bodies": ["table"]}, "bodies.0.: 'table' is static and cannot be moved"),
     ({"bodies": [999]}, "bodies.0.: unknown body 999"),
-    ({"call": "motions", "joints": "arm", "reduce": "any", "fields": "gradient"}, "fields: motions have no gradient"),
     ({"call": "check", "bodies": ["cup"], "margin": np.zeros(7)}, "pair_margins: expected one for each of"),
 ])  # fmt: skip
-def test_an_engine_rejects_contradictions_at_once(arm_engine, arguments, text):
+def test_an_engine_rejects_what_its_scene_does_not_have_at_once(arm_engine, arguments, text):
     with pytest.raises(clearance.QueryError, match=text):
         arm_engine.prepare(**arguments)
+
+
+def other_arrays(Q):
+    """The same numbers in arrays that need a conversion, or another check, than those read in place."""
+    unaligned = np.frombuffer(b"." + Q.tobytes(), np.uint8)[1:].view(Q.dtype).reshape(Q.shape)
+    assert not unaligned.flags.aligned
+    return {
+        "list": Q.tolist(),
+        "columns first": np.asfortranarray(Q),
+        "every second": np.repeat(Q, 2, axis=0)[::2],
+        "other bytes": Q.astype(Q.dtype.newbyteorder()),
+        "unaligned": unaligned,
+        "masked": np.ma.MaskedArray(Q),
+        "subclass": Q.view(type("Rows", (np.ndarray,), {})),
+        "read-only": np.frombuffer(Q.tobytes(), Q.dtype).reshape(Q.shape),
+    }
+
+
+@pytest.mark.parametrize("call", [call for call in CALLS if call != "check_path"])
+def test_arrays_that_need_a_conversion_have_the_same_results(front, call):
+    arm = front.joints("arm")
+    prepared = front.prepare(call, joints=arm, pairs=("cup", "arm"), **{"reduce": "min"} if call == "distances" else {})
+    Q = rows_of(arm, 6)
+    inputs = arm_inputs(call, Q)
+    expected = prepared.run(*inputs)
+    assert equal(prepared.run(*inputs), expected)  # now read in place
+    assert prepared._by_rows is not None
+    others = [other_arrays(array) for array in inputs]
+    for kind in others[0]:
+        assert equal(prepared.run(*(arrays[kind] for arrays in others)), expected), kind
+    masked = [np.ma.MaskedArray(array, mask=array == array[0, 0]) for array in inputs]
+    for wrong in (masked, [array[:, :-1] for array in inputs], [array[:0] for array in inputs], [None for _ in inputs]):
+        with pytest.raises(ValueError):
+            prepared.run(*wrong)
+    with pytest.raises(TypeError):
+        prepared.run(*inputs, Q)
+    assert equal(prepared.run(*inputs), expected)
 
 
 def test_options_of_prepared_queries_alone(front):

@@ -59,6 +59,13 @@ TEST_F(CommandLine, Query) {
                        "\"status\": \"ok\", \"distance_m\": 0.15"));
   EXPECT_TRUE(contains(evaluate({"query", "--json", "--pairs", "table,link2"}).out,
                        "\"distance_m\": null, \"lower_m\": \"-inf\""));
+  const auto verdict = [&](const std::string& margin) {
+    return evaluate(
+               {"query", "--reduce", "any", "--pairs", "table,cup", "--margin", margin, "--csv", "--fields", "verdict"})
+        .out;
+  };
+  EXPECT_EQ(verdict("0.1"), "a,b,verdict\n,,beyond\n");
+  EXPECT_EQ(verdict("0.2"), "a,b,verdict\ntable,cup,ok\n");
 }
 
 TEST_F(Clearanced, AQueryPrintsThatUncertaintyLimitsARow) {

@@ -18,6 +18,7 @@
 #include "client/python/bindings/pending.h"
 #include "client/python/bindings/query.h"
 #include "client/python/bindings/remote_plan.h"
+#include "client/requests.h"
 #include "wire/layout.h"
 
 namespace clearance::python {
@@ -94,13 +95,31 @@ class PyClient : public PyClientScene {
       check_scene(client, query);
       return client.submit(query_of(query, at));
     });
-    return std::make_unique<PyPending>(connection_, std::move(pending), copy, at.beyond_limits(query));
+    return std::make_unique<PyPending>(connection_, std::move(pending), copy,
+                                       beyond_limits(query, numbers_of(at.positions)));
   }
 
   /// Returns the answer, or nothing after the timeout. Combines submit, wait and answer.
   std::optional<Answer> ask(const Query& query, std::optional<PosesArray> poses,
                             std::optional<PositionsArray> positions, bool copy, double timeout_s) const {
     const Configurations at{std::move(poses), std::move(positions)};
+    return answer_to(query, query_of(query, at), copy, timeout_s);
+  }
+
+  /// The same for positions of joints, or with `end` for motions. Returns None for arrays that need a conversion, and
+  /// False after the timeout.
+  nb::object ask_rows(const Query& query, bool copy, double timeout_s, nb::handle start, nb::handle end) const {
+    const RowsOfRun rows(query, start, end);
+    if (rows.count() == 0) return nb::none();
+    clearance::Query requested = query_of(query);
+    requested.positions = rows.numbers();
+    std::optional<Answer> answer = answer_to(query, requested, copy, timeout_s);
+    return answer ? nb::cast(std::move(*answer)) : nb::bool_(false);
+  }
+
+ private:
+  std::optional<Answer> answer_to(const Query& query, const clearance::Query& requested, bool copy,
+                                  double timeout_s) const {
     UnderWay under_way{connection_, std::nullopt};
     std::optional<Result> reply;
     const auto deadline = Clock::now() + duration_of(timeout_s);
@@ -109,17 +128,18 @@ class PyClient : public PyClientScene {
         std::optional<Pending>& pending = under_way.pending;
         if (!pending) {
           check_scene(client, query);
-          pending.emplace(client.submit(query_of(query, at)));
+          pending.emplace(client.submit(requested));
         }
         const auto left = deadline - Clock::now();
         if (pending->wait_for(std::clamp<Clock::duration>(left, Clock::duration(0), kSlice))) reply = pending->get();
       });
-      if (reply) return answer_of(connection_, std::move(*reply), copy, at.beyond_limits(query));
+      if (reply) return answer_of(connection_, std::move(*reply), copy, beyond_limits(query, requested.positions));
       if (Clock::now() >= deadline) return std::nullopt;
       check_signals();
     }
   }
 
+ public:
   nb::object pairs(const Query& query) const {
     auto* pairs = new std::vector<IdPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<IdPair>*>(p); });
@@ -182,7 +202,7 @@ NB_MODULE(_client, m) {
       raise_ours(e.code < 16 ? "QueryError" : "RequestError", e.code, e.what());
     }
   });
-  bind_query(m);
+  bind_query<Query>(m);
   bind_answer(m);
   bind_remote_plan(m);
 
@@ -209,6 +229,10 @@ NB_MODULE(_client, m) {
            nb::arg("positions").noconvert().none(), nb::arg("copy"))
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("copy"), nb::arg("timeout_s"))
+      .def("ask_rows", &PyClient::ask_rows, nb::arg("query"), nb::arg("copy"), nb::arg("timeout_s"),
+           nb::arg("start").none(), nb::arg("end") = nb::none())
+      .def_static(
+          "check_options", [](const Query& query) { check_contradictions(query_of(query)); }, nb::arg("query"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))
       .def("certificate", &PyClient::certificate, nb::arg("query"), nb::arg("poses").none(),
            nb::arg("positions").none(), nb::arg("rows").none())

@@ -12,7 +12,9 @@
 #include <string>
 #include <type_traits>
 #include <utility>
+#include <vector>
 
+#include "client/python/bindings/numpy_rows.h"
 #include "wire/query_options.h"
 #include "wire/types.h"
 
@@ -37,7 +39,7 @@ struct Query : QueryOptions {
   std::optional<PairsArray> pairs;    ///< by default all enabled pairs
   std::optional<BodiesArray> bodies;  ///< (M,) that the poses of a run move
   std::optional<BodiesArray> joints;  ///< (J,) that the positions of a run move
-  std::uint64_t scene_revision;       ///< scene of these ids; 0 for any
+  std::uint64_t scene_revision = 0;   ///< scene of these ids; 0 for any
   std::optional<BytesOfMargins> margins;
   std::optional<PairMargins> pair_margins;
   std::optional<PositionRow> weights;       ///< (J,)
@@ -60,16 +62,50 @@ struct Configurations {
       throw nb::value_error("positions: expected as many configurations as there are of poses");
   }
   std::size_t count() const { return poses ? poses->shape(0) : positions ? positions->shape(0) : 0; }
-  /// Whether a position is beyond the limits of the query's joints.
-  bool beyond_limits(const Query& q) const {
-    if (!positions || !q.lower) return false;
-    const std::size_t joints = positions->shape(1);
-    const double *row = positions->data(), *const end = row + positions->shape(0) * joints;
-    for (; row != end; row += joints)
-      for (std::size_t j = 0; j < joints; ++j)
-        if (row[j] < q.lower->data()[j] || row[j] > q.upper->data()[j]) return true;
-    return false;
+};
+
+/// Whether a position is beyond the limits of the query's joints.
+/// \param positions (K, J)
+inline bool beyond_limits(const Query& q, std::span<const double> positions) {
+  if (!q.lower) return false;
+  const std::size_t joints = q.lower->shape(0);
+  const double *row = positions.data(), *const end = row + positions.size();
+  for (; row != end; row += joints)
+    for (std::size_t j = 0; j < joints; ++j)
+      if (row[j] < q.lower->data()[j] || row[j] > q.upper->data()[j]) return true;
+  return false;
+}
+
+/// Positions of one run of a query that moves joints alone, read in place: those of `start`, or with `end` the motions
+/// between them.
+class RowsOfRun {
+ public:
+  /// \param end may be None
+  RowsOfRun(const Query& q, nb::handle start, nb::handle end)
+      : start_(start, columns(q)), end_(end.is_none() ? start : end, columns(q)) {
+    const std::span<const double> a = start_.numbers(), b = end_.numbers();
+    if (end.is_none()) {
+      numbers_ = a;
+    } else if (a.size() == b.size()) {
+      const std::size_t joints = columns(q);
+      motions_.reserve(2 * a.size());
+      for (std::size_t i = 0; i < a.size(); i += joints)
+        for (const double* row : {&a[i], &b[i]}) motions_.insert(motions_.end(), row, row + joints);
+      numbers_ = motions_;
+    }
+    count_ = numbers_.empty() ? 0 : numbers_.size() / columns(q);
   }
+  /// (count(), J); empty for inputs that need a conversion, or are wrong.
+  std::span<const double> numbers() const { return numbers_; }
+  std::size_t count() const { return count_; }
+
+ private:
+  static std::size_t columns(const Query& q) { return q.joints && !q.bodies ? q.joints->shape(0) : 0; }
+
+  NumpyRows start_, end_;
+  std::vector<double> motions_;
+  std::span<const double> numbers_;
+  std::size_t count_ = 0;
 };
 
 /// Copies the margins and weights of a query to a type with such members.
@@ -91,21 +127,26 @@ inline std::span<const double> numbers_of(const std::optional<PositionsArray>& a
   return array ? std::span(array->data(), array->shape(0) * array->shape(1)) : std::span<const double>();
 }
 
-inline void bind_query(nb::module_& m) {
-  nb::class_<Query> query(m, "Query");
+/// \tparam T Query or a type derived from it
+template <class T>
+void bind_query(nb::module_& m) {
+  nb::class_<T> query(m, "Query");
   query.def(
       "__init__",
-      [](Query* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies,
-         std::optional<BodiesArray> joints, std::uint64_t scene_revision) {
-        new (self)
-            Query{{}, std::move(pairs), std::move(bodies), std::move(joints), scene_revision, {}, {}, {}, {}, {}};
+      [](T* self, std::optional<PairsArray> pairs, std::optional<BodiesArray> bodies, std::optional<BodiesArray> joints,
+         std::uint64_t scene_revision) {
+        new (self) T();
+        self->pairs = std::move(pairs);
+        self->bodies = std::move(bodies);
+        self->joints = std::move(joints);
+        self->scene_revision = scene_revision;
       },
       nb::arg("pairs").none(), nb::arg("bodies").none(), nb::arg("joints").none(), nb::arg("scene_revision"));
-  query.def_rw("points_by_default", &Query::points_by_default);
-  query.def("set_margins", [](Query& q, BytesOfMargins margins) { q.margins = std::move(margins); });
-  query.def("set_pair_margins", [](Query& q, PairMargins margins) { q.pair_margins = std::move(margins); });
-  query.def("set_weights", [](Query& q, PositionRow weights) { q.weights = std::move(weights); });
-  query.def("set_limits", [](Query& q, PositionRow lower, PositionRow upper) {
+  query.def_rw("points_by_default", &T::points_by_default);
+  query.def("set_margins", [](T& q, BytesOfMargins margins) { q.margins = std::move(margins); });
+  query.def("set_pair_margins", [](T& q, PairMargins margins) { q.pair_margins = std::move(margins); });
+  query.def("set_weights", [](T& q, PositionRow weights) { q.weights = std::move(weights); });
+  query.def("set_limits", [](T& q, PositionRow lower, PositionRow upper) {
     const std::size_t joints = q.joints ? q.joints->shape(0) : 0;
     if (lower.shape(0) != joints || upper.shape(0) != joints)
       throw nb::value_error("limits: expected one for each of joints");
@@ -113,10 +154,10 @@ inline void bind_query(nb::module_& m) {
     q.upper = std::move(upper);
   });
   for_each_query_option([&query](const QueryOption& option, auto member) {
-    using T = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
+    using Value = std::remove_reference_t<decltype(member(std::declval<QueryOptions&>()))>;
     query.def_prop_rw(
-        option.name, [member](Query& q) { return static_cast<OptionInPython<T>>(member(q)); },
-        [member](Query& q, OptionInPython<T> value) { member(q) = static_cast<T>(value); });
+        option.name, [member](T& q) { return static_cast<OptionInPython<Value>>(member(q)); },
+        [member](T& q, OptionInPython<Value> value) { member(q) = static_cast<Value>(value); });
   });
 }
 

@@ -148,6 +148,9 @@ class Engine(Front):
             raise TimeoutError(f"no answer within {timeout_s} s")
         return answer
 
+    def _ask_rows(self, query: Query) -> Any:
+        return self._engine.answer_rows if query.timeout_s is None else None
+
     def _open_plan(self, configurations: int, run: Run, *no_input: None) -> DevicePlan:
         plan = self._engine.plan_on_device(run.raw, configurations)
         table = self._table(run.pairs, run.bodies, run.joints)

@@ -20,7 +20,6 @@ from ._names import BodyInfo, BodyRef, NameTable, Pairs
 from ._query.future import Future, Task
 from ._query.queries import Queries
 from ._query.query import Query, Run
-from ._query.result import Result
 from ._scene_changes import SceneChanges
 from ._updates import Updates
 from ._words import Status
@@ -189,15 +188,15 @@ class Front(Queries, Updates, SceneChanges):
             for name, _, _, position, status, beyond, stamp, age in self._load_joints()[0]
         ]
 
-    def _beyond_now(self, result: Result) -> Optional[Beyond]:
+    def _beyond_now(self, answer: Any) -> Optional[Beyond]:
         """Returns the joints of the scene beyond their limits. Cached until the poses change."""
         if not self._joint_table.names:
             return None
-        key = result.scene_revision, result.snapshot_revision
+        key = answer.scene_revision, answer.snapshot_revision
         then = self._beyond_then
         if then is None or then[0] != key:
             rows, groups = self._load_joints()
-            table = JointTable(result.scene_revision, rows, groups)
+            table = JointTable(answer.scene_revision, rows, groups)
             positions = np.array([[row[3] if row[4] == Status.OK else math.nan for row in rows]])
             joints = table.joints(np.arange(len(rows), dtype=np.uint32))
             then = self._beyond_then = key, beyond_limits(positions, joints, "joints")

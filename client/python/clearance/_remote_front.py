@@ -87,6 +87,20 @@ class RemoteFront(Front):
             raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
         return answer
 
+    def _ask_rows(self, query: Query) -> Any:
+        if query.mask is None and query.reduce not in (Reduce.MIN, Reduce.ANY):
+            return None  # its columns depend on the number of rows
+
+        def ask(raw: Any, *rows: np.ndarray) -> Any:
+            connection = self._use()
+            timeout = connection.timeout_s if query.timeout_s is None else query.timeout_s
+            answer = self._guarded(connection.ask_rows, raw, query.copy, timeout, *rows)
+            if answer is False:
+                raise TimeoutError(f"{self._url}: no answer within {timeout:g} s")
+            return answer
+
+        return ask
+
     def _open_plan(self, configurations: int, run: Run, *no_input: None) -> RemotePlan:
         table = self._table(run.pairs, run.bodies, run.joints)
         plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
@@ -101,6 +115,7 @@ class RemoteFront(Front):
             value = getattr(run.raw, name)
             if range_text and not least <= value <= most:
                 raise QueryError(ErrorCode.BAD_QUERY, f"query: {name} must be {range_text}, got {value}")
+        self._use().check_options(run.raw)
 
     def _begin(self, run: Run, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> Any:
         return self._guarded(self._use().submit, run.raw, poses, positions, run.copy)

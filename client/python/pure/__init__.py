@@ -139,6 +139,12 @@ class Client:
         pending = self.submit(query, poses, positions, copy)
         return pending.answer() if pending.wait(timeout_s) else None
 
+    def ask_rows(self, query: Query, copy: bool, timeout_s: float, *rows: np.ndarray) -> None:
+        """Returns None, since this client has no shorter way for arrays that need no conversion."""
+
+    def check_options(self, query: Query) -> None:
+        query.check_options()
+
     def pairs(self, query: Query) -> np.ndarray:
         return self._with(self._session.pairs, query)
 

@@ -3,10 +3,18 @@
 from __future__ import annotations
 
 import json
+import math
 import pathlib
+from collections.abc import Iterable
 from typing import Any, Optional
 
 import numpy as np
+
+from .._errors import QueryError
+from .._words import Field, Reduce
+from ..wire import ErrorCode
+
+_MOTION_FIELDS = Field.TIME | Field.FIRST_CONTACT | Field.STEPS
 
 CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
 #: {name: (tag, kind, default, words, unit, text, bytes in a record, least, most, text of these)}: the rows of
@@ -42,6 +50,39 @@ class Query:
             raise ValueError("positions: expected one for each of joints")
         if poses is not None and positions is not None and len(poses) != len(positions):
             raise ValueError("positions: expected as many configurations as there are of poses")
+
+    def check_options(self) -> None:
+        """Raises QueryError for options that contradict each other, as wire/query_contradictions.h."""
+        for is_wrong, text, code in self._contradictions():
+            if is_wrong:
+                raise QueryError(code, text)
+
+    def _contradictions(self) -> Iterable[tuple[Any, str, ErrorCode]]:
+        bad, unsupported = ErrorCode.BAD_QUERY, ErrorCode.NOT_SUPPORTED
+        q: Any = self
+        fields, is_any, is_motion = q.fields, q.reduce == Reduce.ANY, q.max_evaluations > 0
+        has_margins = q.margin != 0 or self.margins is not None or self.pair_margins is not None
+        text = "margin: only for reduce any and motions; use max_distance for other queries"
+        yield has_margins and not is_any and not is_motion, text, bad
+        yield is_any and q.max_distance < math.inf, "max_distance: reduce any uses its margins instead", bad
+        yield is_any and q.signed_distance, "signed_distance: reduce any computes no depth", bad
+        text = "fields: gradient_joints is for a query with joints"
+        yield fields & Field.GRADIENT_JOINTS and self.joints is None, text, bad
+        text = "fields: time, first_contact and steps are only for motions (max_evaluations)"
+        yield fields & _MOTION_FIELDS and not is_motion, text, bad
+        text = "reduce: motions are reduced by none, min and any"
+        yield is_motion and q.reduce in (Reduce.WITHIN, Reduce.NEAREST), text, unsupported
+        yield is_motion and q.signed_distance, "signed_distance: motions have no depths", unsupported
+        has_gradient = fields & (Field.GRADIENT | Field.GRADIENT_JOINTS)
+        yield is_motion and has_gradient, "fields: motions have no gradient", unsupported
+        if fields & Field.FREE_SCALE:
+            yield not is_any, "fields: free_scale needs reduce any", bad
+            yield is_motion, "fields: motions have no free_scale", unsupported
+            others = fields & ~(Field.FREE_SCALE | Field.PAIR)
+            yield others, "fields: free_scale can be combined only with pair", bad
+        else:
+            yield self.weights is not None, "weights: only for the column free_scale", bad
+        yield fields & Field.VERDICT and not is_any, "fields: verdict needs reduce any", bad
 
     def beyond_limits(self, positions: Optional[np.ndarray]) -> bool:
         """Whether a position is beyond the limits of the query's joints."""

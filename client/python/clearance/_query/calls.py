@@ -75,15 +75,14 @@ class Checks(Distances):
     fixed: ClassVar = {"reduce": "any", "fields": int(Field.VERDICT | Field.PAIR)}
 
     #: Violations of the scene's joints at the current poses.
-    current_limits: Callable[[Result], Any]
+    current_limits: Callable[[Any], Any]
 
     def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> Check:
-        result = Result(answer, _ANY, run)
-        if run.joints is None and run.bodies is None:
-            return Check(result, self.current_limits(result))
         if answer.beyond_limits and positions is not None and self.query.joints is not None:
-            return Check(result, beyond_limits(positions, self.query.joints, "configurations"))
-        return Check(result)
+            return Check(answer, run, beyond_limits(positions, self.query.joints, "configurations"))
+        if run.joints is None and run.bodies is None:
+            return Check(answer, run, self.current_limits(answer))
+        return Check(answer, run)
 
 
 class Motions(Call):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Optional
+from typing import Any, Optional
 
 import numpy as np
 
 from .._limits import Beyond, LimitViolation
-from .._words import Status
-from .result import Result
+from .._words import Reduce, Status
+from .result import PairSource, Result
 
-_BEYOND, _OK = int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object
+_ANY, _BEYOND, _OK = int(Reduce.ANY), int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object
 
 
 class Check:
@@ -19,14 +19,19 @@ class Check:
     `free` considers distances only; `ok` is free and within the joints' limits. As a bool, a check is ok.all().
     """
 
-    __slots__ = ("result", "_beyond", "_free")
+    __slots__ = ("_answer", "_source", "_beyond", "_result", "_free")
 
-    result: Result  #: of reduce="any" with the columns verdict and pair, as distances() returns it
-
-    def __init__(self, result: Result, beyond: Optional[Beyond] = None):
-        self.result = result
-        self._beyond = beyond
+    def __init__(self, answer: Any, source: PairSource, beyond: Optional[Beyond] = None):
+        self._answer, self._source, self._beyond = answer, source, beyond
+        self._result: Optional[Result] = None
         self._free: Optional[np.ndarray] = None
+
+    @property
+    def result(self) -> Result:
+        """The result of reduce="any" with the columns verdict and pair, as distances() returns it."""
+        if self._result is None:
+            self._result = Result(self._answer, _ANY, self._source)
+        return self._result
 
     @property
     def free(self) -> np.ndarray:
@@ -53,7 +58,7 @@ class Check:
         return () if self._beyond is None else self._beyond.violations()
 
     def __bool__(self) -> bool:
-        return self._beyond is None and self.result._all_free()
+        return self._beyond is None and self._answer.all_free()
 
     @property
     def verdict(self) -> np.ndarray:
@@ -79,6 +84,9 @@ class Check:
         """(K,) bool: whether `pair` is proved to be within its margin. If neither free nor hit, nothing is proved."""
         return self.verdict == _OK
 
+    def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
+        return _restored, (self.result, self._beyond)
+
     def __repr__(self) -> str:
         text = f"{np.count_nonzero(self.free)} of {len(self.free)} free"
         if self._beyond is not None:
@@ -89,3 +97,8 @@ class Check:
             a, b = map(repr, self.pair_names[first])
             text += f"; configuration {first}: {f'{a} hits {b}' if self.hit[first] else f'{a} and {b} not proved free'}"
         return f"<clearance.Check: {text}>"
+
+
+def _restored(result: Result, beyond: Optional[Beyond]) -> Check:
+    """Restores a Check from the state of __reduce__()."""
+    return Check(result._answer, result._source, beyond)

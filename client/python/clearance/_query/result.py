@@ -204,9 +204,6 @@ class Result:
     def _row_shape(self, name: str) -> tuple[int, ...]:
         return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
 
-    def _all_free(self) -> bool:
-        return bool(self._answer.all_free())
-
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """Pickles and copies the columns, the table of pairs and the names, without the engine or client."""
         numbers = {name: getattr(self._answer, name) for name in _NUMBERS}

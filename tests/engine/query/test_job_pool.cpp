@@ -1,23 +1,27 @@
-// A repeated query reuses the job that answered it before: with the bits of a new one, and never for an old snapshot.
+// A prepared query reuses the job that answered it before: with the bits of a new one, and never for an old snapshot.
 #include <gtest/gtest.h>
 
 #include <algorithm>
 #include <array>
 #include <cmath>
 #include <functional>
+#include <map>
+#include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
+#include "engine/query/job_pool.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/same_rows.h"
 
 namespace clearance::test {
 namespace {
 
-std::uint64_t cache_hits(const engine::Engine& engine) {
+std::uint64_t jobs_reused(const engine::Engine& engine) {
   for (const auto& [name, value] : engine.stats())
-    if (name == "engine.queries_from_cache") return value;
+    if (name == "engine.jobs_reused") return value;
   ADD_FAILURE() << "no such counter";
   return 0;
 }
@@ -33,11 +37,14 @@ void expect_same(const Answer& a, const Answer& b) {
   expect_same_column("pair_lower", a.view.pair_lower, 0, b.view.pair_lower, n, 1);
 }
 
-/// Answers a query without a cached job, by publishing the same poses once more.
-Answer request_fresh(engine::Engine& engine, std::uint32_t body, const QueryView& query) {
-  const BodyPose same{body, engine.body_state(body).X_wb};
-  engine.set_poses({&same, 1});
-  return evaluate(engine, query);
+/// Answers a query by a job of the pool, if there is one.
+Answer repeat(const engine::Engine& engine, const QueryView& query, const std::shared_ptr<JobPool>& pool) {
+  Answer a = empty_answer(engine, query);
+  Job job = engine.start(engine.prepare(query, pool), a.view);
+  while (!job.advance()) {
+  }
+  a.info = job.info();
+  return a;
 }
 
 struct Named {
@@ -73,27 +80,26 @@ std::vector<Named> reductions() {
 
 /// Runs each query in turn for configuration after configuration. Returns the number of rows by status.
 /// \param query returns the query for a configuration number
-std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene, std::uint32_t body, int count,
+std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene, int count,
                                                      const std::function<QueryView(int)>& query) {
   std::array<std::uint64_t, 8> seen{};
   const engine::Engine kept(scene, {.backend = "cpu", .threads = 2});
-  engine::Engine fresh(scene, {.backend = "cpu", .threads = 2});
   for (const Precision precision : {Precision::kF64, Precision::kF32})
     for (const Named& reduction : reductions()) {
       SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
-      const std::uint64_t before = cache_hits(kept);
+      const std::uint64_t before = jobs_reused(kept);
+      const auto pool = std::make_shared<JobPool>();
       for (int k = 0; k < count; ++k) {
         QueryView q = query(k);
         q.precision = precision;
         reduction.set(q);
-        const Answer answer = evaluate(kept, q);
-        expect_same(answer, request_fresh(fresh, body, q));
+        const Answer answer = repeat(kept, q, pool);
+        expect_same(answer, evaluate(kept, q));
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
       }
-      EXPECT_EQ(cache_hits(kept) - before, static_cast<std::uint64_t>(count - 1));
+      EXPECT_EQ(jobs_reused(kept) - before, static_cast<std::uint64_t>(count - 1));
     }
-  EXPECT_EQ(cache_hits(fresh), 0u);
   return seen;
 }
 
@@ -110,7 +116,7 @@ engine::Scene uncertain(const engine::Scene& known) {
   return scene;
 }
 
-TEST(JobCache, PosesAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobPool, PosesAreAnsweredWithTheBitsOfNewJobs) {
   const std::vector<std::uint32_t> bodies{0, 3, 7, 13};
   Random random(1);
   std::vector<Pose> poses;
@@ -124,14 +130,14 @@ TEST(JobCache, PosesAreAnsweredWithTheBitsOfNewJobs) {
     return q;
   };
   const engine::Scene scene = decomposed_scene(30, 1.5, 7);
-  expect_bits_of_new_jobs(scene, 1, 8, [&](int k) { return query(k, 1); });
-  expect_bits_of_new_jobs(uncertain(scene), 1, 4, [&](int k) { return query(k, 1); });
-  expect_bits_of_new_jobs(scene, 1, 4, [&](int k) { return query(k, 5); });                  // in parallel
-  expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 1, 4, [&](int k) { return query(k, 1); });  // by a tree
+  expect_bits_of_new_jobs(scene, 8, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(uncertain(scene), 4, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(scene, 4, [&](int k) { return query(k, 5); });                  // in parallel
+  expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 4, [&](int k) { return query(k, 1); });  // by a tree
 }
 
-TEST(JobCache, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
-  expect_bits_of_new_jobs(decomposed_scene(20, 1.5, 5), 1, 2, [](int) {
+TEST(JobPool, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
+  expect_bits_of_new_jobs(decomposed_scene(20, 1.5, 5), 2, [](int) {
     QueryView q;
     q.fields = kAllFields;
     return q;
@@ -161,11 +167,10 @@ struct Arm {
   }
 };
 
-TEST(JobCache, JointsAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobPool, JointsAreAnsweredWithTheBitsOfNewJobs) {
   for (const bool strange : {false, true}) {
     const Arm arm(12, strange);
-    const std::uint32_t ball = arm.scene.find_body("ball");
-    const auto seen = expect_bits_of_new_jobs(arm.scene, ball, 12, [&](int k) { return arm.query(k); });
+    const auto seen = expect_bits_of_new_jobs(arm.scene, 12, [&](int k) { return arm.query(k); });
     EXPECT_GT(count_of(seen, Status::kOk), 0u);
     EXPECT_GT(count_of(seen, Status::kBeyond), 0u);
     EXPECT_GT(count_of(seen, Status::kOverlap), 0u);
@@ -173,16 +178,15 @@ TEST(JobCache, JointsAreAnsweredWithTheBitsOfNewJobs) {
   }
 }
 
-TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
+TEST(JobPool, MotionsAreAnsweredWithTheBitsOfNewJobs) {
   constexpr int kCount = 8;
   const Arm arm(6 * kCount);
-  const std::uint32_t ball = arm.scene.find_body("ball");
   std::array<std::uint64_t, 8> seen{};
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny})
     for (const std::uint32_t configurations : {2u, 6u}) {
       SCOPED_TRACE("reduce " + std::to_string(static_cast<int>(reduce)) + ", " + std::to_string(configurations));
       const engine::Engine kept(arm.scene, {.backend = "cpu", .threads = 2});
-      engine::Engine fresh(arm.scene, {.backend = "cpu", .threads = 2});
+      const auto pool = std::make_shared<JobPool>();
       for (int k = 0; k < kCount; ++k) {
         QueryView q = arm.query(6 * k);
         q.fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldPair | kMotionFields;
@@ -192,7 +196,7 @@ TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
         q.positions =
             std::span(arm.positions)
                 .subspan(static_cast<std::size_t>(6 * k) * arm.joints.size(), configurations * arm.joints.size());
-        const Answer answer = evaluate(kept, q), expected = request_fresh(fresh, ball, q);
+        const Answer answer = repeat(kept, q, pool), expected = evaluate(kept, q);
         expect_same(answer, expected);
         const std::uint64_t n = answer.info.rows;
         expect_same_column("time", answer.view.time, 0, expected.view.time, n, 1);
@@ -201,7 +205,7 @@ TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
         if (::testing::Test::HasFatalFailure()) return;
         for (std::uint64_t i = 0; i < n; ++i) ++seen[answer.view.status[i]];
       }
-      EXPECT_EQ(cache_hits(kept), static_cast<std::uint64_t>(kCount - 1));
+      EXPECT_EQ(jobs_reused(kept), static_cast<std::uint64_t>(kCount - 1));
     }
   EXPECT_GT(count_of(seen, Status::kOk), 0u);
   EXPECT_GT(count_of(seen, Status::kBeyond), 0u);
@@ -209,7 +213,7 @@ TEST(JobCache, MotionsAreAnsweredWithTheBitsOfNewJobs) {
 }
 
 // A job's results about a scene and its poses are valid for these alone.
-TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
+TEST(JobPool, NoneAnswersForASnapshotThatIsGone) {
   const Arm arm(1);
   engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
   const std::uint32_t ball = arm.scene.find_body("ball"), table = arm.scene.find_body("table"),
@@ -234,9 +238,11 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
   const std::span<const std::uint32_t> all_but_one = std::span(arm.joints).first(arm.joints.size() - 1);
   q.joints = all_but_one;
   q.positions = q.positions.first(all_but_one.size());
+  std::map<Reduce, std::shared_ptr<JobPool>> pools;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
     q.reduce = reduce;
-    evaluate(engine, q);
+    pools[reduce] = std::make_shared<JobPool>();
+    repeat(engine, q, pools[reduce]);
   }
   for (std::size_t done = 1; done <= changes.size(); ++done) {
     engine::Engine other(arm.scene, {.backend = "cpu", .threads = 1});
@@ -245,9 +251,9 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
     for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
       SCOPED_TRACE("change " + std::to_string(done) + ", reduce " + std::to_string(static_cast<int>(reduce)));
       q.reduce = reduce;
-      const std::uint64_t before = cache_hits(engine);
-      const Answer now = evaluate(engine, q), again = evaluate(engine, q);
-      EXPECT_EQ(cache_hits(engine), before + 1);
+      const std::uint64_t before = jobs_reused(engine);
+      const Answer now = repeat(engine, q, pools[reduce]), again = repeat(engine, q, pools[reduce]);
+      EXPECT_EQ(jobs_reused(engine), before + 1);
       EXPECT_EQ(now.info.snapshot_revision, engine.pose_revision());
       EXPECT_EQ(again.info.snapshot_revision, engine.pose_revision());
       const Answer wanted = evaluate(other, q);
@@ -257,57 +263,7 @@ TEST(JobCache, NoneAnswersForASnapshotThatIsGone) {
   }
 }
 
-// Each of these queries differs from the first, for the same scene.
-TEST(JobCache, AnotherQuestionIsAnsweredByAnotherJob) {
-  const Arm arm(1);
-  const std::vector<BodyPair> pairs{{0, 5}, {1, 5}};
-  const std::vector<std::uint32_t> turned{arm.joints.rbegin(), arm.joints.rend()};
-  const std::vector<double> margins(2, 0.1);
-  const std::vector<Named> others{{"max_distance", [](QueryView& q) { q.max_distance = 0.5; }},
-                                  {"abs_tol", [](QueryView& q) { q.abs_tol = 1e-3; }},
-                                  {"rel_tol", [](QueryView& q) { q.rel_tol = 1e-3; }},
-                                  {"precision", [](QueryView& q) { q.precision = Precision::kF32; }},
-                                  {"signed", [](QueryView& q) { q.signed_distance = true; }},
-                                  {"fields", [](QueryView& q) { q.fields = kDefaultFields; }},
-                                  {"any", [](QueryView& q) { q.reduce = Reduce::kAny; }},
-                                  {"joints", [&](QueryView& q) { q.joints = turned; }},
-                                  {"scene", [&](QueryView& q) { q.scene_revision = arm.scene.revision(); }},
-                                  {"pairs",
-                                   [&](QueryView& q) {
-                                     q.all_pairs = false;
-                                     q.pairs = pairs;
-                                   }},
-                                  {"margin",
-                                   [](QueryView& q) {
-                                     q.reduce = Reduce::kAny;
-                                     q.margin = 0.01;
-                                   }},
-                                  {"margins",
-                                   [](QueryView& q) {
-                                     q.reduce = Reduce::kAny;
-                                     q.margins = kMargins;
-                                   }},
-                                  {"pair_margins", [&](QueryView& q) {
-                                     q.reduce = Reduce::kAny;
-                                     q.all_pairs = false;
-                                     q.pairs = pairs;
-                                     q.pair_margins = margins;
-                                   }}};
-  for (const Named& other : others) {
-    SCOPED_TRACE(other.name);
-    const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
-    QueryView q = arm.query();
-    q.reduce = Reduce::kMin;
-    evaluate(engine, q);
-    other.set(q);
-    const Answer first = evaluate(engine, q);
-    EXPECT_EQ(cache_hits(engine), 0u);
-    expect_same(evaluate(engine, q), first);
-    EXPECT_EQ(cache_hits(engine), 1u);
-  }
-}
-
-TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
+TEST(JobPool, WhatDependsOnTheClockIsNotKept) {
   const Arm arm(1);
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }}};
   const Arm two(2);
@@ -317,8 +273,9 @@ TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
     QueryView q = two.query();
     question.set(q);
     q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
-    for (int i = 0; i < 3; ++i) evaluate(engine, q);
-    EXPECT_EQ(cache_hits(engine), 0u);
+    const auto pool = std::make_shared<JobPool>();
+    for (int i = 0; i < 3; ++i) repeat(engine, q, pool);
+    EXPECT_EQ(jobs_reused(engine), 0u);
   }
   engine::Scene moving = arm.scene;
   Body fast = moving.bodies()[moving.find_body("ball")];
@@ -326,59 +283,107 @@ TEST(JobCache, WhatDependsOnTheClockIsNotKept) {
   fast.max_speed = 1;
   moving.add_body(std::move(fast));
   const engine::Engine engine(moving, {.backend = "cpu", .threads = 1});
-  for (int i = 0; i < 3; ++i) evaluate(engine, arm.query());
-  EXPECT_EQ(cache_hits(engine), 0u);
+  const auto pool = std::make_shared<JobPool>();
+  for (int i = 0; i < 3; ++i) repeat(engine, arm.query(), pool);
+  EXPECT_EQ(jobs_reused(engine), 0u);
 }
 
 // A job abandoned in the middle is not reused, and a query that never started loses nothing.
-TEST(JobCache, OnlyWholeJobsComeBack) {
+TEST(JobPool, OnlyWholeJobsComeBack) {
   const Arm arm(64);  // more than the fewest lanes answer at once
   const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .instruction_set = "baseline"});
   const QueryView q = arm.query();
-  const Answer wanted = evaluate(engine, q);
+  const auto pool = std::make_shared<JobPool>();
+  const Answer wanted = repeat(engine, q, pool);
   for (int i = 0; i < 2; ++i) {
     Answer room = empty_answer(engine, q);
-    Job job = engine.start(q, room.view);
+    Job job = engine.start(engine.prepare(q, pool), room.view);
     EXPECT_FALSE(job.advance(WorkBudget{.units = 0}));
-    EXPECT_EQ(cache_hits(engine), 1u);  // the second time there was none
+    EXPECT_EQ(jobs_reused(engine), 1u);  // the second time there was none
   }
-  expect_same(evaluate(engine, q), wanted);
-  EXPECT_EQ(cache_hits(engine), 1u);
+  expect_same(repeat(engine, q, pool), wanted);
+  EXPECT_EQ(jobs_reused(engine), 1u);
   for (int i = 0; i < 3; ++i) {
-    const PreparedQuery prepared = engine.prepare(q);
+    const PreparedQuery prepared = engine.prepare(q, pool);
     EXPECT_EQ(prepared.size().rows, wanted.size.rows);
   }
-  EXPECT_EQ(cache_hits(engine), 4u);
+  EXPECT_EQ(jobs_reused(engine), 4u);
   QueryView few = q;
   few.positions = few.positions.first(1);
-  EXPECT_THROW(engine.prepare(few), engine::QueryError);
-  expect_same(evaluate(engine, q), wanted);
-  EXPECT_EQ(cache_hits(engine), 6u);
+  EXPECT_THROW(engine.prepare(few, pool), engine::QueryError);
+  expect_same(repeat(engine, q, pool), wanted);
+  EXPECT_EQ(jobs_reused(engine), 5u);
 }
 
-TEST(JobCache, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
+TEST(JobPool, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
   constexpr int kThreads = 4, kRounds = 50;
   const Arm arm(kRounds);
   const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
-  engine::Engine fresh(arm.scene, {.backend = "cpu", .threads = 1});
-  const std::uint32_t ball = arm.scene.find_body("ball");
+  const auto pool = std::make_shared<JobPool>();
   std::vector<Answer> wanted;
   const auto query = [&](int k) {
     QueryView q = arm.query(k);
     q.reduce = Reduce::kMin;
     return q;
   };
-  for (int k = 0; k < kRounds; ++k) wanted.push_back(request_fresh(fresh, ball, query(k)));
+  for (int k = 0; k < kRounds; ++k) wanted.push_back(evaluate(engine, query(k)));
   std::array<std::vector<Answer>, kThreads> found;
   std::vector<std::thread> threads;
   for (auto& answers : found)
     threads.emplace_back([&] {
-      for (int k = 0; k < kRounds; ++k) answers.push_back(evaluate(engine, query(k)));
+      for (int k = 0; k < kRounds; ++k) answers.push_back(repeat(engine, query(k), pool));
     });
   for (std::thread& thread : threads) thread.join();
   for (const auto& answers : found)
     for (std::size_t k = 0; k < kRounds; ++k) expect_same(answers[k], wanted[k]);
-  EXPECT_GE(cache_hits(engine), std::uint64_t{kThreads * (kRounds - 1)});
+  EXPECT_GE(jobs_reused(engine), std::uint64_t{kThreads * (kRounds - 1)});
+}
+
+// Jobs wait while numbers of configurations alternate, and beyond the limit the oldest goes.
+TEST(JobPool, KeepsJobsOfSeveralNumbersOfConfigurations) {
+  const Arm arm(6);
+  const engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  const auto pool = std::make_shared<JobPool>(2);
+  const auto ask = [&](std::uint32_t count) {
+    QueryView q = arm.query();
+    q.configuration_count = count;
+    q.positions = std::span(arm.positions).first(count * arm.joints.size());
+    const std::uint64_t before = jobs_reused(engine);
+    expect_same(repeat(engine, q, pool), evaluate(engine, q));
+    return jobs_reused(engine) > before;
+  };
+  EXPECT_FALSE(ask(1));
+  EXPECT_FALSE(ask(6));
+  EXPECT_TRUE(ask(1));
+  EXPECT_TRUE(ask(6));
+  EXPECT_FALSE(ask(3));
+  EXPECT_FALSE(ask(1));  // 3 has replaced it
+  EXPECT_TRUE(ask(3));
+}
+
+// A change of the scene replaces the engine, while a prepared query keeps its pool.
+TEST(JobPool, OutlivesTheEngine) {
+  for (const engine::Scene& scene : {decomposed_scene(30, 1.5, 7), mixed_scene(80, 6, 3)}) {  // the second by a tree
+    const auto pool = std::make_shared<JobPool>();
+    const std::vector<std::uint32_t> bodies{0, 3};
+    Random random(4);
+    const std::vector<Pose> poses{random.pose(1.5), random.pose(1.5)};
+    QueryView q;
+    q.reduce = Reduce::kMin;
+    q.bodies = bodies;
+    q.configuration_count = 1;
+    q.configurations = poses;
+    std::optional<engine::Engine> engine;
+    for (int i = 0; i < 3; ++i) {
+      engine.emplace(scene, engine::Engine::Options{.backend = "cpu", .threads = 1});
+      const Answer first = repeat(*engine, q, pool);
+      EXPECT_EQ(jobs_reused(*engine), 0u);
+      expect_same(first, evaluate(*engine, q));
+      expect_same(repeat(*engine, q, pool), first);
+      EXPECT_EQ(jobs_reused(*engine), 1u);
+    }
+    engine.reset();
+  }
 }
 
 }  // namespace

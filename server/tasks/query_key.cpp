@@ -1,4 +1,4 @@
-#include "engine/selection/query_key.h"
+#include "server/tasks/query_key.h"
 
 #include <cstring>
 

@@ -1,0 +1,48 @@
+// Complete jobs of one query, which answer it again in other configurations.
+//
+// A motion planner queries one configuration per call, thousands of times, with the same pairs, margins and surrounding
+// bodies. Preparation takes longer than the answer: checking the query, listing its pairs, and making boxes of all
+// bodies. A job has done all that, and answers other configurations on the same snapshot bit for bit as a new one
+// would: no answer depends on earlier ones (tests/engine/query/test_job_pool.cpp).
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <mutex>
+#include <vector>
+
+#include "engine/query/job_state.h"
+
+namespace clearance {
+
+/// Belongs to a prepared query: its queries differ in their configurations alone. Thread-safe; a job has one user at a
+/// time. May outlive the engine. Made by std::make_shared(), as its jobs share it while they run.
+class JobPool : public std::enable_shared_from_this<JobPool> {
+ public:
+  /// \param most jobs kept: of concurrent runs, and of different numbers of configurations
+  explicit JobPool(std::size_t most = 8) : most_(most) {}
+
+  /// Whether jobs may be kept: they are small, and their answers depend only on the query and the snapshot, but not on
+  /// the clock.
+  static bool allows(const engine::Scene& scene);
+  static bool allows(const QueryView& query);
+  static bool allows(const QuerySize& size);
+
+  /// A job of as many configurations on the same snapshot, with the configurations of `query`, or null. Throws
+  /// QueryError for configurations that do not fit the query's bodies and joints.
+  Job::StatePtr take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot);
+  /// Puts back a job whose answer is complete.
+  void put_back(std::unique_ptr<Job::State> job);
+
+ private:
+  struct Kept {
+    std::unique_ptr<Job::State> job;
+    std::weak_ptr<const PoseSnapshot> snapshot;  // weak, so that a waiting job keeps no old snapshot alive
+  };
+
+  std::size_t most_;
+  std::mutex mutex_;
+  std::vector<Kept> jobs_;  // the last one put back is at the end
+};
+
+}  // namespace clearance
