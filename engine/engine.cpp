@@ -162,18 +162,18 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
   return scales;
 }
 
-PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
+PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& given) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  const bool may_keep = pool && impl_->may_keep_job_of(query);
-  if (may_keep)
+  const std::shared_ptr<JobPool> pool = impl_->pool_of(query, given);
+  if (pool)
     if (Job::StatePtr kept = pool->take(query, snapshot)) {
       impl_->repeated.fetch_add(1, std::memory_order_relaxed);
       return PreparedQuery(std::move(kept));
     }
   PreparedQuery prepared(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
                                                    impl_->options.max_rows, true));
-  if (may_keep) prepared.pool_ = pool;
+  prepared.pool_ = pool;
   return prepared;
 }
 

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <mutex>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -13,7 +14,7 @@
 #include "engine/device/router.h"
 #include "engine/engine.h"
 #include "engine/joint_table/joint_table_store.h"
-#include "engine/query/job_pool.h"
+#include "engine/query/recent_queries.h"
 #include "engine/query/job_state.h"
 #include "engine/query/query_cost.h"
 #include "engine/state/pose_store.h"
@@ -38,6 +39,8 @@ struct Engine::Impl {
   SceneCost scene_cost{scene};
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   bool jobs_may_repeat = JobPool::allows(scene);
+  mutable std::mutex recent_mutex;
+  mutable RecentQueries recent{8};  // jobs of concurrent calls; after `trees`, to which they return theirs
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
   TaskOwner owner = std::make_shared<char>();
@@ -62,6 +65,13 @@ struct Engine::Impl {
             trees.get(), near_by,         device.get(), &teams, covers.get(), tables.get()};
   }
 
+  // The given pool, or the one of a query that its caller has not prepared but may repeat; null if no job may be kept.
+  std::shared_ptr<JobPool> pool_of(const QueryView& query, const std::shared_ptr<JobPool>& given) const {
+    if (!may_keep_job_of(query)) return nullptr;
+    if (given) return given;
+    const std::lock_guard lock(recent_mutex);
+    return recent.pool_of(query, scene.bodies().size());
+  }
   // Whether a pool may keep the job of a query; such jobs run on the CPU. With a device, only those of Reduce::kAny may,
   // where the CPU may answer at all: it takes less time for a small decision than a launch on the device.
   bool may_keep_job_of(const QueryView& query) const {

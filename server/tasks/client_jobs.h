@@ -3,13 +3,11 @@
 
 #include <cstdint>
 #include <functional>
-#include <list>
 #include <memory>
 #include <unordered_map>
 
-#include "engine/query/job_pool.h"
+#include "engine/query/recent_queries.h"
 #include "server/requests/transport.h"
-#include "server/tasks/query_key.h"
 
 namespace clearance {
 
@@ -17,9 +15,7 @@ namespace clearance {
 /// loop's thread.
 class ClientJobs {
  public:
-  static constexpr std::size_t kQueries = 8;    ///< of a client
-  static constexpr std::size_t kJobs = 2;       ///< of a query, since a client may send the next one early
-  static constexpr std::size_t kBodies = 8192;  ///< of the scene, times queries: a job has up to 1 KB for each
+  static constexpr std::size_t kJobs = 2;  ///< of a query, since a client may send the next one early
 
   /// Returns the pool of a client's query, or null for a client whose end is not detected.
   /// @param bodies number of bodies in the scene
@@ -28,13 +24,9 @@ class ClientJobs {
   void drop_gone();
 
  private:
-  struct Kept {
-    QueryKey key;
-    std::shared_ptr<JobPool> pool;
-  };
   struct Client {
     std::function<bool()> is_there;
-    std::list<Kept> queries;  // the last one is at the front
+    RecentQueries queries;
   };
   std::unordered_map<std::uint64_t, Client> clients_;
 };

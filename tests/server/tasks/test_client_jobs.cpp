@@ -95,10 +95,10 @@ TEST(ClientJobs, AClientReplacesItsOwnQueriesAlone) {
   const std::weak_ptr<JobPool> of_one = jobs.pool_of(one, within(0), kFew),
                                of_other = jobs.pool_of(other, within(0), kFew);
   EXPECT_NE(of_one.lock(), of_other.lock());
-  for (std::size_t i = 1; i < ClientJobs::kQueries; ++i) jobs.pool_of(one, within(static_cast<double>(i)), kFew);
+  for (std::size_t i = 1; i < RecentQueries::kQueries; ++i) jobs.pool_of(one, within(static_cast<double>(i)), kFew);
   EXPECT_EQ(jobs.pool_of(one, within(0), kFew), of_one.lock());  // now its latest
   const std::weak_ptr<JobPool> second = jobs.pool_of(one, within(1), kFew);
-  for (std::size_t i = 0; i < ClientJobs::kQueries - 1; ++i)
+  for (std::size_t i = 0; i < RecentQueries::kQueries - 1; ++i)
     jobs.pool_of(one, within(100 + static_cast<double>(i)), kFew);
   EXPECT_TRUE(of_one.expired());
   EXPECT_FALSE(second.expired());
@@ -108,13 +108,13 @@ TEST(ClientJobs, AClientReplacesItsOwnQueriesAlone) {
 TEST(ClientJobs, LargeScenesHaveFewerQueries) {
   ClientJobs jobs;
   const FakeSink client(1);
-  const std::weak_ptr<JobPool> first = jobs.pool_of(client, within(1), ClientJobs::kBodies / 2);
-  const std::weak_ptr<JobPool> second = jobs.pool_of(client, within(2), ClientJobs::kBodies / 2);
+  const std::weak_ptr<JobPool> first = jobs.pool_of(client, within(1), RecentQueries::kBodies / 2);
+  const std::weak_ptr<JobPool> second = jobs.pool_of(client, within(2), RecentQueries::kBodies / 2);
   EXPECT_FALSE(first.expired());
-  const std::weak_ptr<JobPool> third = jobs.pool_of(client, within(3), ClientJobs::kBodies / 2);
+  const std::weak_ptr<JobPool> third = jobs.pool_of(client, within(3), RecentQueries::kBodies / 2);
   EXPECT_TRUE(first.expired());
   EXPECT_FALSE(second.expired());
-  const std::weak_ptr<JobPool> fourth = jobs.pool_of(client, within(4), 2 * ClientJobs::kBodies);
+  const std::weak_ptr<JobPool> fourth = jobs.pool_of(client, within(4), 2 * RecentQueries::kBodies);
   EXPECT_TRUE(third.expired());
   EXPECT_FALSE(fourth.expired());
 }

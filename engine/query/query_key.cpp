@@ -1,4 +1,4 @@
-#include "server/tasks/query_key.h"
+#include "engine/query/query_key.h"
 
 #include <cstring>
 
