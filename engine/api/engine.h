@@ -82,8 +82,7 @@ class CLEARANCE_API Engine {
   std::vector<double> free_scale(const Query& query, std::span<const double> weights) const;
   /// Starts a query on the present poses and returns immediately. Its arrays are copied.
   Pending submit(const Query& query = {}, WhenDone when_done = {}) const;
-  /// Prepares a query without configurations and positions, which each run gives. Use it for a query that repeats: each
-  /// call of the functions above lists the pairs and makes boxes of the bodies, which takes 20 us and more. Queries of check(), motions() and
+  /// Prepares a query without configurations and positions, which each run gives. Queries of check(), motions() and
   /// free_scale() are those of as_check(), as_motions() and as_free_scale(). Throws QueryError for a query that no
   /// inputs make valid.
   Prepared prepare(const Query& query = {}) const;
