@@ -12,9 +12,9 @@
 
 #include "engine/base/counters.h"
 #include "engine/certificate/certificate.h"
+#include "engine/cost/query_cost.h"
 #include "engine/pose/body_pose.h"
 #include "engine/query/job.h"
-#include "engine/query/query_cost.h"
 #include "engine/scene/scene.h"
 #include "engine/selection/query.h"
 

@@ -9,14 +9,14 @@
 #include <string>
 #include <utility>
 
+#include "engine/cost/query_cost.h"
 #include "engine/cover/cover_store.h"
 #include "engine/device/device_job.h"
 #include "engine/device/router.h"
 #include "engine/engine.h"
 #include "engine/joint_table/joint_table_store.h"
-#include "engine/query/recent_queries.h"
 #include "engine/query/job_state.h"
-#include "engine/query/query_cost.h"
+#include "engine/query/recent_queries.h"
 #include "engine/state/pose_store.h"
 #include "wire/fork_guard.h"
 
@@ -40,7 +40,7 @@ struct Engine::Impl {
   SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   bool jobs_may_repeat = JobPool::allows(scene);
   mutable std::mutex recent_mutex;
-  mutable RecentQueries recent{8};  // jobs of concurrent calls; after `trees`, to which they return theirs
+  mutable RecentQueries recent{8};          // jobs of concurrent calls; after `trees`, to which they return theirs
   std::shared_ptr<CoverStore> covers;       // null if off
   std::shared_ptr<JointTableStore> tables;  // likewise
   TaskOwner owner = std::make_shared<char>();

@@ -16,8 +16,8 @@ class ReplyWait {
   /// \param spin spin time without knowledge of the request; 0 to never spin
   explicit ReplyWait(std::chrono::nanoseconds spin);
 
-  /// Waits for a new entry in `segment`, at most until the deadline or for 10 ms. Returns whether it slept and found
-  /// none: the daemon may be gone.
+  /// Waits for a new entry in `segment`, at most until the deadline or for 10 ms. Returns true if it slept and no
+  /// entry came; the daemon may be gone.
   /// \param request_bytes size of the request that waits, which predicts the time
   bool wait(ClientSegment& segment, std::uint64_t request_bytes, Deadline deadline);
   /// Reads the clock for the next wait.

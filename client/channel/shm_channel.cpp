@@ -191,8 +191,7 @@ class ShmChannel final : public Channel {
   bool request_segment(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
     request_bytes = std::max(request_bytes, current_->request_capacity());
     reply_bytes = std::max(reply_bytes, current_->reply_capacity());
-    const UniqueFd fd = socket_.request_segment(
-        request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
+    const UniqueFd fd = socket_.request_segment(request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
     if (!fd) return false;
     auto larger = std::make_shared<ClientSegment>(fd, url());
     if (larger->request_capacity() < request_bytes || larger->reply_capacity() < reply_bytes)

@@ -98,8 +98,7 @@ class ZmqChannel final : public Channel {
     zmq::message_t first(&header, sizeof header), second;
     std::byte* payload = room_.get() + sizeof header;
     if (header.payload_bytes >= kHandOverBytes) {
-      second.rebuild(
-          payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
+      second.rebuild(payload, header.payload_bytes, [](void*, void* room) { std::free(room); }, room_.get());
       (void)room_.release();
       room_bytes_ = 0;
     } else {

@@ -137,7 +137,7 @@ struct SpanBatch {
   std::size_t capacity;
   const std::uint8_t* is_left = nullptr;  ///< (moved_pairs,) whether a pair is not to be decided: open, and near
   const double* positions = nullptr;      ///< of joints in the middle; null to use no tables
-  const double* reach = nullptr;      ///< change of each position until the span's ends, >= 0
+  const double* reach = nullptr;          ///< change of each position until the span's ends, >= 0
 };
 struct SpanDecision {
   Verdict verdict = Verdict::kUnresolved;

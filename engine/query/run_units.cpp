@@ -7,7 +7,7 @@
 #include <exception>
 
 #include "engine/base/fp_environment.h"
-#include "engine/query/team_cost.h"
+#include "engine/cost/team_cost.h"
 
 namespace clearance {
 

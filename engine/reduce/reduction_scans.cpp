@@ -63,9 +63,8 @@ void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std:
                       WorkerState& worker, const BodyPoses& placement) const {
   if (stage_ == kSeedScan) {
     for (std::uint64_t i = 0; i < pairs.size(); ++i)
-      for_groups(pairs[i], [&](std::uint32_t g) {
-        worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i});
-      });
+      for_groups(pairs[i],
+                 [&](std::uint32_t g) { worker.seed[g] = std::min(worker.seed[g], Seed{gap[i], begin + i}); });
   } else {
     for (std::uint64_t i = 0; i < pairs.size(); ++i) offer(begin + i, pairs[i], gap[i], worker, placement);
   }

@@ -28,9 +28,9 @@ class Scratch {
  public:
   explicit Scratch(std::size_t doubles)
       : at_(doubles <= kFew ? few_
-                            : static_cast<double*>(::operator new (doubles * sizeof(double), std::align_val_t{64}))) {}
+                            : static_cast<double*>(::operator new(doubles * sizeof(double), std::align_val_t{64}))) {}
   ~Scratch() {
-    if (at_ != few_) ::operator delete (at_, std::align_val_t{64});
+    if (at_ != few_) ::operator delete(at_, std::align_val_t{64});
   }
   Scratch(const Scratch&) = delete;
   Scratch& operator=(const Scratch&) = delete;

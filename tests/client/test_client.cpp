@@ -5,8 +5,8 @@
 
 #include <optional>
 
-#include "client/client.h"
 #include "client/channel/url.h"
+#include "client/client.h"
 #include "tests/client/scripted_server.h"
 #include "wire/wire.h"
 

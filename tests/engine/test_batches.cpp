@@ -6,8 +6,8 @@
 #include <limits>
 #include <vector>
 
+#include "engine/cost/team_cost.h"
 #include "engine/narrow/lanes.h"
-#include "engine/query/team_cost.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/engine/same_rows.h"
 

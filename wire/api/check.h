@@ -92,9 +92,8 @@ inline Query as_free_scale(Query query, std::span<const double> weights) {
 inline Query as_motions(Query query) {
   if (query.max_evaluations == 0) query.max_evaluations = kDefaultEvaluations;
   if (query.fields == kDefaultFields)
-    query.fields = query.reduce == Reduce::kAny
-                       ? kFieldStatus | kFieldVerdict | kFieldFlags | kFieldPair | kFieldTime
-                       : kDefaultFields | kFieldFlags | kFieldPair | kMotionFields;
+    query.fields = query.reduce == Reduce::kAny ? kFieldStatus | kFieldVerdict | kFieldFlags | kFieldPair | kFieldTime
+                                                : kDefaultFields | kFieldFlags | kFieldPair | kMotionFields;
   if (query.reduce != Reduce::kAny && query.abs_tol == 0 && query.rel_tol < 0) {
     query.abs_tol = 1e-3;
     query.rel_tol = 0;

@@ -179,7 +179,7 @@ class Client(RemoteFront):
         return dict(self._use().stats())
 
     def wait_covers(self, timeout_s: float = 60.0) -> bool:
-        """Waits until the daemon has made all covers and joint tables, which make decisions faster, and returns whether it has.
+        """Waits until the daemon has made all covers and joint tables. Returns whether it has.
 
         timeout_s: seconds.
         """

@@ -72,8 +72,7 @@ TEST(DenseKernels, DepthsGiveTheBitsOfTheCpu) {
       chunk.launch(static_cast<std::uint32_t>(chunk.group_of_tile.size()), [&] { answer_groups<double>(chunk.view); });
       const std::uint32_t enclosed = chunk.counts[kEnclosedPairs], left_before = chunk.counts[kRest];
       ASSERT_GT(enclosed, 4 * kFewBlocks * kDepthWarps) << "more than there are warps";
-      chunk.launch_last(
-          kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
+      chunk.launch_last(kFewBlocks, [](const ChunkView& view) { prove_depths(view); }, kDepthThreads);
       EXPECT_LT((chunk.host_counts[kRest] - left_before) * 20, enclosed) << "left to the CPU";
       chunk.expect_the_cpus(cpu, c.q, "depths");
     }

@@ -1,4 +1,4 @@
-#include "engine/query/query_cost.h"
+#include "engine/cost/query_cost.h"
 
 #include <algorithm>
 #include <set>

@@ -1,4 +1,4 @@
-#include "engine/query/team_cost.h"
+#include "engine/cost/team_cost.h"
 
 #include <algorithm>
 #include <cmath>
