@@ -121,7 +121,7 @@ void BackgroundWorker::State::work() {
   is_running = false;
 }
 
-/// Removes tasks whose results nobody waits for any more.
+/// Removes tasks without a remaining owner.
 void BackgroundWorker::State::drop_unowned() {
   std::erase_if(pending, [](const auto& task) { return task.use_count() == 1; });
   pending_count = pending.size();

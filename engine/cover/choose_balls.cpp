@@ -17,7 +17,7 @@ constexpr float kInfinity = std::numeric_limits<float>::infinity();
 constexpr std::size_t kLanes = 16;
 /// Centres tried for a ball in a round.
 constexpr int kTrials = 12;
-/// Share of what a ball stands out more than the mean.
+/// Share of the excess of a ball's stand-out over the mean.
 constexpr float kHandicap = 0.6f;
 
 /// Simplices relative to a common point. Float32 is enough for a choice.
