@@ -271,7 +271,7 @@ class Decider {
   PlacedBalls placed_;
   TableLookup tables_;
   const SpanBatch* span_ = nullptr;
-  SpanPair pair_span_{};
+  PairSpan pair_span_{};
   bool any_hit_ = true, overflow_ = false;
   std::uint64_t hit_ = kNoHit;
   std::uint64_t* open_ = nullptr;

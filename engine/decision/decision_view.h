@@ -113,7 +113,7 @@ struct SpanBody {
 };
 /// The same for two moved bodies, relative to a reference body: they come nearer by at most the lesser of `way` and the
 /// sum for both twists.
-struct SpanPair {
+struct PairSpan {
   SpanTwist a, b;
   float way, bend;
 };
@@ -129,7 +129,7 @@ struct SpanBatch {
   const DecisionView* view;
   const Pose* poses;       ///< in the middle
   const SpanBody* bodies;  ///< (columns,)
-  SpanPair (*pair)(void* context, std::uint32_t moved_pair);
+  PairSpan (*pair)(void* context, std::uint32_t moved_pair);
   void* context;
   const SpanItem* items;  ///< those to decide; null for all pairs
   std::size_t count;

@@ -199,11 +199,11 @@ void MotionDecider::take_twists(std::size_t k, double half) {
   }
 }
 
-SpanPair MotionDecider::pair_span(void* self, std::uint32_t pair) {
+PairSpan MotionDecider::pair_span(void* self, std::uint32_t pair) {
   return static_cast<MotionDecider*>(self)->pair_span(pair);
 }
 
-SpanPair MotionDecider::pair_span(std::uint32_t index) {
+PairSpan MotionDecider::pair_span(std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
   std::optional<SpanRates::PairRates>& known = pair_rates_[index];
   if (!known) known = covers_.rates()->of_pair(index, change_);

@@ -47,8 +47,8 @@ class MotionDecider {
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
   void take_twists(std::size_t k, double half);
-  static SpanPair pair_span(void* self, std::uint32_t pair);
-  SpanPair pair_span(std::uint32_t pair);
+  static PairSpan pair_span(void* self, std::uint32_t pair);
+  PairSpan pair_span(std::uint32_t pair);
 
   const CoverPlan& covers_;
   const Plan& plan_;
