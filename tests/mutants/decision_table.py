@@ -48,7 +48,7 @@ DECISION_MUTANTS = [
         ),
         ("decision_farthest", "decision/slack_bounds.cpp", "(@own@ + (is_carried ?", "0.1 * own"),
         # The search through balls.
-        ("decision_open", "decision/decide_kernel.h", "if (result != @kOpen@) return;", "Bits{9}"),
+        ("decision_open", "decision/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (
             "decision_packets",
             "decision/decide_kernel.h",
@@ -101,16 +101,16 @@ DECISION_MUTANTS = [
         (
             "decision_moved_leaf",
             "decision/decide_kernel.h",
-            "if (child == kNone || --packets_left_ < 0) { result |= @kOpen@;",
+            "result |= near >> lowest(open) & 1 ? kOpen | kNear : @kOpen@;",
             "Bits{0}",
         ),
         (
             "decision_moved_leaf_of_a",
             "decision/decide_kernel.h",
-            "if (p.children[i] == kNone) return @kOpen@;",
+            "return open & near ? kOpen | kNear : @kOpen@;",
             "Bits{0}",
         ),
-        ("decision_moved_outer", "decision/decide_kernel.h", "bound = outer_q + @Eight(p.outer[i])@", "Eight(0.0f)"),
+        ("decision_moved_outer", "decision/decide_kernel.h", "still = outer_q + @Eight(p.outer[i])@", "Eight(0.0f)"),
         (
             "decision_moved_inner",
             "decision/decide_kernel.h",
@@ -143,19 +143,19 @@ DECISION_MUTANTS = [
         (
             "decision_unknown",
             "query/decision_job.cpp",
-            "Verdict::kFree && @covers_->unknown().empty()@",
+            "Verdict::kFree && @covers().unknown().empty()@",
             "true",
         ),
         (
             "decision_left_unknown",
             "query/decision_job.cpp",
-            "open.insert(open.end(), @covers_->unknown().begin()@",
-            "covers_->unknown().end()",
+            "open.insert(open.end(), @covers().unknown().begin()@",
+            "covers().unknown().end()",
         ),
         (
             "decision_left_open",
             "query/decision_job.cpp",
-            "share.open.begin() + @decision.open_end@)",
+            "room.open.begin() + @decision.open_end@)",
             "decision.open_begin",
         ),
     ),
@@ -231,8 +231,8 @@ DECISION_MUTANTS = [
         (
             "span_open",
             "decision/motion_decider.cpp",
-            "open_.begin() + static_cast<std::ptrdiff_t>(@decision.open@)",
-            "decision.open - 1",
+            "std::span(open_).first(@open@)",
+            "open - 1",
         ),
         (
             "span_reach",
