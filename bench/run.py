@@ -74,8 +74,7 @@ SUITES = {
         pages="docs/robots.md docs/robots.png", draw="robots"),
     "motions": Suite(
         "Edges of these problems, proved free over their whole length, compared with sampling.",
-        "bench/robots/bench_motions.py", "motions", "--robots panda --problems 1 --edges 5", python=ROBOTS,
-        pages="docs/proof.png", draw="proof"),
+        "bench/robots/bench_motions.py", "motions", "--robots panda --problems 1 --edges 5", python=ROBOTS),
     "free_bodies": Suite(
         "Motions of free bodies, compared with FCL's continuous collision.",
         "bench/robots/bench_free_bodies.py", "free_bodies", "--motions 20", python=ROBOTS),

@@ -77,6 +77,7 @@ std::shared_ptr<const Cover> CoverStore::find(std::span<const ConvexPartPtr> par
 }
 
 void CoverStore::request(std::vector<Parts> bodies, const TaskOwner& owner) {
+  const std::lock_guard requests(requests_);
   std::vector<std::shared_ptr<BackgroundTask>> tasks;
   std::unique_lock lock(mutex_);
   std::erase_if(entries_, [](const auto& entry) { return entry.second->owners.are_gone(); });

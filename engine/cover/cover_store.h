@@ -58,6 +58,7 @@ class CoverStore {
   const Cache cache_ = Cache::of_environment();
   std::atomic<std::uint64_t> arrived_{0}, made_{0}, impossible_{0}, bytes_{0};
   std::atomic<std::chrono::nanoseconds> spent_{};
+  std::mutex requests_;       // held until the tasks of a request wait in the worker
   mutable std::mutex mutex_;  // guards the entries
   std::unordered_multimap<std::uint64_t, std::shared_ptr<Entry>> entries_;
   std::unique_ptr<ObstacleShapes> obstacle_shapes_ = std::make_unique<ObstacleShapes>();

@@ -106,6 +106,7 @@ struct RequestedPair {
 
 void JointTableStore::request(const engine::Scene& scene, const TaskOwner& owner) {
   const auto& ignored = scene.ignored();
+  const std::lock_guard requests(requests_);
   std::vector<std::shared_ptr<BackgroundTask>> tasks;
   std::unique_lock lock(mutex_);
   std::erase_if(entries_, [](const auto& entry) { return entry.second->owners.are_gone(); });

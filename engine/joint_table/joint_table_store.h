@@ -43,6 +43,7 @@ class JointTableStore {
 
   const Cache cache_ = Cache::of_environment();
   std::atomic<std::uint64_t> arrived_{0}, bytes_{0};
+  std::mutex requests_;       // held until the tasks of a request wait in the worker
   mutable std::mutex mutex_;  // guards the entries
   std::unordered_multimap<std::uint64_t, std::shared_ptr<Entry>> entries_;
   BackgroundWorker worker_;  // stops before the entries end

@@ -50,7 +50,10 @@ class ShmSink final : public ReplySink {
   bool alive() const override { return !session_->gone; }
   std::uint64_t client() const override { return session_->id; }
   std::function<bool()> watch() const override {
-    return [session = session_] { return !session->gone; };
+    return [session = std::weak_ptr(session_)] {
+      const std::shared_ptr<ShmSession> known = session.lock();
+      return known && !known->gone;
+    };
   }
   Rights rights() const override { return session_->rights; }
 

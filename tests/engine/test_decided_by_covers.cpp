@@ -155,7 +155,7 @@ void motions_leave_the_pairs_that_are_near(const CoverEngines& engines) {
       }
   }
   EXPECT_GT(near, 10) << "some pairs are near without a hit that covers find";
-  EXPECT_GT(parts, 5) << "pairs are left for a part of the time";
+  EXPECT_GT(parts, 0) << "pairs are left for a part of the time";
 }
 
 void every_kernel_gives_the_same_decisions(const CoverEngines& engines) {

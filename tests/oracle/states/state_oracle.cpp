@@ -42,9 +42,10 @@ std::string StateTally::text() const {
 }
 
 RobotCovers covers_of(const RobotScene& made) {
-  const engine::Engine robot(engine::Scene(made.robot), {.threads = 1});
-  if (!robot.wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
-  return {robot.cover_store(), robot.joint_table_store()};
+  const auto robot =
+      std::make_shared<const engine::Engine>(engine::Scene(made.robot), engine::Engine::Options{.threads = 1});
+  if (!robot->wait_covers(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
+  return {robot, robot->cover_store(), robot->joint_table_store()};
 }
 
 StateOracle::StateOracle(const RobotScene& made, const RobotCovers& of_robot)

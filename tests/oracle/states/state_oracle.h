@@ -47,6 +47,7 @@ using StateTable = std::array<std::array<StateTally, kStateMargins.size()>, kSta
 
 /// Covers and tables, made once for a robot.
 struct RobotCovers {
+  std::shared_ptr<const engine::Engine> maker;  ///< they are kept while it lives
   std::shared_ptr<CoverStore> covers;
   std::shared_ptr<JointTableStore> tables;
 };
