@@ -91,8 +91,8 @@ void StateOracle::compare_alone(const QueryView& batch, const ReplyView& all, St
   }
 }
 
-// A free motion is free at every time. A hit has a time within the margin, which the exact engine names: an undecided
-// motion has none, and is not checked.
+// A free motion is free at every time. A hit has a time within the margin, which the exact engine names: a motion
+// that it leaves undecided has none, and is not checked.
 void StateOracle::solve_motion(const Round& round, const QueryView& batch, std::size_t motion, Status verdict,
                                Random& random, StateTally& tally) {
   if (!is_decided(verdict)) return;
@@ -104,10 +104,10 @@ void StateOracle::solve_motion(const Round& round, const QueryView& batch, std::
     QueryView query = batch;
     query.positions = batch.positions.subspan(2 * motion * width, 2 * width);
     query.configuration_count = 2;
-    query.fields = kFieldStatus | kFieldTime;
+    query.fields = kFieldVerdict | kFieldStatus | kFieldTime;
     const test::Answer answer = test::evaluate(without_, query);
     times = {answer.view.time[0]};
-    if (std::isnan(times[0])) return;
+    if (!is_hit(static_cast<Status>(answer.view.verdict[0])) || !std::isfinite(times[0])) return;
   }
   ++tally.exact;
   tally.untrue += std::any_of(times.begin(), times.end(),
