@@ -49,6 +49,8 @@ class ReplySink {
   /// Returns a function, valid beyond the request, that tests whether the client is still connected. Null if the client
   /// is not on this machine, or its end is not detected. Called on the loop's thread.
   virtual std::function<bool()> watch() const { return nullptr; }
+  /// Whether the daemon sees at once that the client ends.
+  virtual bool sees_end() const { return false; }
   /// Rights of this client at the time of the request.
   virtual Rights rights() const { return kAllRights; }
   ServiceClass service_class() const { return class_of(rights()); }

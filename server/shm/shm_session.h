@@ -55,6 +55,7 @@ class ShmSink final : public ReplySink {
       return known && !known->gone;
     };
   }
+  bool sees_end() const override { return true; }
   Rights rights() const override { return session_->rights; }
 
  private:

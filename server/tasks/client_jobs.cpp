@@ -6,9 +6,8 @@ std::shared_ptr<JobPool> ClientJobs::pool_of(const ReplySink& sink, const QueryV
   if (!JobPool::allows(query)) return nullptr;
   auto client = clients_.find(sink.client());
   if (client == clients_.end()) {
-    std::function<bool()> is_there = sink.watch();
-    if (!is_there) return nullptr;
-    client = clients_.emplace(sink.client(), Client{std::move(is_there), RecentQueries(kJobs)}).first;
+    if (!sink.sees_end()) return nullptr;
+    client = clients_.emplace(sink.client(), Client{sink.watch(), RecentQueries(kJobs)}).first;
   }
   return client->second.queries.pool_of(query, bodies);
 }

@@ -17,7 +17,7 @@ class ClientJobs {
  public:
   static constexpr std::size_t kJobs = 2;  ///< of a query, since a client may send the next one early
 
-  /// Returns the pool of a client's query, or null for a client whose end is not detected.
+  /// Returns the pool of a client's query, or null for a client whose end is not seen at once.
   /// @param bodies number of bodies in the scene
   std::shared_ptr<JobPool> pool_of(const ReplySink& sink, const QueryView& query, std::size_t bodies);
   /// Frees the jobs of clients that are gone.

@@ -156,7 +156,7 @@ DECISION_MUTANTS = [
             "decision_left_open",
             "query/decision_job.cpp",
             "room.open.begin() + @decision.open_end@)",
-            "decision.open_begin",
+            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
         ),
     ),
     *mutants_of(

@@ -160,7 +160,7 @@ MUTANTS = [
             "middle - 1e-3",
         ),
         ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
-        ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() - 1"),
+        ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() / 2"),
         (
             "cover_cylinder",
             "cover/cover_shape.cpp",

@@ -21,8 +21,9 @@ struct FakeSink final : ReplySink {
   bool alive() const override { return *is_there; }
   std::uint64_t client() const override { return number_; }
   std::function<bool()> watch() const override {
-    return is_watched_ ? std::function<bool()>([there = is_there] { return *there; }) : nullptr;
+    return [there = is_there] { return *there; };
   }
+  bool sees_end() const override { return is_watched_; }
 
   std::shared_ptr<bool> is_there = std::make_shared<bool>(true);
 
