@@ -152,12 +152,6 @@ DECISION_MUTANTS = [
             "open.insert(open.end(), @covers().unknown().begin()@",
             "covers().unknown().end()",
         ),
-        (
-            "decision_left_open",
-            "query/decision_job.cpp",
-            "room.open.begin() + @decision.open_end@)",
-            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
-        ),
     ),
     *mutants_of(
         "decided_motions",
