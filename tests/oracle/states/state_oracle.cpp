@@ -252,10 +252,12 @@ bool StateOracle::is_contradicted(const QueryView& query, std::span<const double
 }
 
 void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdict, StateTally& tally) {
-  if (!is_decided(verdict)) return;
   const std::size_t width = joints_.size();
+  const auto positions = batch.positions.subspan(state * width, width);
+  const bool is_finite = std::all_of(positions.begin(), positions.end(), [](double q) { return std::isfinite(q); });
+  if (!is_decided(verdict) || !is_finite) return;  // of other links, a pair may be hit
   ++tally.exact;
-  tally.untrue += is_contradicted(batch, batch.positions.subspan(state * width, width), verdict);
+  tally.untrue += is_contradicted(batch, positions, verdict);
 }
 
 namespace {
