@@ -202,8 +202,8 @@ GrownFan box_of_cell(std::span<const Vec3d> points) {
 }
 
 bool has_no_cover(const ConvexPartPtr& part) {
-  return is_half_space(*part) || (part->surface && part->surface->is_cloud()) ||
-         !(part->rho + part->radius <= kMaxReach);
+  const bool is_too_large = part->surface && (part->surface->is_cloud() || part->surface->size() > kMostTriangles);
+  return is_half_space(*part) || is_too_large || !(part->rho + part->radius <= kMaxReach);
 }
 
 }  // namespace
