@@ -58,7 +58,7 @@ def main():
     # A joint without limits moves the shorter way.
     a, b = np.array([[1.0, 3.1]]), np.array([[1.0, -3.1]])
     assert abs(arm.unwrapped(a, b)[0, 1] - (2 * math.pi - 3.1)) < 1e-12
-    assert arm.motions(a, b).steps[0] <= 3
+    assert arm.motions(a, b).status[0] == clearance.Status.BEYOND
 
     definition = ob.ProblemDefinition(si)
     definition.setStartAndGoalStates(start, goal)
