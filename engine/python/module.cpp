@@ -78,7 +78,11 @@ class PyJob {
 
 /// A query whose runs share jobs.
 struct RepeatedQuery : Query {
+  /// Returns the pool of its jobs, or null for the first run: a call makes a new query, and the engine finds its jobs.
+  std::shared_ptr<JobPool> pool() const { return has_run->exchange(true) ? jobs : nullptr; }
+
   std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
+  std::shared_ptr<std::atomic<bool>> has_run = std::make_shared<std::atomic<bool>>(false);
 };
 
 static_assert(sizeof(BodyPair) == 2 * sizeof(std::uint32_t) && sizeof(Pose) == 7 * sizeof(double));
@@ -277,10 +281,11 @@ class PyEngine : public PyUpdates {
   }
 
   static PreparedQuery prepare(const engine::Engine& engine, QueryView view, const RepeatedQuery& query) {
-    if (!query.points_by_default) return engine.prepare(view, query.jobs);
+    const std::shared_ptr<JobPool> jobs = query.pool();
+    if (!query.points_by_default) return engine.prepare(view, jobs);
     const std::uint32_t without = view.fields;
     view.fields |= kFieldPoints | kFieldNormal;
-    PreparedQuery prepared = engine.prepare(view, query.jobs);
+    PreparedQuery prepared = engine.prepare(view, jobs);
     if (prepared.size().rows <= kDefaultPointsRows) return prepared;
     view.fields = without;
     return engine.prepare(view);

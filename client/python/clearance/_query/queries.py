@@ -236,7 +236,7 @@ class Queries:
     # ---- prepared and submitted -----------------------------------------------------------------------------------
 
     def prepare(self, call: str = "distances", **arguments: Any) -> Prepared:
-        """Parses a call once, for a planner or a control loop: run() costs about 2 us more than the engine.
+        """Parses a call once, for a planner or a control loop: run() costs about 1 us more than the engine.
 
         call: "distances", "check", "motions", "check_path" or "free_scale".
         arguments: those of that method by name, without its inputs (`configurations`; `start` and `end`; `path`;
