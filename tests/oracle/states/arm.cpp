@@ -5,11 +5,13 @@
 namespace clearance::exact {
 namespace {
 
-std::string text_of(const Vec3d& v) {
-  char text[100];
-  std::snprintf(text, sizeof text, "%.17g %.17g %.17g", v.x, v.y, v.z);
+std::string text_of(double number) {
+  char text[32];
+  std::snprintf(text, sizeof text, "%.17g", number);
   return text;
 }
+
+std::string text_of(const Vec3d& v) { return text_of(v.x) + " " + text_of(v.y) + " " + text_of(v.z); }
 
 struct LinkPart {
   std::string geometry;
@@ -56,7 +58,7 @@ LinkPart box_part(const Vec3d& size, const Vec3d& at) {
 }
 
 LinkPart capsule_part(double radius, double length, const Vec3d& at) {
-  return {"<capsule radius='" + std::to_string(radius) + "' length='" + std::to_string(length) + "'/>",
+  return {"<capsule radius='" + text_of(radius) + "' length='" + text_of(length) + "'/>",
           capsule_bounds(radius, length), at};
 }
 
