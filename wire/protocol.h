@@ -74,13 +74,13 @@ enum class FrameType : std::uint16_t {
   kError = 0xFF,
 };
 
-/// Begins every frame.
 /// Bits of FrameHeader::flags, of requests only.
 enum FrameFlag : std::uint64_t {
   kFramePlanning = 1,  ///< serve the request in the class `planning` even if the client has the class `control`
 };
 inline constexpr std::uint64_t kKnownFrameFlags = kFramePlanning;
 
+/// Begins every frame.
 struct FrameHeader {
   std::uint32_t magic = kMagic;
   std::uint16_t version = kVersion;

@@ -37,6 +37,12 @@ void check_reply(const MemoryFrame& frame) {
     case wire::FrameType::kSceneChanged:
       wire::parse_scene_changed(payload);
       break;
+    case wire::FrameType::kJoints:
+      wire::parse_joints(payload);
+      break;
+    case wire::FrameType::kCertificate:
+      require(!payload.empty(), "a certificate has a document");
+      break;
     case wire::FrameType::kPlan:
       wire::parse_plan(payload);
       break;
