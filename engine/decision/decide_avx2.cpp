@@ -12,6 +12,10 @@ SpanDecision run_decide_span_avx2(const SpanBatch& batch) {
   return decide_avx2::decide_span(batch);
 }
 
+GuessedHit guess_hit_avx2(const HitGuess& guess) {
+  return decide_avx2::guess_hit(guess);
+}
+
 void run_distances_avx2(const DistanceBatch& batch, const DistanceRoom& room) {
   decide_avx2::bound_distances(batch, room);
 }

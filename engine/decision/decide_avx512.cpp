@@ -12,6 +12,10 @@ SpanDecision run_decide_span_avx512(const SpanBatch& batch) {
   return decide_avx512::decide_span(batch);
 }
 
+GuessedHit guess_hit_avx512(const HitGuess& guess) {
+  return decide_avx512::guess_hit(guess);
+}
+
 void run_distances_avx512(const DistanceBatch& batch, const DistanceRoom& room) {
   decide_avx512::bound_distances(batch, room);
 }

@@ -12,6 +12,10 @@ SpanDecision run_decide_span_baseline(const SpanBatch& batch) {
   return decide_baseline::decide_span(batch);
 }
 
+GuessedHit guess_hit_baseline(const HitGuess& guess) {
+  return decide_baseline::guess_hit(guess);
+}
+
 void run_distances_baseline(const DistanceBatch& batch, const DistanceRoom& room) {
   decide_baseline::bound_distances(batch, room);
 }

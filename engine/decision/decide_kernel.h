@@ -10,6 +10,7 @@
 #include <cstdint>
 
 #include "engine/cover/point_gaps.h"
+#include "engine/decision/hit_guess.h"
 #include "engine/decision/placed_balls.h"
 #include "engine/decision/table_lookup.h"
 
@@ -57,6 +58,7 @@ class Decider {
     if (overflow_) return result;
     result.open = count_;
     result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    if (hit_ != kNoHit) result.hit = ball_hit_;
     return result;
   }
 
@@ -150,7 +152,13 @@ class Decider {
     PointGaps gaps;
     point_gaps(obstacle, c.x, c.y, c.z, gaps);
     const Bits used = first(packet.count);
-    if (greater(Eight::load(packet.inner) + Eight(shrink), Eight::load(gaps.high)) & used) return kHit;
+    if (const Bits in = greater(Eight::load(packet.inner) + Eight(shrink), Eight::load(gaps.high)) & used) {
+      if constexpr (kMoves)
+        ball_hit_ = {static_cast<std::uint32_t>(&obstacle - v_.obstacles), body,
+                     static_cast<std::uint32_t>(&packet - v_.bodies[body].packets),
+                     static_cast<std::uint32_t>(lowest(in))};
+      return kHit;
+    }
     Eight bound = Eight::load(packet.outer) + Eight(grow);
     if constexpr (kMoves) bound = bound + Eight::load(c.way);
     Bits result = 0;
@@ -272,6 +280,7 @@ class Decider {
   TableLookup tables_;
   const SpanBatch* span_ = nullptr;
   PairSpan pair_span_{};
+  BallHit ball_hit_;
   bool any_hit_ = true, overflow_ = false;
   std::uint64_t hit_ = kNoHit;
   std::uint64_t* open_ = nullptr;

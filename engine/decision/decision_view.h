@@ -139,9 +139,28 @@ struct SpanBatch {
   const double* positions = nullptr;      ///< of joints in the middle; null to use no tables
   const double* reach = nullptr;          ///< change of each position until the span's ends, >= 0
 };
+/// A ball of a moved body inside an obstacle.
+struct BallHit {
+  std::uint32_t obstacle = kNone, body = 0, packet = 0, ball = 0;
+  bool operator==(const BallHit&) const = default;
+};
 struct SpanDecision {
   Verdict verdict = Verdict::kUnresolved;
   std::size_t open = 0;  ///< number of items left open; 0 if the span could not be decided at all
+  BallHit hit;           ///< of kHit by a ball; without an obstacle for other hits
+};
+
+/// Balls that were inside obstacles in other spans, to be tried in the middles of some.
+struct HitGuess {
+  const DecisionView* view;
+  const Pose* poses;              ///< (states, stride)
+  std::size_t stride, states;     ///< at most 8 states
+  std::span<const BallHit> hits;  ///< of bodies with a pose of their own (DecidedBody::is_direct)
+};
+/// The first ball that seems to be inside its obstacle again, without a proof, and the state.
+struct GuessedHit {
+  const BallHit* hit = nullptr;
+  std::size_t state = 0;
 };
 
 /// One version of the kernel; all give the same results.
@@ -149,6 +168,7 @@ struct DecisionKernel {
   const char* name;  ///< "avx512", "avx2", "baseline"
   void (*run)(const DecisionBatch&, const DecisionRoom&);
   SpanDecision (*run_span)(const SpanBatch&);
+  GuessedHit (*guess_hit)(const HitGuess&);
 };
 /// The versions that this machine can run, the fastest first.
 std::span<const DecisionKernel> decision_kernels();

@@ -75,24 +75,34 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
   int divided = 0;
+  bool is_first = true;
   for (; !spans_.empty(); half *= 0.5) {
     for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
     next_.clear();
     next_items_.clear();
+    bool is_undecided = false;
     for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
       const std::size_t together = std::min(kTogether, spans_.size() - first);
       place(std::span(spans_).subspan(first, together));
+      if (is_first && hits_again(half)) return Verdict::kHit;
+      is_first = false;
       for (std::size_t k = 0; k < together; ++k) {
         const Span& span = spans_[first + k];
-        const SpanDecision decision = decide(k, span, half);
-        if (decision.verdict == Verdict::kHit) return Verdict::kHit;
-        if (decision.verdict == Verdict::kFree) continue;
-        if (decision.open == 0) {
-          left_.clear();
-          return Verdict::kUnresolved;
+        const SpanDecision decision = decide(k, std::span(items_).subspan(span.begin, span.end - span.begin), half);
+        if (decision.verdict == Verdict::kHit) {
+          remember(decision.hit);
+          return Verdict::kHit;
         }
-        divide(span, decision.open, half, half > kLeastSpan && ++divided <= kMostSpans);
+        if (decision.verdict == Verdict::kFree) continue;
+        if (decision.open == 0)
+          is_undecided = true;
+        else
+          divide(span, decision.open, half, half > kLeastSpan && ++divided <= kMostSpans);
       }
+    }
+    if (is_undecided) {
+      left_.clear();
+      return Verdict::kUnresolved;
     }
     std::swap(spans_, next_);
     std::swap(items_, next_items_);
@@ -159,14 +169,43 @@ void MotionDecider::place(std::span<const Span> spans) {
   }
 }
 
-SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half) {
+bool MotionDecider::is_placed(std::size_t k) const {
   const auto facts = std::span(facts_).subspan(k * plan_.bodies.size(), plan_.bodies.size());
-  if (std::any_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); })) return {};
+  return std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+}
+
+// Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
+SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
+  if (!is_placed(k)) return {};
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
-                           span.end > span.begin ? items_.data() + span.begin : nullptr, span.end - span.begin,
-                           open_.data(), open_.size(), is_left_.data(), rows_.data() + k * plan_.joints.size(),
-                           reach_.data()});
+                           items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
+                           is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
+}
+
+// Whether a ball that was in an obstacle in an earlier motion is so in a span of this one. It decides nothing else:
+// that span would be found to hit in its turn, too.
+bool MotionDecider::hits_again(double half) {
+  if (hits_.empty()) return false;
+  const GuessedHit guess =
+      kernel_.guess_hit({&covers_.view(), poses_.data(), plan_.bodies.size(), spans_.size(), hits_});
+  if (!guess.hit) return false;
+  const BallHit hit = *guess.hit;
+  const SpanItem item{hit.obstacle, hit.body};
+  if (decide(guess.state, {&item, 1}, half).verdict != Verdict::kHit) return false;
+  remember(hit);
+  ++guessed_;
+  return true;
+}
+
+void MotionDecider::remember(const BallHit& hit) {
+  if (hit.obstacle == kNone || !covers_.view().bodies[hit.body].is_direct) return;
+  const auto known = std::find(hits_.begin(), hits_.end(), hit);
+  if (known != hits_.end())
+    std::rotate(hits_.begin(), known, known + 1);
+  else
+    hits_.insert(hits_.begin(), hit);
+  if (hits_.size() > kMostHits) hits_.pop_back();
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.

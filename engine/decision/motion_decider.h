@@ -29,6 +29,8 @@ class MotionDecider {
   Verdict decide(std::uint64_t motion);
   /// By position, once each. Empty if the motion is open as a whole.
   std::span<const OpenPair> open() const { return left_; }
+  /// Motions that were found to hit by a ball that had hit in an earlier one.
+  std::uint64_t guessed() const { return guessed_; }
 
  private:
   static constexpr std::size_t kTogether = 8;   // spans placed at once
@@ -41,9 +43,14 @@ class MotionDecider {
     std::size_t begin, end;  // in items_; empty for all
   };
 
+  static constexpr std::size_t kMostHits = 8;
+
   bool begin(std::uint64_t motion);
+  bool hits_again(double half);
+  void remember(const BallHit& hit);
   void place(std::span<const Span> spans);
-  SpanDecision decide(std::size_t k, const Span& span, double half);
+  bool is_placed(std::size_t k) const;
+  SpanDecision decide(std::size_t k, std::span<const SpanItem> items, double half);
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
   void take_twists(std::size_t k, double half);
@@ -73,6 +80,8 @@ class MotionDecider {
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
   std::vector<OpenPair> left_;
+  std::vector<BallHit> hits_;  // of the last motions, the latest first
+  std::uint64_t guessed_ = 0;
   std::vector<std::uint8_t> is_left_;  // by moved pair: in this motion the exact engine decides it
 };
 

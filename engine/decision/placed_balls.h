@@ -55,6 +55,21 @@ HWY_INLINE Frame64 product(const Frame64& a, const Frame64& b) {
   return c;
 }
 
+/// Rotations of eight unit quaternions, row by row.
+template <class Store>
+HWY_INLINE void rotations(const Eight& w, const Eight& x, const Eight& y, const Eight& z, const Store& store) {
+  const Eight one(1), two(2);
+  store(0, one - two * (y * y + z * z));
+  store(1, two * (x * y - w * z));
+  store(2, two * (x * z + w * y));
+  store(3, two * (x * y + w * z));
+  store(4, one - two * (x * x + z * z));
+  store(5, two * (y * z - w * x));
+  store(6, two * (x * z - w * y));
+  store(7, two * (y * z + w * x));
+  store(8, one - two * (x * x + y * y));
+}
+
 /// The bodies of a query in one state.
 class PlacedBalls {
  public:
@@ -175,18 +190,8 @@ class PlacedBalls {
   }
   /// Rotations of the quaternions of eight columns.
   HWY_INLINE void rotate(std::uint32_t begin) {
-    const Eight w = Eight::load(q_[0] + begin), x = Eight::load(q_[1] + begin), y = Eight::load(q_[2] + begin),
-                z = Eight::load(q_[3] + begin), one(1), two(2);
-    const auto store = [&](int k, const Eight& value) { value.store(R_[k] + begin); };
-    store(0, one - two * (y * y + z * z));
-    store(1, two * (x * y - w * z));
-    store(2, two * (x * z + w * y));
-    store(3, two * (x * y + w * z));
-    store(4, one - two * (x * x + z * z));
-    store(5, two * (y * z - w * x));
-    store(6, two * (x * z - w * y));
-    store(7, two * (y * z + w * x));
-    store(8, one - two * (x * x + y * y));
+    rotations(Eight::load(q_[0] + begin), Eight::load(q_[1] + begin), Eight::load(q_[2] + begin),
+              Eight::load(q_[3] + begin), [&](int k, const Eight& value) { value.store(R_[k] + begin); });
   }
   HWY_INLINE void place_roots(std::uint32_t begin) {
     const Eight x = Eight::load(v_.root_x + begin), y = Eight::load(v_.root_y + begin),

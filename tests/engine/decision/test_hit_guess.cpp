@@ -1,0 +1,94 @@
+// Balls that hit in earlier motions are tried first in later ones. That changes no verdict.
+#include <gtest/gtest.h>
+
+#include <vector>
+
+#include "engine/cover/cover_store.h"
+#include "engine/decision/motion_decider.h"
+#include "engine/selection/configuration_poses.h"
+#include "engine/selection/plan.h"
+#include "engine/state/pose_store.h"
+#include "tests/engine/crowded_arm.h"
+
+namespace clearance::test {
+namespace {
+
+// The arm in the crowded scene with its covers, and states of it.
+struct Crowded {
+  engine::Scene scene = crowded_scene();
+  CoverStore covers;
+  PoseStore poses{scene, std::chrono::seconds(60)};
+  ArmStates arm;
+  Plan plan;
+
+  explicit Crowded(int states) : arm(scene, states) {
+    arm.query.fields = kFieldVerdict;
+    for (const Body& body : scene.bodies())
+      if (body.robot != kNone) covers.request({body.parts});
+    EXPECT_TRUE(covers.wait(kCoversPatience));
+  }
+  const Plan& make() {
+    plan = make_plan(arm.query, scene, poses.snapshot(), 1u << 20, true);
+    plan.uncertainties = uncertainties_of(scene, *plan.snapshot, plan.begun_ns);
+    return plan;
+  }
+};
+
+TEST(HitGuess, EarlierMotionsChangeNoVerdict) {
+  constexpr std::uint32_t kMotions = 400;
+  Crowded crowded(2 * kMotions);
+  crowded.arm.query.max_evaluations = 64;
+  const Plan& plan = crowded.make();
+  const auto covers = CoverPlan::make(crowded.scene, plan, crowded.covers, nullptr);
+  ASSERT_TRUE(covers && covers->rates());
+  MotionDecider onwards(*covers, plan), backwards(*covers, plan);
+  std::vector<Verdict> verdicts;
+  std::size_t hits = 0;
+  for (std::uint32_t i = 0; i < kMotions; ++i) {
+    verdicts.push_back(onwards.decide(i));
+    hits += verdicts.back() == Verdict::kHit;
+    EXPECT_EQ(MotionDecider(*covers, plan).decide(i), verdicts.back()) << i;
+  }
+  for (std::uint32_t i = kMotions; i-- > 0;) EXPECT_EQ(backwards.decide(i), verdicts[i]) << i;
+  EXPECT_GT(hits, 50u);
+  EXPECT_GT(onwards.guessed(), 20u);
+  EXPECT_GT(backwards.guessed(), 20u);
+}
+
+TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
+  constexpr std::uint32_t kStates = 64, kTogether = 8;
+  Crowded crowded(kStates);
+  const Plan& plan = crowded.make();
+  const auto covers = CoverPlan::make(crowded.scene, plan, crowded.covers, nullptr);
+  ASSERT_TRUE(covers);
+  const DecisionView& view = covers->view();
+  ConfigurationPoses at(plan);
+  const auto block = at.at(0, kStates);
+  const std::vector<std::uint8_t> usable(kStates, 1);
+  std::vector<Decision> decisions(kStates);
+  std::vector<std::uint64_t> open(kStates * std::size_t{plan.pairs.size()});
+  decision_kernels()[0].run({&view, block.poses.data(), plan.bodies.size(), kStates, usable.data(), true},
+                            {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
+  std::size_t guessed = 0;
+  for (std::uint32_t first = 0; first < kStates; first += kTogether)
+    for (std::uint32_t b = 0; b < view.body_count; ++b)
+      for (std::uint32_t o = 0; o < view.obstacle_count; ++o)
+        for (std::uint32_t ball = 0; view.bodies[b].is_direct && ball < view.bodies[b].packets->count; ++ball) {
+          const BallHit hit{o, b, 0, ball};
+          const HitGuess guess{
+              &view, block.poses.data() + first * plan.bodies.size(), plan.bodies.size(), kTogether, {&hit, 1}};
+          const GuessedHit found = decision_kernels()[0].guess_hit(guess);
+          for (const DecisionKernel& kernel : decision_kernels()) {
+            const GuessedHit same = kernel.guess_hit(guess);
+            EXPECT_EQ(same.hit, found.hit) << kernel.name;
+            EXPECT_EQ(same.state, found.state) << kernel.name;
+          }
+          if (!found.hit) continue;
+          ++guessed;
+          EXPECT_EQ(decisions[first + found.state].verdict, Verdict::kHit);
+        }
+  EXPECT_GT(guessed, 20u);
+}
+
+}  // namespace
+}  // namespace clearance::test
