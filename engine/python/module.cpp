@@ -17,6 +17,7 @@
 #include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
+#include "engine/python/path_binding.h"
 #include "engine/python/scene_bindings.h"
 #include "engine/python/update_binding.h"
 #include "engine/query/job_pool.h"
@@ -214,6 +215,15 @@ class PyEngine : public PyUpdates {
     engine->size(view);
   }
 
+  nb::tuple find_path(const RepeatedQuery& query, const PositionRow& start, const PositionRow& goal, double range,
+                      std::uint64_t max_iterations, std::uint32_t shortcuts, std::uint64_t seed) const {
+    const QueryView view = view_of(query);
+    const std::shared_ptr<engine::Engine> engine = use();
+    check_query_ids(*engine, query.scene_revision, view);
+    return python::find_path(engine, query, view, {start.data(), start.shape(0)}, {goal.data(), goal.shape(0)},
+                             {range, max_iterations, shortcuts, seed});
+  }
+
   nb::object pairs(const RepeatedQuery& query) const {
     auto* pairs = new std::vector<BodyPair>();
     nb::capsule owner(pairs, [](void* p) noexcept { delete static_cast<std::vector<BodyPair>*>(p); });
@@ -338,6 +348,8 @@ NB_MODULE(_engine, m) {
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
       .def("check", &PyEngine::check, nb::arg("query"))
+      .def("find_path", &PyEngine::find_path, nb::arg("query"), nb::arg("start"), nb::arg("goal"), nb::arg("range"),
+           nb::arg("max_iterations"), nb::arg("shortcuts"), nb::arg("seed"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("poses").none(),

@@ -15,7 +15,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 SOURCES = (".h", ".cpp", ".cu", ".cuh")
-FOLDERS = ("wire", "engine", "client", "server", "cli", "inspect", "bench", "tests")
+FOLDERS = ("wire", "engine", "planner", "client", "server", "cli", "inspect", "bench", "tests")
 MOST = 25  # sources in a folder
 
 
@@ -49,10 +49,10 @@ def files() -> list[Path]:
 
 
 def source_of(name: str) -> Path:
-    """Returns the file of an include: <clearance/x.h> is installed from one of five folders."""
+    """Returns the file of an include: <clearance/x.h> is installed from one of six folders."""
     if name.startswith("clearance/"):
         leaf = name.removeprefix("clearance/")
-        folders = map(Path, ("wire", "wire/api", "client", "client/channel", "engine/api"))
+        folders = map(Path, ("wire", "wire/api", "client", "client/channel", "engine/api", "planner"))
         return next((folder / leaf for folder in folders if (ROOT / folder / leaf).is_file()), Path(name))
     return Path(name)
 

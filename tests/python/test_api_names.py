@@ -52,6 +52,7 @@ PYTHON_ONLY = {
         "groups": "in scene()",
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
+        "plan": "a function of planner.h, for clients, too",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
     },
     "Client": {

@@ -42,6 +42,7 @@ from ._query.certificate import Certificate
 from ._query.check import Check
 from ._query.future import Future
 from ._query.path import PathCheck
+from ._query.plan import PathPlan
 from ._query.prepared import Prepared
 from ._query.result import Result
 from ._scene_changes import SceneChanged
@@ -84,6 +85,7 @@ __all__ = [
     "UpdateResult",
     "Precision",
     "PathCheck",
+    "PathPlan",
     "Prepared",
     "QueryError",
     "Reduce",

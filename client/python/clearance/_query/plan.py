@@ -1,0 +1,107 @@
+"""Paths of joints whose every motion is proved free."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Optional
+
+import numpy as np
+
+from .._arguments import to_bool, to_count, to_floats, to_integer, to_number_from_0
+from .._joints import JointsRef
+from .._names import Margin, Pairs
+from .certificate import Certificate
+from .check import Check
+
+
+@dataclass(frozen=True)
+class PathPlan:
+    """A path that is proved free, or the reason why there is none. As a bool, whether there is a path."""
+
+    path: Optional[np.ndarray]  #: (N, J) waypoints, radians and metres; None if none was found
+    reason: str  #: why there is no path; empty if there is one
+    check: Check  #: the start and the goal: their verdicts, pairs and limit violations
+    iterations: int  #: samples drawn
+    motions: int  #: motions that were tried
+    #: Bounds of the least distance of all pairs along the path, metres; None without a path, or if not requested.
+    clearance: Optional[tuple[float, float]] = None
+    certificate: Optional[Certificate] = None  #: proofs that all motions are free, if requested
+
+    def __bool__(self) -> bool:
+        return self.path is not None
+
+
+def plan_path(
+    engine: Any,
+    start: Any,
+    goal: Any,
+    joints: JointsRef,
+    pairs: Pairs,
+    margin: Margin,
+    search: dict[str, Any],
+    clearance: bool,
+    certificate: bool,
+) -> PathPlan:
+    """Implements Engine.plan(), of `engine`. search: range, max_iterations, shortcuts and seed."""
+    options = _checked(search)
+    with_clearance, with_certificate = to_bool(clearance, "clearance"), to_bool(certificate, "certificate")
+    common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
+    prepared = engine.prepare("motions", reduce="any", fields="verdict", **common)
+    ends = _ends(start, goal, prepared._query.joint_count)
+    check = engine.check(ends, **common)
+    if not check:
+        return PathPlan(None, _why_not(check), check, 0, 0)
+
+    run, _, _ = prepared._call.read(ends[:1], ends[1:])
+    states, iterations, motions = prepared._retried(
+        lambda current, *_: engine._find_path(current, ends, **options), (run, None, None)
+    )
+    if not len(states):
+        reason = f"no path after {iterations} iterations"
+        if not engine.wait_covers(0.0):
+            reason += "; covers, which make them faster, are not ready: wait_covers()"
+        return PathPlan(None, reason, check, iterations, motions)
+
+    path = states.reshape(-1, ends.shape[1])
+    bounds: Optional[tuple[float, float]] = None
+    proof: Optional[Certificate] = None
+    if with_clearance:
+        least = engine.motions(path[:-1], path[1:], reduce="min", joints=joints, pairs=pairs)
+        bounds = float(least.lower.min()), float(least.upper.min())
+    if with_certificate:
+        proof = engine.certificate(start=path[:-1], end=path[1:], reduce="any", **common)
+    return PathPlan(path, "", check, iterations, motions, bounds, proof)
+
+
+def _ends(start: Any, goal: Any, joints: int) -> np.ndarray:
+    rows = []
+    for value, what in ((start, "start"), (goal, "goal")):
+        row = to_floats(value, what, "(J,) numbers")
+        if row.shape != (joints,):
+            raise ValueError(f"{what}: expected shape ({joints},), one number for each joint, got {row.shape}")
+        if not np.isfinite(row).all():
+            raise ValueError(f"{what}: expected finite numbers, got {row.tolist()}")
+        rows.append(row)
+    return np.array(rows)
+
+
+def _checked(search: dict[str, Any]) -> dict[str, Any]:
+    """Returns the options of the search, or raises an error that names one."""
+    options: dict[str, Any] = {name: to_count(search[name], name) for name in ("max_iterations", "shortcuts")}
+    options["shortcuts"] = min(options["shortcuts"], 2**32 - 1)
+    options["range"] = to_number_from_0(search["range"], "range")
+    if not 0 < options["range"] < math.inf:
+        raise ValueError(f"range: expected a number above 0, got {search['range']!r}")
+    options["seed"] = to_integer(search["seed"], "seed") % 2**64
+    return options
+
+
+def _why_not(check: Check) -> str:
+    for k, what in enumerate(("the start", "the goal")):
+        if not check.free[k]:
+            a, b = check.pair_names[k]
+            proved = "is" if check.hit[k] else "is not proved not to be"
+            return f"{what} is not free: the pair {a}, {b} {proved} within its margin"
+    violation = check.limit_violations[0]
+    return f"{('the start', 'the goal')[violation.configuration]} is beyond the limits of a joint: {violation}"
