@@ -10,8 +10,8 @@
 
 namespace clearance {
 
-/// A body and the value of `mesh_as` that it requires: kSolid, kSurface if the mesh is open, or kAuto if that is not
-/// known because there are several meshes.
+/// A body and the value of `mesh_as` that it requires: kSolid, kSurface if the mesh is open, or kAuto for
+/// several meshes.
 struct MeshModel {
   std::uint32_t body = kNone;
   MeshAs mesh_as = MeshAs::kAuto;
@@ -24,7 +24,7 @@ struct GroupModel {
   std::string group;                   ///< the robot's name, "movable bodies", "static bodies" or "clouds"
   std::size_t bodies = 0;              ///< with geometry
   std::size_t concave = 0;             ///< bodies that are not proved convex
-  std::size_t unknown = 0;             ///< of these, made of several meshes: the deviation of a hull is not known
+  std::size_t unknown = 0;             ///< of these, made of several meshes, without a bound for a hull
   double hull_excess = 0;              ///< metres: bound on how much too small distances of hulls are, of one body
   std::uint32_t farthest = kNone;      ///< the body with that bound
   std::uint64_t elements = 0;          ///< triangles of true meshes, or points of clouds

@@ -1,4 +1,4 @@
-"""The extremes of bench/tradeoff are as near as their names say, and each interval is proved."""
+"""The extremes of bench/tradeoff have the gaps of their names, and each interval is proved."""
 
 import sys
 from types import SimpleNamespace
