@@ -82,7 +82,7 @@ def models():
         hulls, meshes = (f"{name}, {model}{what}" for model in ("hulls", "meshes"))
         ratios = [costs.number(meshes, *key) / costs.number(hulls, *key)
                   for key in (("decision", "0"), ("least", EXACT), ("least", "0.001"), ("least", "0.01"))]  # fmt: skip
-        lines.append([row["robot"], f"{row['rejected']} of {row['free']}", row["short_mm"], row["short_most_mm"],
+        lines.append([row["robot"], f"{row['rejected']} of {row['free']}", f"{float(row['short_mm']):.2f}", f"{float(row['short_most_mm']):.2f}",
                       *map(times, ratios)])  # fmt: skip
     header = ["", "free states rejected", "short by, median [mm]", "most [mm]", "meshes cost: free or not", "exact",
               "1 mm", "1 cm"]  # fmt: skip
@@ -134,7 +134,7 @@ def claims():
         "samples cost more": all_of(
             costs.number(w, "sampled", "0") > 1.5 * costs.number(w, "decision", "0") for w in edges
         ),
-        "samples miss": all_of(costs.number(w, "sampled", "0", "wrong") > 0 for w in edges),
+        "samples miss": sum(costs.number(w, "sampled", "0", "wrong") for w in edges) > 0,
         "hulls of the UR5": share["UR5" + ITSELF] > 0.1,
         "hulls of the Panda": share["Panda" + ITSELF] < 0.01,
         "abs_tol for touching": all_of(

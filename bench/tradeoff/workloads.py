@@ -8,7 +8,7 @@ import numpy as np
 
 import clearance
 import problems
-from contenders import scene_of
+from contenders import shape_of
 from surface_shapes import poses, ring
 
 COVERS = ("off", "background")
@@ -29,8 +29,8 @@ class Batch:
     pairs: Any
     inputs: tuple[np.ndarray, ...]  # states; or starts and ends of edges
 
-    def least(self, covers, **tolerance):
-        return self._prepared(covers, "min", fields=("lower", "upper", "status"), **tolerance)
+    def least(self, covers, fields=("lower", "upper", "status"), **tolerance):
+        return self._prepared(covers, "min", fields=fields, **tolerance)
 
     def decision(self, covers, margin):
         return self._prepared(covers, "any", fields="verdict", margin=margin)
@@ -84,24 +84,28 @@ def edges_of(starts, group, rng):
     return np.clip(starts + way, group.lower, group.upper)
 
 
-def robot_batches(robot, model, itself=False, cloud=False, edges=False):
+def robot_batches(robot, model, itself=False, cloud=False, edges=False, on_map=False):
     """Batches of a robot against its problems' obstacles, and `itself`; a cloud replaces the obstacles."""
+    base = np.array([4e6, 5e5, 0]) if on_map else np.zeros(3)  # metres
 
     def batches(options):
         resources = problems.fetch()
         for problem in problems.load(resources, robot, options.problems):
             rng = np.random.default_rng([problem.number, options.seed])
+            scene = clearance.Scene()
+            scene.add_robot(robot, mesh_as=MODELS[model], static=True, base=[*base, 1, 0, 0, 0],
+                            **problems.files_of(resources, robot))  # fmt: skip
+            links = len(scene.bodies)
             if cloud:
-                points = points_on(problem.obstacles, rng)
-                problem.obstacles = []
-            scene = scene_of(problem, resources, MODELS[model])
-            if cloud:
+                points = points_on(problem.obstacles, np.random.default_rng(options.seed))
                 scene.add_points("cloud_obstacle", points, radius=CLOUD_RADIUS, static=True)
+            for thing in [] if cloud else problem.obstacles:
+                pose = [*(thing.pose[:3] + base), *thing.pose[3:]]
+                scene.add_body(f"{thing.name}_obstacle", static=True, pose=pose, **shape_of(thing))
             engines = engines_of(scene)
             group = engines["off"].joints([f"{robot}/{joint}" for joint in problem.goal])
-            obstacles = [body.name for body in scene.bodies if body.name.endswith("_obstacle")]
-            pairs = None if itself else [(robot, name) for name in obstacles]
-            states = states_of(problem, group, options.states, np.random.default_rng([problem.number, options.seed]))
+            pairs = None if itself else [(robot, body.name) for body in list(scene.bodies)[links:]]
+            states = states_of(problem, group, options.states, rng)
             inputs = (states, edges_of(states, group, rng)) if edges else (states,)
             yield Batch(problem.name, engines, {"joints": group}, pairs, inputs)
 
@@ -192,6 +196,7 @@ def workloads(robots):
                 name = f"{ROBOTS[robot]}, {model}{' and itself' if itself else ''}"
                 found.append(Workload(name, robot_batches(robot, model, itself)))
         found.append(Workload(f"{ROBOTS[robot]}, cloud", robot_batches(robot, "hulls", cloud=True)))
+    found.append(Workload(f"{ROBOTS[robots[0]]}, on a map", robot_batches(robots[0], "hulls", on_map=True)))
     for robot in robots:
         found.append(Workload(f"{ROBOTS[robot]}, edges", robot_batches(robot, "hulls", edges=True), is_motion=True))
     found += [Workload(f"free {model}", free_bodies(model)) for model in MODELS]
