@@ -82,8 +82,8 @@ def models():
         hulls, meshes = (f"{name}, {model}{what}" for model in ("hulls", "meshes"))
         ratios = [costs.number(meshes, *key) / costs.number(hulls, *key)
                   for key in (("decision", "0"), ("least", EXACT), ("least", "0.001"), ("least", "0.01"))]  # fmt: skip
-        lines.append([row["robot"], f"{row['rejected']} of {row['free']}", f"{float(row['short_mm']):.2f}", f"{float(row['short_most_mm']):.2f}",
-                      *map(times, ratios)])  # fmt: skip
+        short = [f"{float(row[column]):.2f}" for column in ("short_mm", "short_most_mm")]
+        lines.append([row["robot"], f"{row['rejected']} of {row['free']}", *short, *map(times, ratios)])
     header = ["", "free states rejected", "short by, median [mm]", "most [mm]", "meshes cost: free or not", "exact",
               "1 mm", "1 cm"]  # fmt: skip
     return markdown(header, lines)
