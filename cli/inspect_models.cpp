@@ -31,7 +31,7 @@ void print_model(const engine::Scene& scene, const GroupModel& g) {
   std::printf("\n");
 }
 
-std::string names_of(const engine::Scene& scene, const std::vector<MeshModel>& bodies, MeshAs mesh_as) {
+std::string mesh_names(const engine::Scene& scene, const std::vector<MeshModel>& bodies, MeshAs mesh_as) {
   constexpr std::size_t kMost = 4;
   std::string text;
   std::size_t count = 0;
@@ -65,7 +65,7 @@ void print_models(const engine::Scene& scene, const std::vector<GroupModel>& mod
   }
   std::printf("hulls stand out too far: ");
   for (const MeshAs mesh_as : {MeshAs::kSolid, MeshAs::kSurface, MeshAs::kAuto})
-    if (const std::string names = names_of(scene, meshes, mesh_as); !names.empty())
+    if (const std::string names = mesh_names(scene, meshes, mesh_as); !names.empty())
       std::printf("mesh_as: %s for %s; ", std::string(word_of(mesh_as)).c_str(), names.c_str());
   std::printf("mesh_as: hull for the others\n");
 }
