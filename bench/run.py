@@ -103,16 +103,10 @@ SUITES = {
         "Changes of a scene in process, compared with new engines.",
         "bench/load/bench_changes.py", "changes", "--bodies 10 --runs 3"),
     "tradeoff": Suite(
-        "Time against accuracy for every setting of a query.",
-        "build/bin/clearance-tradeoff", "tradeoff", "--brief --rounds 1 --steps 2", targets="clearance-tradeoff",
+        "Time against tolerance and margin: robots, edges, true meshes, clouds, numerical extremes.",
+        "bench/tradeoff/bench_tradeoff.py", "tradeoff tradeoff_models tradeoff_extremes",
+        "--robots panda --problems 1 --states 6 --rounds 1", options="--results {results}", python="bench/tradeoff",
         pages="docs/tradeoff.md docs/tradeoff.png", draw="tradeoff"),
-    "shapes": Suite(
-        "What robots' meshes are taken for: time, and free states rejected, by choice.",
-        "bench/robots/bench_shapes.py", "shapes", "--robots ur5 --problems 1 --states 5", python=ROBOTS,
-        pages="docs/tradeoff.md"),
-    "edges": Suite(
-        "Proved edges, compared with sampled ones, by margin and tolerance.",
-        "bench/tradeoff/bench_edges.py", "edges", "--edges 20 --rounds 1", pages="docs/tradeoff.md"),
     "report": Suite(
         "The experiments of the 2023 report with its systems, ours and Coal.",
         "bench/report/bench_report.py", "report", "--brief", targets="clearance-report",

@@ -8,6 +8,7 @@
 #include <memory>
 
 #include "cli/commands.h"
+#include "cli/inspect_models.h"
 
 namespace clearance::cli {
 namespace {
@@ -131,11 +132,9 @@ void print_report(const InspectCommand& o, const engine::Scene& scene, const Sce
   std::cout.flush();
   for (const Body& body : scene.bodies()) print_uncertainty(body);
   std::fflush(stdout);
-  if (!report.choices.empty()) {
-    std::cout << "\nAlternatives for non-convex meshes\n";
-    choices_of(scene, report).print(std::cout, Output::kTable);
-    std::cout << "\n";
-  }
+  std::printf("\nModels of bodies\n");
+  print_models(scene, report.models, o.options.margin);
+  std::fflush(stdout);
   if (!report.covers.empty()) {
     std::cout << "\nCovers of bodies that may move, by levels 0 to 3\n";
     covers_of(scene, report, !o.no_times).print(std::cout, Output::kTable);
@@ -160,6 +159,8 @@ void print_report_json(const InspectCommand& o, const engine::Scene& scene, cons
   warnings_of(scene, report).print(std::cout, Output::kJson);
   std::cout << ",\n\"choices\": ";
   choices_of(scene, report).print(std::cout, Output::kJson);
+  std::cout << ",\n\"models\": ";
+  table_of_models(scene, report.models).print(std::cout, Output::kJson);
   std::cout << ",\n\"covers\": ";
   covers_of(scene, report, !o.no_times).print(std::cout, Output::kJson);
   std::cout << ",\n\"pairs\": " << report.pairs << ", \"bytes\": " << report.bytes
@@ -197,7 +198,8 @@ void run_inspect(const InspectCommand& o) {
 }  // namespace
 
 void add_inspect(CLI::App& app) {
-  auto& command = *app.add_subcommand("inspect", "the geometry of a scene file's bodies, its cost, and redundancies");
+  auto& command = *app.add_subcommand(
+      "inspect", "the geometry of a scene file's bodies, its cost, the model they require, and redundancies");
   const auto o = std::make_shared<InspectCommand>();
   command.add_option("scene", o->scene, "scene file (YAML), or a URDF: that robot alone")
       ->required()
@@ -208,6 +210,13 @@ void add_inspect(CLI::App& app) {
                   "a sphere or box is named if it stands out by no more than this share of the\nbody's size")
       ->check(quiet(CLI::Range(1e-9, 0.5)))
       ->type_name("SHARE")
+      ->capture_default_str();
+  command
+      .add_option("--margin", o->options.margin,
+                  "metres: the distance that decisions are about; hulls that stand out of their\nmeshes by no more are "
+                  "recommended")
+      ->check(quiet(CLI::Range(0.0, 1e6)))
+      ->type_name("METRES")
       ->capture_default_str();
   command.add_flag("--no-times", o->no_times, "measure no times, so that the same scene gives the same report");
   command.add_flag("--no-covers", o->no_covers, "make no covers, which may take a second each");
@@ -223,6 +232,10 @@ Columns
   partners, ignored          bodies with which it has enabled pairs, and those that the ignore list removes
   ns_per_pair                measured now: one thread, poses at load, default tolerance
   KiB, shared_by             memory of its convex parts, and how many bodies share them
+
+Models (not in CSV)
+  For each robot and the other bodies: by how much hulls make distances too small, what true meshes cost, and which
+  model decisions by --margin require. --json has the choices for each mesh, too.
 
 Covers (not in CSV)
   Trees of balls that decide quickly whether bodies that may move are free. Engines make them in the background and

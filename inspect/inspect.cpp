@@ -144,6 +144,7 @@ SceneReport inspect(const engine::Scene& scene, const InspectOptions& options) {
   std::optional<PairTimes> times;
   if (options.measure) measure(times.emplace(scene), report);
   report.choices = choices_of(scene, times ? &*times : nullptr);
+  report.models = models_of(scene, report.choices, options.margin);
   if (options.covers) report.covers = covers_of(scene);
   report.findings = find_redundancy(scene, partners, options.within);
   return report;

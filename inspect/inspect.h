@@ -9,6 +9,7 @@
 #include "engine/scene/scene.h"
 #include "inspect/choices.h"
 #include "inspect/covers.h"
+#include "inspect/models.h"
 
 namespace clearance {
 
@@ -60,12 +61,14 @@ struct InspectOptions {
   bool measure = true;   ///< time some pairs of each body at the initial poses, in one thread
   double within = 0.01;  ///< largest excess of a reported primitive, as a share of the body's size
   bool covers = false;   ///< make covers, a second each on one core, or read them from the cache
+  double margin = 5e-3;  ///< metres: the distance that decisions are about, for the choice of models
 };
 
 struct SceneReport {
   std::vector<BodyReport> bodies;  ///< by id
   std::vector<Finding> findings;   ///< by body
   std::vector<Choice> choices;     ///< by body, for non-convex meshes
+  std::vector<GroupModel> models;  ///< of each robot and of the other bodies
   std::vector<CoverReport> covers;
   std::uint64_t pairs = 0;  ///< enabled
   std::uint64_t bytes = 0;  ///< of all parts, shared ones once

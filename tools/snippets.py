@@ -84,7 +84,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
     },
-    "docs/tradeoff.md": {
+    "docs/sweeps.md": {
         "pip install": NEEDS + "a network",
         "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",

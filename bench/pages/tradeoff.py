@@ -1,286 +1,185 @@
-"""Tables, claims and picture of docs/tradeoff.md: cost of each setting of a query."""
+"""Tables, claims and picture of docs/tradeoff.md: time against tolerance, margin and model."""
 
-import math
-import statistics
-
-from pages import markdown, plot, results
+from pages import all_of, markdown, plot, results, times
 
 PICTURE = "tradeoff.png"
-INF = math.inf
+EXACT = "exact"
+ITSELF = " and itself"
+NAMES = {EXACT: "exact", "1e-06": "1 um", "0.0001": "0.1 mm", "0.001": "1 mm", "0.01": "1 cm", "0.05": "5 cm",
+         "0.1": "10 cm", "10%": "10 %"}  # fmt: skip
 
 
-class Sweep:
-    """The rows of one backend by scene and setting."""
+class Costs:
+    """The rows of the results by workload, question and setting."""
 
-    def __init__(self, rows, backend):
-        self.rows = [r for r in rows if r["backend"] == backend]
-        self.backend = backend
-        self.scenes = list(dict.fromkeys(r["scene"] for r in self.rows))
-        self.by_setting = {(r["scene"], r["precision"], r["asked"], float(r["reach"]), float(r["rel_tol"]),
-                            float(r["abs_tol"])): r for r in self.rows}
+    def __init__(self):
+        self.remark, self.rows = results("tradeoff")
+        self.by_key = {(r["workload"], r["question"], r["setting"]): r for r in self.rows}
+        self.workloads = list(dict.fromkeys(r["workload"] for r in self.rows))
+        self.margins = list(dict.fromkeys(r["setting"] for r in self.rows if r["question"] == "decision"))
 
-    def at(self, scene, rel_tol=1e-6, abs_tol=0.0, reach=INF, precision="f64", requested="steps"):
-        """The row of a setting; by default that of the default query."""
-        return self.by_setting[scene, precision, requested, reach, 0.0 if abs_tol else rel_tol, abs_tol]
+    def number(self, workload, question, setting, column="us"):
+        return float(self.by_key[workload, question, setting][column])
 
-    def ratios(self, scenes=None, **setting):
-        """Time relative to the default query, for each scene."""
-        return [float(self.at(s, **setting)["ratio"]) for s in scenes or self.scenes]
+    def robots(self):
+        """Workloads of robots with hulls or meshes, among obstacles alone."""
+        return [w for w in self.workloads if w.endswith((", hulls", ", meshes"))]
 
 
-def time_table(s):
-    columns = [
-        ("`rel_tol` 1e-1", dict(rel_tol=1e-1)),
-        ("1e-2", dict(rel_tol=1e-2)),
-        ("1e-4", dict(rel_tol=1e-4)),
-        ("1e-8", dict(rel_tol=1e-8)),
-        ("1e-12", dict(rel_tol=1e-12)),
-        ("`abs_tol` 1 mm", dict(abs_tol=1e-3)),
-        ("1 µm", dict(abs_tol=1e-6)),
-        ("f32 at 1e-4", dict(rel_tol=1e-4, precision="f32")),
-        ("batch", dict(requested="batch")),
-        ("batch, f32 at 1e-4", dict(requested="batch", rel_tol=1e-4, precision="f32")),
-        ("`max_distance` median", dict(reach=1.0)),
-        ("a tenth of it", dict(reach=0.1)),
-    ]
-    rows = []
-    for scene in s.scenes:
-        default = s.at(scene)
-        rows.append([f"`{scene}`", default["pairs"], f"{float(default['ns_per_pair']):.0f}",
-                     *(f"{float(s.at(scene, **setting)['ratio']):.2f}" for _, setting in columns)])
-    return markdown(["scene", "pairs", "default [ns a pair]", *(name for name, _ in columns)], rows)
+def us(value):
+    return f"{float(value):.3g}"
 
 
-def accuracy_table(s):
-    def cell(row, what):
-        return f"{float(row[what]):.1g}"
-
-    rows = []
-    for scene in s.scenes:
-        loose, usual, tight = (s.at(scene, rel_tol=t) for t in (1e-2, 1e-6, 1e-12))
-        rows.append(
-            [
-                f"`{scene}`",
-                *(f"{cell(r, 'rel_error_p99')} / {cell(r, 'rel_width_p99')}" for r in (loose, usual, tight)),
-                cell(usual, "error_max"),
-                cell(usual, "width_max"),
-                f"{100 * float(usual['overlap']):.3g} %",
-                f"{100 * float(usual['contact']):.2g} %",
-                f"{100 * max(float(s.at(scene, rel_tol=t)['unconverged']) for t in (1e-2, 1e-6)):.2g} %",
-                f"{100 * float(tight['unconverged']):.2g} %",
-            ]
-        )
-    return markdown(
-        [
-            "scene",
-            "error / width at 1e-2",
-            "at 1e-6",
-            "at 1e-12",
-            "largest error at 1e-6 [m]",
-            "largest width [m]",
-            "overlap",
-            "contact",
-            "wider than requested at 1e-2 and 1e-6",
-            "at 1e-12",
-        ],
-        rows,
-    )
+def tolerances():
+    """Time of a least distance by tolerance, and its ratio to the exact engine."""
+    costs = Costs()
+    lines = []
+    for workload in costs.workloads:
+        if workload.endswith(ITSELF):
+            continue
+        exact = costs.by_key[workload, "least", EXACT]
+        cells = [us(exact["us_off"])]
+        for setting in NAMES:
+            row = costs.by_key[workload, "least", setting]
+            cells.append(f"{us(row['us'])}, **{times(float(row['over_exact']))}**")
+        lines.append([workload, *cells])
+    header = ["us a state or edge", "exact, no covers", *NAMES.values()]
+    return f"{markdown(header, lines)}\n\nFrom `docs/results/tradeoff*.csv` ({costs.remark}), by `make tradeoff`."
 
 
-def span(values):
-    return f"{min(values):.2f} to {max(values):.2f} (median {statistics.median(values):.2f})"
+def covers():
+    """Time without covers over the time with them, by tolerance and margin."""
+    costs = Costs()
+    header = ["", *NAMES.values(), *(f"margin {1000 * float(m):g} mm" for m in costs.margins)]
+    return markdown(header, [
+        [workload, *(times(costs.number(workload, "least", t, "over_off")) for t in NAMES),
+         *(times(costs.number(workload, "decision", m, "over_off")) for m in costs.margins)]
+        for workload in costs.workloads
+    ])  # fmt: skip
 
 
-def unused(s, **setting):
-    """Whether a setting gives the same answers as the query without it."""
-    columns = [c for c in s.rows[0] if c.split("_")[0] in ("error", "width", "rel")]
-    plain = {k: v for k, v in setting.items() if k not in ("precision", "asked")}
-    return all(
-        s.at(scene, **setting)[c] == s.at(scene, **plain)[c] for scene in s.scenes for c in columns if c != "rel_tol"
-    )
+def margins():
+    """Time of a decision by margin, and its ratio to the exact distance."""
+    costs = Costs()
+    lines = []
+    for workload in costs.workloads:
+        lines.append([workload])
+        for margin in costs.margins:
+            row = costs.by_key[workload, "decision", margin]
+            share = 100 * int(row["free"]) / int(row["items"])
+            lines[-1].append(f"{us(row['us'])}, **{times(float(row['over_exact']))}**, {share:.0f} %")
+        if (sampled := costs.by_key.get((workload, "sampled", "0"))) is not None:
+            missed = f"{sampled['wrong']} of {sampled['items']} missed"
+            lines.append([f"{workload}, samples", f"{us(sampled['us'])}, {missed}", *[""] * (len(costs.margins) - 1)])
+    return markdown(["us a state or edge", *(f"{1000 * float(m):g} mm" for m in costs.margins)], lines)
 
 
-def sentences(s):
-    """Sentences with numbers from the results, true of any results."""
-    others = [x for x in s.scenes if x != "touching"]
-    answers = sum(int(r["pairs"]) * int(r["steps"]) for r in s.rows)
-    wrong = sum(int(r["violations"]) for r in s.rows)
+def models():
+    """Error of hulls in place of true meshes."""
+    costs, lines = Costs(), []
+    for row in results("tradeoff_models")[1]:
+        name, what = row["robot"].removesuffix(ITSELF), ITSELF if row["robot"].endswith(ITSELF) else ""
+        hulls, meshes = (f"{name}, {model}{what}" for model in ("hulls", "meshes"))
+        ratios = [costs.number(meshes, *key) / costs.number(hulls, *key)
+                  for key in (("decision", "0"), ("least", EXACT), ("least", "0.001"), ("least", "0.01"))]  # fmt: skip
+        short = [f"{float(row[column]):.2f}" for column in ("short_mm", "short_most_mm")]
+        lines.append([row["robot"], f"{row['rejected']} of {row['free']}", *short, *map(times, ratios)])
+    header = ["", "free states rejected", "short by, median [mm]", "most [mm]", "meshes cost: free or not", "exact",
+              "1 mm", "1 cm"]  # fmt: skip
+    return markdown(header, lines)
 
-    def f32(requested):
-        return [
-            a / b
-            for a, b in zip(s.ratios(rel_tol=1e-4, precision="f32", requested=requested),
-                s.ratios(rel_tol=1e-4, requested=requested))
-        ]
 
+def extremes():
+    """Width of intervals, time and proofs of numerical extremes."""
+    rows = results("tradeoff_extremes")[1]
+    cases = {}
+    for row in rows:
+        cases.setdefault(row["case"], []).append(row)
     lines = [
-        f"Of {answers:,} answers, in {len(s.rows):,} settings, {wrong} intervals miss the exact distance.",
-        f"**Tolerance.** Time over that of the default (1e-6): at 1e-1 {span(s.ratios(others, rel_tol=1e-1))}, at 1e-2 "
-        f"{span(s.ratios(others, rel_tol=1e-2))}, at 1e-12 {span(s.ratios(others, rel_tol=1e-12))}; of touching pairs "
-        f"{s.ratios(['touching'], rel_tol=1e-1)[0]:.2f}, {s.ratios(['touching'], rel_tol=1e-2)[0]:.2f} and "
-        f"{s.ratios(['touching'], rel_tol=1e-12)[0]:.2f}, or {s.ratios(['touching'], abs_tol=1e-6)[0]:.2f} with "
-        "`abs_tol` 1e-6 m "
-        "in place of `rel_tol`.",
-        f"**max_distance.** At the median distance {span(s.ratios(reach=1.0))}, at a tenth of it "
-        f"{span(s.ratios(reach=0.1))}.",
-        f"**float32 iterations.** Time over that of float64 at the same tolerance (1e-4): {span(f32('steps'))}; in "
-        f"batches {span(f32('batch'))}."
-        + (
-            " The answers are the same to the last digit: this backend always iterates in float64."
-            if unused(s, precision="f32", rel_tol=1e-4)
-            else ""
-        ),
-        f"**Batches.** All steps as the configurations of one query, over one query for each step: "
-        f"{span(s.ratios(requested='batch'))}.",
-    ]
-    return "\n".join(f"- {line}" for line in lines)
+        [case, mine[0]["distance_m"], *(f"{row['width_most_m']}, {us(row['us'])}" for row in mine),
+         f"{sum(int(r['pairs']) - int(r['wrong']) for r in mine)} of {sum(int(r['pairs']) for r in mine)}"]
+        for case, mine in cases.items()
+    ]  # fmt: skip
+    header = ["", "distance [m]", *(f"{NAMES[row['setting']]}: widest [m], us a pair" for row in rows[:3]), "proved"]
+    return markdown(header, lines)
 
 
-def settings():
-    """All settings of every backend."""
-    remark, rows = results("tradeoff")
-    parts = [f"From `docs/results/tradeoff.csv` ({remark}), by `make bench SUITE=tradeoff`."]
-    for backend in dict.fromkeys(r["backend"] for r in rows):
-        s = Sweep(rows, backend)
-        parts += [
-            f"### Backend `{backend}`",
-            sentences(s),
-            "Time over that of the default query (float64, `rel_tol` 1e-6, no `max_distance`, one query per "
-            "step); each column changes one setting.\n`max_distance` is the median of all distances, and a tenth of "
-            "it.",
-            time_table(s),
-            "Error and certified width over the exact distance, 99th percentile of the separate pairs, by `rel_tol`.",
-            accuracy_table(s),
-        ]
-    return "\n\n".join(parts)
+TABLES = {"tradeoff": tolerances, "tradeoff_margins": margins, "tradeoff_covers": covers, "tradeoff_models": models,
+          "tradeoff_extremes": extremes}  # fmt: skip
 
 
-def no_more_than(values, limit):
-    return all(v <= limit for v in values)
-
-
-# Claims of the page about the CPU, as conditions on the results.
-CLAIMS = {
-    "contained": lambda s: all(r["violations"] == "0" for r in s.rows),
-    # Loosening from 1e-6 to 1e-2 saves less than two fifths if bodies do not touch.
-    "loose saves little": lambda s: all(
-        r >= 0.6 for x in s.scenes if x != "touching" for r in s.ratios([x], rel_tol=1e-2)
-    ),
-    # Two more digits than the default cost less than a tenth.
-    "tight is cheap": lambda s: no_more_than(s.ratios(rel_tol=1e-8), 1.1),
-    # A tolerance of 1e-2 is never slower than 1e-6, up to timing noise.
-    "looser is no slower": lambda s: no_more_than(s.ratios(rel_tol=1e-2) + s.ratios(rel_tol=1e-1), 1.1),
-    # Where the curve is flat, the answer is already exact at 1e-4.
-    "exact already": lambda s: all(
-        float(s.at(x, rel_tol=1e-4)["rel_width_p99"]) < 1e-9 for x in ("near", "boxes", "spheres", "capsules")
-    ),
-    # max_distance at a tenth of the median at least halves the time, except in scenes whose boxes all overlap.
-    "max_distance is the lever": lambda s: no_more_than(
-        s.ratios([x for x in s.scenes if float(s.at(x, reach=0.1)["evaluated"]) < 0.4], reach=0.1), 0.5
-    ),
-    "boxes that overlap": lambda s: all(
-        float(s.at(x, reach=0.1)["evaluated"]) > 0.9 and s.ratios([x], reach=0.1)[0] > 0.5 for x in ("near", "touching")
-    ),
-    # Touching pairs: an absolute tolerance of a micrometre is at least three times as fast.
-    "abs_tol for touching": lambda s: no_more_than(s.ratios(["touching"], abs_tol=1e-6), 1 / 3),
-    # Spheres and capsules take less than half of the time of hulls, small or fine.
-    "cheap forms": lambda s: all(
-        float(s.at(x)["ns_per_pair"]) < 0.5 * min(float(s.at(y)["ns_per_pair"]) for y in ("near", "fine"))
-        for x in ("spheres", "capsules")
-    ),
-    "batches": lambda s: no_more_than(
-        s.ratios(["near", "boxes", "spheres", "capsules", "dense", "fine", "extremes"], requested="batch"), 0.75
-    ),
-    "heavy batches": lambda s: s.ratios(["cell"], requested="batch")[0] < 0.75,
-    "f32 takes as long": lambda s: all(
-        5 / 6 < single / double < 7 / 6
-        for single, double in zip(s.ratios(rel_tol=1e-4, precision="f32"), s.ratios(rel_tol=1e-4))
-    ),
-    # An absolute tolerance below rounding only costs time.
-    "abs_tol below rounding": lambda s: s.ratios(["extremes"], abs_tol=1e-6)[0] > 1.5,
-    "none wider than asked": lambda s: all(
-        float(s.at(x, rel_tol=t)["unconverged"]) == 0 for x in s.scenes for t in (1e-1, 1e-2, 1e-4, 1e-6)
-    ),
-}
+def monotone(costs):
+    """For robots: no tolerance costs a quarter more than one a tenth of it."""
+    for workload in costs.robots():
+        for loose, tight in (("0.1", "0.01"), ("0.01", "0.001"), ("0.001", "0.0001"), ("0.0001", "1e-06")):
+            yield costs.number(workload, "least", loose) <= 1.25 * costs.number(workload, "least", tight)
 
 
 def claims():
-    sweep = Sweep(results("tradeoff")[1], "cpu")
-    return {name: holds(sweep) for name, holds in CLAIMS.items()}
+    """Whether results support the sentences of the page."""
+    costs, models, extreme = Costs(), results("tradeoff_models")[1], results("tradeoff_extremes")[1]
+    proofs = [row for row in costs.rows if row["question"] != "sampled"]
+    edges = [w for w in costs.workloads if w.endswith("edges")]
+    share = {row["robot"]: int(row["rejected"]) / int(row["free"]) for row in models}
+    return {
+        "nothing wrong": all_of(row["wrong"] == row["wider"] == "0" for row in [*proofs, *extreme]),
+        "a centimetre is cheap": all_of(costs.number(w, "least", "0.01", "over_exact") >= 3 for w in costs.robots()),
+        "looser costs no more": all_of(monotone(costs)),
+        "decisions are cheap": all_of(
+            costs.number(w, "decision", m, "over_exact") >= 2 for w in costs.robots() for m in costs.margins
+        ),
+        "covers pay": all_of(
+            costs.number(w, "decision", m, "over_off") >= 1.5 for w in costs.robots() for m in costs.margins
+        ),
+        "samples cost more": all_of(
+            costs.number(w, "sampled", "0") > 1.5 * costs.number(w, "decision", "0") for w in edges
+        ),
+        "samples miss": sum(costs.number(w, "sampled", "0", "wrong") for w in edges) > 0,
+        "hulls of the UR5": share["UR5" + ITSELF] > 0.1,
+        "hulls of the Panda": share["Panda" + ITSELF] < 0.01,
+        "abs_tol for touching": all_of(
+            float(exact["us"]) > 2 * float(loose["us"])
+            for exact, loose in zip(extreme[::3], extreme[1::3])
+            if float(exact["distance_m"]) < 1e-8
+        ),
+    }  # fmt: skip
+
+
+# ---- the picture -----------------------------------------------------------------------------------------------------
+
+
+def draw_lines(axis, costs, workloads, last):
+    """Time against tolerance: with covers, and by the exact engine alone (dashed)."""
+    settings = [s for s in NAMES if s != "10%"]
+    where = [2e-7 if s == EXACT else float(s) for s in settings]
+    for i, (workload, label) in enumerate(workloads.items()):
+        rows = [costs.by_key[workload, "least", s] for s in settings]
+        axis.plot(where, [float(r["us"]) for r in rows], "o-", color=f"C{i}", label=label)
+        axis.plot(where, [float(r["us_off"]) for r in rows], "--", color=f"C{i}", lw=1)
+    axis.set(xscale="log", yscale="log", xlabel="tolerance of the proved distance", ylabel=last)
+    axis.set_xticks(where, ["exact", "1 um", "0.1 mm", "1 mm", "1 cm", "5 cm", "10 cm"], fontsize=8, rotation=30)
+    axis.minorticks_off()
+    axis.grid(alpha=0.3, which="both")
 
 
 def draw(path):
-    _, rows = results("tradeoff")
-    plt = plot()
-    backends = list(dict.fromkeys(r["backend"] for r in rows))
-    sweeps = [Sweep(rows, b) for b in backends]
-    scenes = sweeps[0].scenes
-    columns = 5
-    figure, axes = plt.subplots(
-        math.ceil(len(scenes) / columns), columns, figsize=(17, 3.6 * math.ceil(len(scenes) / columns))
-    )
-    for axis, scene in zip(axes.flat, scenes):
-        for k, s in enumerate(sweeps):
-            for colour, (precision, requested) in enumerate(
-                (("f64", "steps"), ("f32", "steps"), ("f64", "batch"), ("f32", "batch"))
-            ):
-                mine = sorted(
-                    (
-                        r
-                        for r in s.rows
-                        if (r["scene"], r["precision"], r["asked"]) == (scene, precision, requested)
-                        and float(r["reach"]) == INF
-                        and float(r["rel_tol"]) > 0
-                    ),
-                    key=lambda r: -float(r["rel_tol"]),
-                )
-                x = [float(r["ns_per_pair"]) for r in mine]
-                label = f"{s.backend} {precision}{'' if requested == 'steps' else ' ' + requested}"
-                axis.plot(
-                    x,
-                    [max(1e-16, float(r["rel_width_p99"])) for r in mine],
-                    "o-" if k == 0 else "s--",
-                    color=f"C{colour}",
-                    ms=4,
-                    lw=1,
-                    label=label + ", width",
-                )
-                if requested == "steps":
-                    axis.plot(x, [max(1e-16, float(r["rel_error_p99"])) for r in mine], ":", color=f"C{colour}", lw=1,
-                              label=label + ", error")
-            for reach, mark in ((1.0, "^"), (0.1, "v")):
-                r = s.at(scene, reach=reach)
-                axis.plot([float(r["ns_per_pair"])], [max(1e-16, float(r["rel_width_p99"]))], mark, color="black", ms=6,
-                          label=f"{s.backend} f64, max_distance at {reach:g} median")
-        axis.set(yscale="log", xscale="log", title=scene, ylim=(5e-17, 1))
-        axis.xaxis.set_major_formatter(lambda v, _: f"{v:g}")
-        axis.xaxis.set_minor_formatter(lambda v, _: f"{v:g}" if f"{v:g}"[0] in "235" else "")
-        axis.tick_params(axis="x", which="both", labelsize=7)
-        axis.grid(alpha=0.3)
-    for axis in axes.flat[len(scenes):]:
-        axis.set_visible(False)
-    for axis in axes[-1]:
-        axis.set_xlabel("ns a pair")
-    for row in axes:
-        row[0].set_ylabel("over the exact distance, 99 %")
-    handles, labels = axes.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="lower center", ncols=4, fontsize=9, frameon=False)
-    figure.suptitle("Certified width and error against time, rel_tol from 1e-1 (top) to 1e-12 (bottom)")
-    figure.tight_layout(rect=(0, 0.09, 1, 0.98))
-    figure.savefig(path, dpi=80)
-
-
-def shapes_table():
-    """Results of bench/robots/bench_shapes.py."""
-    _, rows = results("shapes")
-    header = ["robot, `mesh_as`", "triangles", "valid [us a state]", "least distance [us]", "short by, median [mm]",
-              "most [mm]", "free states rejected", "missed overlaps"]
-    return markdown(header, [
-        [f"{r['robot']}, `{r['mesh_as']}`", r["triangles"], f"{float(r['valid_us']):.4g}",
-         f"{float(r['least_us']):.4g}", r["short_mm"], r["short_most_mm"],
-         f"{r['false_refusals']} of {r['free']}", r["missed"]]
-        for r in rows
-    ])
-
-
-TABLES = {"tradeoff": settings, "shapes": shapes_table}
+    costs, plt = Costs(), plot()
+    figure, (states, edges) = plt.subplots(1, 2, figsize=(10.5, 4.2), layout="constrained")
+    draw_lines(states, costs, {"Panda, hulls": "Panda, hulls", "UR5, hulls": "UR5, hulls",
+                               "UR5, meshes": "UR5, true meshes"}, "us a state")  # fmt: skip
+    states.plot([], [], "--", color="grey", lw=1, label="exact engine alone")
+    states.set_title("least distance of a state", fontsize=10)
+    draw_lines(edges, costs, {"Panda, edges": "Panda, hulls", "UR5, edges": "UR5, hulls"}, "us an edge")
+    for i, workload in enumerate(("Panda, edges", "UR5, edges")):
+        sampled = costs.by_key[workload, "sampled", "0"]
+        edges.plot([float(sampled["width_mm"]) / 1000], [float(sampled["us"])], "x", color=f"C{i}", ms=9, mew=2)
+        edges.axhline(costs.number(workload, "decision", "0"), color=f"C{i}", ls=":", lw=1.5)
+    edges.plot([], [], "x", color="grey", ms=9, mew=2, label="samples: free or not, not proved between them")
+    edges.plot([], [], ":", color="grey", label="proved: free or not")
+    edges.set_title("least distance of a whole edge", fontsize=10)
+    for axis in (states, edges):
+        low, high = axis.get_ylim()
+        axis.set_yticks([t for t in (0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500) if low < t < high])
+        axis.yaxis.set_major_formatter(lambda v, _: f"{v:g}")
+        axis.legend(fontsize=8)
+    figure.savefig(path, dpi=100)

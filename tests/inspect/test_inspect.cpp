@@ -333,6 +333,33 @@ TEST(Inspect, SaysWhatAMeshCouldBeAndWhatThatCosts) {
   is(7, 4, MeshAs::kSolid, false, false);
   EXPECT_GT(report.choices[2].bytes, report.choices[0].bytes);
   for (const Choice& c : inspect(scene, {.measure = false}).choices) EXPECT_FALSE(c.ns_per_pair);
+
+  ASSERT_EQ(report.models.size(), 1u);
+  const GroupModel& model = report.models[0];
+  EXPECT_EQ(model.group, "movable bodies");
+  EXPECT_EQ(model.bodies, 5u);
+  EXPECT_EQ(model.concave, 3u);
+  EXPECT_EQ(model.elements, 8u + 7u + 8u);
+  EXPECT_EQ(model.hull_excess, report.choices[0].hull_excess);
+  EXPECT_GT(model.cost_ratio.value(), 0);
+  const std::vector<MeshModel> better{{0, MeshAs::kSolid}, {1, MeshAs::kSurface}, {4, MeshAs::kSolid}};
+  EXPECT_EQ(model.true_meshes, better);
+  const SceneReport coarse = inspect(scene, {.measure = false, .margin = model.hull_excess});
+  EXPECT_TRUE(coarse.models[0].true_meshes.empty());
+  EXPECT_FALSE(coarse.models[0].cost_ratio);
+}
+
+TEST(Inspect, ModelsAreThoseOfRobotsCloudsAndTheOtherBodies) {
+  engine::Scene scene;
+  scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf")});
+  scene.add_box("table", {1, 1, 0.1}, {.is_static = true});
+  scene.add_points("dots", std::vector<CloudPoint>{{0, 0, 5}, {1, 0, 5}}, 0, {.is_static = true});
+  const std::vector<GroupModel> models = inspect(scene, {.measure = false}).models;
+  ASSERT_EQ(models.size(), 3u);
+  EXPECT_EQ(models[0].group, "arm");
+  EXPECT_EQ(models[1].group, "static bodies");
+  EXPECT_EQ(models[2].group, "clouds");
+  EXPECT_EQ(models[2].elements, 2u);
 }
 
 }  // namespace

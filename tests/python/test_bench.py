@@ -152,8 +152,8 @@ def test_a_figure_that_is_not_of_the_results_is_replaced(pages):
 
 def test_markers_and_claims_that_nobody_knows_are_refused(pages):
     page = ROOT / "docs/tradeoff.md"
-    with pytest.raises(SystemExit, match="shapes"):
-        write_pages.filled({**pages, page: pages[page].replace("<!-- table shapes -->", "")})
+    with pytest.raises(SystemExit, match="tradeoff_models"):
+        write_pages.filled({**pages, page: pages[page].replace("<!-- table tradeoff_models -->", "")})
     assert write_pages.broken_claims(pages) == []
     with pytest.raises(SystemExit, match="faster still"):
         write_pages.broken_claims({**pages, page: pages[page] + "<!-- claim faster still -->"})

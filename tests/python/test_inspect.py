@@ -68,10 +68,30 @@ def test_concave_meshes_are_warned_about():
     assert sum(line.startswith("Warning: ") for line in lines) == len(warned)
 
 
+def test_the_models_depend_on_the_margin():
+    scene = ROOT / "scenes" / "cell" / "scene.yaml"
+    groups = {group["group"]: group for group in json.loads(run(scene, "--json", "--no-times").stdout)["models"]}
+    assert groups.keys() == {"movable bodies", "static bodies"}
+    fixed = groups["static bodies"]
+    assert 0.03 < fixed["hull_excess_m"] < 0.031 and fixed["farthest"] == "base" and fixed["true_meshes"] == 1
+
+    def models(*arguments):
+        lines = run(scene, *arguments).stdout.splitlines()
+        return [line for line in lines if line.startswith(("static bodies (5): ", "For decisions by "))]
+
+    group, choice = models()
+    assert "up to 30.6 mm too small (base); true meshes cost " in group
+    assert "mesh_as: solid for bottle, base; mesh_as: auto" in choice
+    group, choice = models("--no-times", "--margin", "0.02")
+    assert "(times not measured)" in group and choice.endswith("mesh_as: solid for base; mesh_as: hull for the others")
+    assert "precise enough" in models("--no-times", "--margin", "0.031")[1]
+
+
 def test_errors_name_their_cause(tmp_path):
     missing = run(tmp_path / "none.yaml")
     assert missing.returncode == 1 and "none.yaml" in missing.stderr
     assert run().returncode == 2
     assert run("a.yaml", "--within", "2").returncode == 2
+    assert run("a.yaml", "--margin", "-1").returncode == 2
     assert run("--json", "--csv", "a.yaml").returncode == 2
     assert "clearance inspect [OPTIONS]" in run("--help").stdout

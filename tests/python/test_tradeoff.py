@@ -1,0 +1,35 @@
+"""The extremes of bench/tradeoff have the gaps of their names, and each interval is proved."""
+
+import sys
+from types import SimpleNamespace
+
+import pytest
+
+from conftest import ROOT
+
+sys.path.insert(0, str(ROOT / "bench"))
+sys.path.insert(0, str(ROOT / "bench/surfaces"))
+sys.path.insert(0, str(ROOT / "bench/tradeoff"))
+sys.path.insert(0, str(ROOT / "tools"))
+
+import extremes
+
+
+@pytest.fixture(scope="module")
+def rows():
+    extremes.PAIRS = 3
+    return list(extremes.rows(SimpleNamespace(seed=1, rounds=1)))
+
+
+def test_gaps_are_those_of_the_names(rows):
+    exact = {row["case"]: float(row["distance_m"]) for row in rows if row["setting"] == "exact"}
+    assert exact.keys() == extremes.KINDS.keys()
+    for case, (size, gap, away, _) in extremes.KINDS.items():
+        assert exact[case] == pytest.approx(gap, rel=0.01, abs=4e-16 * (max(size) + away)), case
+
+
+def test_intervals_are_proved_and_as_narrow_as_requested(rows):
+    assert not [row for row in rows if row["wrong"] or row["wider"]]
+    assert {row["case"] for row in rows if row["unresolved"]} > {"boxes that touch"}
+    widest = {s: max(float(row["width_most_m"]) for row in rows if row["setting"] == s) for s in ("exact", "0.001")}
+    assert widest["exact"] < 1e-12 < 1e-6 < widest["0.001"] <= 1e-3
