@@ -122,6 +122,14 @@ void append(Cover& cover, std::span<Node> nodes) {
 
 }  // namespace
 
+void Cover::find_spread() {
+  const Vec3d middle = centre_of(root);
+  spread = root.outer;
+  for (const BallPacket& packet : packets)
+    for (std::uint32_t i = 0; i < packet.count; ++i)
+      spread = std::max(spread, norm(Vec3d{packet.x[i], packet.y[i], packet.z[i]} - middle) * (1 + 0x1p-48));
+}
+
 std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std::atomic<bool>* stopped, double effort) {
   const FpEnvironment environment;
   const std::optional<CoverShape> shape = CoverShape::of(parts);
@@ -148,6 +156,7 @@ std::optional<Cover> make_cover(std::span<const ConvexPartPtr> parts, const std:
     level = std::move(next);
     cover.level_begin[k + 1] = static_cast<std::uint32_t>(cover.packets.size());
   }
+  cover.find_spread();
   return cover;
 }
 

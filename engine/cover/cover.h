@@ -43,7 +43,10 @@ struct Cover {
   /// Level by level. The first `level_begin[2]` packets, at least one, are the children of the root.
   std::vector<BallPacket> packets;
   std::array<std::uint32_t, kLevels + 1> level_begin{};  ///< packets of level k >= 1: level_begin[k] to [k + 1]
-  double reach = 0;  ///< bound on the distance of the body's points and of all centres from its origin, metres
+  double reach = 0;   ///< bound on the distance of the body's points and of all centres from its origin, metres
+  double spread = 0;  ///< bound on their distance from the root's centre, set by find_spread()
+
+  void find_spread();
 
   std::span<const BallPacket> level(int k) const {
     return std::span(packets).subspan(level_begin[k], level_begin[k + 1] - level_begin[k]);

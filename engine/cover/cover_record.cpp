@@ -153,6 +153,7 @@ std::optional<TimedCover> cover_of_record(std::span<const std::byte> record) {
     made.cover.packets.push_back(packet_of(packet));
   }
   made.cover.packets.shrink_to_fit();
+  made.cover.find_spread();
   if (!(made.seconds >= 0) || !std::isfinite(made.seconds) || !is_sound(made.cover)) return {};
   return made;
 }

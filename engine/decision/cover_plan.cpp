@@ -22,17 +22,6 @@ double centre_error(double reach, double farthest) {
   return kUnit * (40 * reach + 8 * farthest);
 }
 
-/// A ball that holds the body's points and the centres of all balls.
-LinkBall ball_of_centres(const Cover& cover) {
-  const auto& c = cover.root.centre;
-  LinkBall ball{{c[0], c[1], c[2]}, cover.root.outer};
-  for (const BallPacket& packet : cover.packets)
-    for (std::uint32_t i = 0; i < packet.count; ++i)
-      ball.radius =
-          std::max(ball.radius, norm(Vec3d{packet.x[i], packet.y[i], packet.z[i]} - ball.centre) * (1 + 0x1p-48));
-  return ball;
-}
-
 void normalize(Pose& X) {
   if (const double length = detail::quaternion_norm(X); length > 0)
     for (double* q : {&X.qw, &X.qx, &X.qy, &X.qz}) *q /= length;
@@ -186,7 +175,8 @@ bool CoverPlanBuilder::take_sources() {
       if (body.robot != kNone && &plan_.motions[m].robot() == scene_.robots()[body.robot].get()) link = {m, body.link};
     if (link.robot == kNone) return false;
     if (!cover(i)) continue;
-    LinkBall ball = ball_of_centres(*cover(i));
+    const std::array<float, 3>& middle = cover(i)->root.centre;
+    LinkBall ball{{middle[0], middle[1], middle[2]}, cover(i)->spread};
     if (is_fixed) {
       ball.centre = rotation_of(decided.constant) * ball.centre + decided.constant.translation;
       ball.radius = ball.radius * (1 + 0x1p-40) + 0x1p-40 * (cover(i)->reach + norm(decided.constant.translation));

@@ -34,6 +34,11 @@ struct Crowded {
   }
 };
 
+/// Balls of the first packet that can be guessed.
+std::uint32_t balls_of(const DecidedBody& body) {
+  return body.is_direct && body.root_packets > 0 ? body.packets[0].count : 0;
+}
+
 TEST(HitGuess, EarlierMotionsChangeNoVerdict) {
   constexpr std::uint32_t kMotions = 400;
   Crowded crowded(2 * kMotions);
@@ -73,7 +78,7 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
   for (std::uint32_t first = 0; first < kStates; first += kTogether)
     for (std::uint32_t b = 0; b < view.body_count; ++b)
       for (std::uint32_t o = 0; o < view.obstacle_count; ++o)
-        for (std::uint32_t ball = 0; view.bodies[b].is_direct && ball < view.bodies[b].packets->count; ++ball) {
+        for (std::uint32_t ball = 0; ball < balls_of(view.bodies[b]); ++ball) {
           const BallHit hit{o, b, 0, ball};
           const HitGuess guess{
               &view, block.poses.data() + first * plan.bodies.size(), plan.bodies.size(), kTogether, {&hit, 1}};
