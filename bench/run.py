@@ -72,6 +72,10 @@ SUITES = {
         "The same problems planned by RRT-Connect, end to end, compared with Pinocchio and Coal.",
         "bench/robots/bench_rrt.py", "rrt", "--robots panda --problems 1 --rounds 1", python=ROBOTS,
         pages="docs/robots.md docs/robots.png", draw="robots"),
+    "plans": Suite(
+        "The same problems planned by plan(), every motion proved.",
+        "bench/robots/bench_plans.py", "plans", "--robots panda --problems 1 --rounds 1", targets="clearance-plans",
+        python=ROBOTS, pages="docs/motions.md"),
     "motions": Suite(
         "Edges of these problems, proved free over their whole length, compared with sampling.",
         "bench/robots/bench_motions.py", "motions", "--robots panda --problems 1 --edges 5", python=ROBOTS),

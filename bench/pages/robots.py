@@ -99,7 +99,18 @@ def rrt():
     return f"{markdown(header, [line(row) for row in rows], words=2)}\n\nFrom `docs/results/rrt.csv` ({remark})."
 
 
-TABLES = {"robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt}
+def plans():
+    """Problems planned by plan()."""
+    remark, rows = results("plans")
+    header = ["", "margin [mm]", "ends free", "solved", "proved", "median [us]", "mean [us]", "95 % [us]", "motions",
+              "with shortcuts: median", "mean"]  # fmt: skip
+    keys = ("margin_mm", "free", "solved", "proved", "median_us", "mean_us", "p95_us", "motions", "shortened_median_us",
+            "shortened_mean_us")  # fmt: skip
+    lines = [[ROBOTS[row["robot"]], *(row[key] for key in keys)] for row in rows]
+    return f"{markdown(header, lines)}\n\nFrom `docs/results/plans.csv` ({remark})."
+
+
+TABLES = {"plans": plans, "robots": robots, "robots_one_a_call": robots_one_a_call, "rrt": rrt}
 
 
 # ---- the picture -----------------------------------------------------------------------------------------------------

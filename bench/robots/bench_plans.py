@@ -1,0 +1,92 @@
+#!/usr/bin/env python3
+"""MotionBenchMaker's problems planned by clearance::plan(), every motion proved.
+
+    bench/run.py plans [--robots panda ur5] [--problems 50] [--rounds 3] [--csv FILE]
+
+One engine of one thread for each robot, links as hulls; obstacles are added and removed from problem to problem. Times
+are processor time of the whole call in C++: check of start and goal, preparation, search. The least of the rounds of
+each problem counts. "free" counts the problems whose ends are free; the others are not solvable.
+"""
+
+import csv
+import io
+import subprocess
+import sys
+
+import numpy as np
+
+import problems
+from harness import ROOT, shown, stamped, write
+
+PROGRAM = ROOT / "build/bin/clearance-plans"
+
+
+def write_scene(resources, robot):
+    """A scene of the robot alone, its links as hulls."""
+    urdf, srdf = problems.urdf_of(resources, robot)
+    path = resources / f"{robot}_plans.yaml"
+    path.write_text(
+        f"robots:\n  - {{name: {robot}, urdf: {robot}/{urdf.name}, srdf: {robot}/{srdf.name}, "
+        f"packages: {{{robot}: {robot}}}, mesh_as: hull}}\n"
+    )
+    return path
+
+
+def write_problems(path, robot, requested):
+    joints = list(requested[0].goal)
+    with path.open("w") as file:
+        print("robot", *(f"{robot}/{joint}" for joint in joints), file=file)
+        for problem in requested:
+            print("problem", problem.name, file=file)
+            for what in ("start", "goal"):
+                print(what, *(repr(getattr(problem, what)[joint]) for joint in joints), file=file)
+            for thing in problem.obstacles:
+                sizes = thing.sizes if thing.shape != "cylinder" else thing.sizes[::-1]  # radius, length
+                print(thing.shape, thing.name, *map(repr, sizes), *map(repr, thing.pose.tolist()), file=file)
+
+
+def row_of(robot, margin, plans):
+    """A row of the table for one robot."""
+    free = [plan for plan in plans if plan["outcome"] not in ("start", "goal", "limits")]
+    found = [plan for plan in free if plan["outcome"] == "found"]
+    search, shortened = (np.array([float(plan[key]) for plan in found]) for key in ("search_us", "shortened_us"))
+    return {
+        "robot": robot,
+        "margin_mm": f"{1e3 * margin:g}",
+        "problems": len(plans),
+        "free": len(free),
+        "solved": len(found),
+        "proved": sum(plan["proved"] == "1" for plan in found),
+        "median_us": f"{np.median(search):.0f}",
+        "mean_us": f"{search.mean():.0f}",
+        "p95_us": f"{np.percentile(search, 95):.0f}",
+        "iterations": f"{np.mean([int(plan['iterations']) for plan in found]):.0f}",
+        "motions": f"{np.mean([int(plan['motions']) for plan in found]):.0f}",
+        "shortened_median_us": f"{np.median(shortened):.0f}",
+        "shortened_mean_us": f"{shortened.mean():.0f}",
+    }
+
+
+def measure(options):
+    resources = problems.fetch()
+    for robot in options.robots:
+        requested = problems.load(resources, robot, options.problems)
+        scene, listed = write_scene(resources, robot), resources / f"{robot}_plans.txt"
+        write_problems(listed, robot, requested)
+        command = [str(PROGRAM), str(scene), str(listed), str(options.margin), str(options.rounds)]
+        printed = subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE).stdout
+        yield row_of(robot, options.margin, list(csv.DictReader(io.StringIO(printed))))
+
+
+def main():
+    parser = problems.parser(__doc__, "panda ur5")
+    parser.add_argument("--problems", type=int, default=50, help="of each family")
+    parser.add_argument("--margin", type=float, default=0.0, help="metres")
+    parser.add_argument("--rounds", type=int, default=3)
+    options = parser.parse_args()
+    write(shown(measure(options)), options.csv, stamped(f"{options.problems} problems of each family"))
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
