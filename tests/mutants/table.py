@@ -222,8 +222,8 @@ MUTANTS = [
         ),
         (
             "surface_radius",
-            "mesh_distance/nearest_elements.cpp",
-            "radius + @b_->parts[e.part_b]->radius@ + error_",
+            "mesh_distance/subtree_gaps.cpp",
+            "radius + @b_->parts[e.b.part]->radius@ + error_",
             "0.0",
         ),
         (
