@@ -105,6 +105,7 @@ void NearestElements::divide(const SubtreePair& e, bool opens_a, double cut_off,
   const Surface& surface = *gaps_.body(opens_a).parts[opened.part]->surface;
   const Below below(surface, opened.at);
   const std::uint32_t looks = gaps_.looks();
+  const double margin = gaps_.margin(e);
   PartColumn far;
   if (looks) part_reaches(below.columns, gaps_.direction(opens_a), far);
   const auto before = [&](std::uint32_t before_at) {
@@ -113,13 +114,13 @@ void NearestElements::divide(const SubtreePair& e, bool opens_a, double cut_off,
     std::array<Vec3d, 3> scratch;
     PartColumn gaps;
     part_gaps(below.columns, part_bounds_of(gaps_.body(!opens_a), partner, partner_bounds, scratch), gaps_.R(opens_a),
-              gaps_.D(opens_a), cut_off + gaps_.margin(e), gaps);
+              gaps_.D(opens_a), cut_off + margin, gaps);
     const double partner_far = looks ? gaps_.known_reach(!opens_a, partner, partner_bounds) : 0;
     for (std::uint32_t k = 0; k < below.count; ++k) {
       SubtreePair part = e;
       (opens_a ? part.a : part.b).at = below.at[k];
       (opens_a ? part.b : part.a).at = before_at;
-      part.gap = std::max(e.gap, above_zero(gaps[k] - gaps_.margin(e)));
+      part.gap = std::max(e.gap, above_zero(gaps[k] - margin));
       if (looks && part.gap <= cut_off) {
         const double own = gaps_.known_reach(opens_a, {opened.part, below.at[k]}, far[k]);
         part.gap = std::max(

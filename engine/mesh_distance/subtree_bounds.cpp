@@ -23,35 +23,6 @@ double reach_across(const Surface::Slab& slab, double times, const Vec3d& centre
 
 }  // namespace
 
-BoxBounds bounds_of(const Body& body, Subtree subtree) {
-  const ConvexPart& p = *body.parts[subtree.part];
-  const std::uint32_t at = subtree.at;
-  if (at == kNone) return {p.centre, p.half};
-  const Surface& surface = *p.surface;
-  if (subtree.is_element()) {
-    if (surface.is_cloud()) {
-      const double half = 0.5 * double{surface.edge()} + surface.rounding();
-      return {surface.point(at & ~Subtree::kElement), {half, half, half}};
-    }
-    const auto [u, v, w] = surface.corners(at & ~Subtree::kElement);
-    BoxBounds bounds;
-    for (int k = 0; k < 3; ++k) {
-      const double low = std::min({u[k], v[k], w[k]}), high = std::max({u[k], v[k], w[k]});
-      bounds.centre[k] = 0.5 * low + 0.5 * high;
-      bounds.half[k] = 0.5 * high - 0.5 * low;
-    }
-    return bounds;
-  }
-  const Surface::Node& node = surface.nodes()[at];
-  BoxBounds bounds;
-  for (int k = 0; k < 3; ++k) {
-    const double low = node.low[static_cast<std::size_t>(k)], high = node.high[static_cast<std::size_t>(k)];
-    bounds.centre[k] = surface.centre()[k] + (0.5 * low + 0.5 * high);
-    bounds.half[k] = 0.5 * high - 0.5 * low;
-  }
-  return bounds;
-}
-
 PartBounds part_bounds_of(const Body& body, Subtree subtree, const BoxBounds& bounds, std::array<Vec3d, 3>& scratch) {
   const ConvexPart& whole = *body.parts[subtree.part];
   const std::uint32_t at = subtree.at;

@@ -86,14 +86,13 @@ double SubtreeGaps::known_reach(bool of_a, Subtree subtree, const BoxBounds& box
   return known.reach;
 }
 
-double SubtreeGaps::known_reach(bool of_a, Subtree subtree, double by_bounds) const {
-  const Surface* const surface = body(of_a).parts[subtree.part]->surface.get();
-  const int levels = !looks_deep_ ? 0 : surface && surface->is_cloud() ? kLevelsOfCloud : kLevels;
-  return known_reach(of_a, subtree, by_bounds, levels);
+double SubtreeGaps::deep_reach(bool of_a, Subtree subtree, double by_bounds) const {
+  const bool is_cloud = body(of_a).parts[subtree.part]->surface->is_cloud();
+  return reach_below(of_a, subtree, by_bounds, is_cloud ? kLevelsOfCloud : kLevels);
 }
 
 // Descends by the farthest reach. Most subtrees are skipped, since their boxes reach less far than the result so far.
-double SubtreeGaps::known_reach(bool of_a, Subtree subtree, double by_bounds, int levels) const {
+double SubtreeGaps::reach_below(bool of_a, Subtree subtree, double by_bounds, int levels) const {
   if (subtree.is_element() || levels <= 0) return by_bounds;
   Reach& known = reaches_[(subtree.at * 2654435761u + subtree.part * 40503u + of_a) % kReaches];
   if (known.is_of(directions_, subtree, of_a)) return known.reach;
@@ -112,16 +111,12 @@ double SubtreeGaps::known_reach(bool of_a, Subtree subtree, double by_bounds, in
       for (std::uint32_t k = 1; k < below.count; ++k)
         if (far[k] > far[farthest]) farthest = k;
       if (!(far[farthest] > most)) break;
-      most = std::max(most, known_reach(of_a, {subtree.part, below.at[farthest]}, far[farthest], levels - 2));
+      most = std::max(most, reach_below(of_a, {subtree.part, below.at[farthest]}, far[farthest], levels - 2));
       far[farthest] = -kInf;
     }
   }
   known = {directions_, subtree.part, subtree.at, of_a, most};
   return most;
-}
-
-double SubtreeGaps::gap_known(const SubtreePair& e, double reach_a, double reach_b) const {
-  return above_zero(((dot(n_a_, D_) - reach_b) - reach_a) * (1 - 0x1p-45) - margin(e));
 }
 
 double SubtreeGaps::gap_known(const SubtreePair& e) const {

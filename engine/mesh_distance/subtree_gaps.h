@@ -62,9 +62,13 @@ class SubtreeGaps {
   /// Reach along the known direction, tighter than that of the subtree's box.
   double known_reach(bool of_a, Subtree subtree, const BoxBounds& box) const;
   /// \param by_bounds reach of its own box
-  double known_reach(bool of_a, Subtree subtree, double by_bounds) const;
+  double known_reach(bool of_a, Subtree subtree, double by_bounds) const {
+    return subtree.is_element() || !looks_deep_ ? by_bounds : deep_reach(of_a, subtree, by_bounds);
+  }
   /// Gap along the known direction.
-  double gap_known(const SubtreePair& e, double reach_a, double reach_b) const;
+  double gap_known(const SubtreePair& e, double reach_a, double reach_b) const {
+    return above_zero(((dot(n_a_, D_) - reach_b) - reach_a) * (1 - 0x1p-45) - margin(e));
+  }
   double gap_known(const SubtreePair& e) const;
   /// Nodes that known_reach() has opened since the last call.
   std::uint64_t take_reached() { return std::exchange(reached_, 0); }
@@ -86,7 +90,8 @@ class SubtreeGaps {
 
   double gap_along(const SubtreePair& e, const BoxBounds& a, const BoxBounds& b, const Vec3d& n_a,
                    const Vec3d& n_b) const;
-  double known_reach(bool of_a, Subtree subtree, double by_bounds, int levels) const;
+  double deep_reach(bool of_a, Subtree subtree, double by_bounds) const;
+  double reach_below(bool of_a, Subtree subtree, double by_bounds, int levels) const;
 
   const Body *a_ = nullptr, *b_ = nullptr;
   Mat3d R_wa_, R_, R_ba_;                                                         // R_: R_wa^T R_wb; its transpose
