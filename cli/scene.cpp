@@ -104,56 +104,64 @@ void allow(const AllowOptions& o, bool allowed) {
   std::cout << done.applied << (done.applied == 1 ? " pair" : " pairs") << (allowed ? " allowed\n" : " forbidden\n");
 }
 
-void add_add(CLI::App& scene) {
-  auto& command = *scene.add_subcommand("add", "add a body, such as a grasped object");
-  auto options = std::make_shared<AddBodyOptions>();
-  command.add_option("NAME", options->name, "name of the new body")->required();
+void add_shape_options(CLI::App& command, AddBodyOptions& options) {
   auto& shape = *command.add_option_group("Shape", "exactly one; lengths in metres");
   shape.require_option(1);
-  shape.add_option("--box", options->box, "edge lengths x y z")->expected(3)->type_name("X");
-  shape.add_option("--sphere", options->sphere, "radius")->type_name("R");
-  shape.add_option("--capsule", options->capsule, "radius, and length between the centres of its caps, along z")
+  shape.add_option("--box", options.box, "edge lengths x y z")->expected(3)->type_name("X");
+  shape.add_option("--sphere", options.sphere, "radius")->type_name("R");
+  shape.add_option("--capsule", options.capsule, "radius, and length between the centres of its caps, along z")
       ->expected(2)
       ->type_name("X");
-  shape.add_option("--cylinder", options->cylinder, "radius, and length along z")->expected(2)->type_name("X");
-  shape.add_option("--cone", options->cone, "radius, and length along z, the apex ahead")->expected(2)->type_name("X");
-  shape.add_option("--ellipsoid", options->ellipsoid, "half axes x y z")->expected(3)->type_name("X");
-  shape.add_flag("--half-space", options->half_space, "z <= 0 in its own frame: a floor or a wall, static");
+  shape.add_option("--cylinder", options.cylinder, "radius, and length along z")->expected(2)->type_name("X");
+  shape.add_option("--cone", options.cone, "radius, and length along z, the apex ahead")->expected(2)->type_name("X");
+  shape.add_option("--ellipsoid", options.ellipsoid, "half axes x y z")->expected(3)->type_name("X");
+  shape.add_flag("--half-space", options.half_space, "z <= 0 in its own frame: a floor or a wall, static");
   shape
-      .add_option("--vertices", options->vertices,
+      .add_option("--vertices", options.vertices,
                   "the convex hull of the vertices in this file, x y z on a line; - for standard input")
       ->type_name("FILE");
   shape
-      .add_option("--points", options->points,
+      .add_option("--points", options.points,
                   "a cloud, which `clearance scene points` replaces: x y z on a line; - for standard input")
       ->type_name("FILE");
-  command.add_option("--voxel", options->voxel, "with --points: edge of a box around each point")->type_name("X");
+  command.add_option("--voxel", options.voxel, "with --points: edge of a box around each point")->type_name("X");
   command
-      .add_option("--triangles", options->triangles,
+      .add_option("--triangles", options.triangles,
                   "with --vertices: triangles of a mesh, three vertex indices from 0 on a line")
       ->type_name("FILE");
   command
-      .add_option("--mesh-as", options->mesh_as,
+      .add_option("--mesh-as", options.mesh_as,
                   "use of that mesh: hull, surface (its triangles), solid (the enclosed volume), or\n"
                   "auto: hull if it is convex or open, else solid")
       ->check(quiet(CLI::IsMember({"auto", "hull", "surface", "solid"})))
       ->type_name("WORD")
       ->capture_default_str();
-  command.add_option("--radius", options->radius, "grows the shape")->type_name("R");
-  command.add_option("--parent", options->parent, "name or number of the body that it follows")->type_name("BODY");
+  command.add_option("--radius", options.radius, "grows the shape")->type_name("R");
+}
+
+void add_placement_options(CLI::App& command, AddBodyOptions& options) {
+  command.add_option("--parent", options.parent, "name or number of the body that it follows")->type_name("BODY");
   command
-      .add_option("--pose", options->pose,
+      .add_option("--pose", options.pose,
                   "x y z [qw qx qy qz]; with a parent: relative to it. Default: none until one arrives\n"
                   "(with a parent or static: the origin)")
       ->expected(3, 7)
       ->type_name("X");
-  command.add_flag("--static", options->is_static, "it never moves");
-  command.add_option("--uncertainty", options->uncertainty, "uncertainty of its pose, in metres and radians")
+  command.add_flag("--static", options.is_static, "it never moves");
+  command.add_option("--uncertainty", options.uncertainty, "uncertainty of its pose, in metres and radians")
       ->expected(2)
       ->type_name("X");
-  command.add_option("--padding", options->padding, "padding in metres")->type_name("R");
-  command.add_option("--max-speed", options->max_speed, "maximum speed of its points, in metres a second")
+  command.add_option("--padding", options.padding, "padding in metres")->type_name("R");
+  command.add_option("--max-speed", options.max_speed, "maximum speed of its points, in metres a second")
       ->type_name("V");
+}
+
+void add_add(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("add", "add a body, such as a grasped object");
+  auto options = std::make_shared<AddBodyOptions>();
+  command.add_option("NAME", options->name, "name of the new body")->required();
+  add_shape_options(command, *options);
+  add_placement_options(command, *options);
   add_connection_options(command, options->connection);
   command.callback([&command, options] { add_body(command, *options); });
 }

@@ -13,7 +13,7 @@ namespace clearance {
 struct TableColumn {
   std::uint32_t column = 0;    ///< of the robot
   std::uint32_t shift = 0;     ///< there are 2^shift cells
-  double least = 0, most = 0;  ///< positions that the table knows; radians or metres
+  double least = 0, most = 0;  ///< range of positions in the table; radians or metres
   double begin = 0;            ///< position at which the first cell begins
   double cells_per_unit = 0;   ///< cells per radian or metre
   double turns_per_cell = 0;   ///< of a joint that turns without end; otherwise 0

@@ -8,7 +8,7 @@
 
 namespace clearance {
 
-/// An unsigned number of up to 8 bytes at `bytes[at]`, which must be there.
+/// Reads an unsigned number of up to 8 bytes at `bytes[at]`. All of them must exist.
 inline std::uint64_t unsigned_at(std::string_view bytes, std::size_t at, std::size_t size, bool big_endian = false) {
   std::uint64_t x = 0;
   for (std::size_t i = 0; i < size; ++i) {
@@ -18,7 +18,7 @@ inline std::uint64_t unsigned_at(std::string_view bytes, std::size_t at, std::si
   return x;
 }
 
-/// A float or double at `bytes[at]`.
+/// Reads a float or double at `bytes[at]`.
 template <class T>
 double real_at(std::string_view bytes, std::size_t at, bool big_endian = false) {
   using Bits = std::conditional_t<sizeof(T) == 8, std::uint64_t, std::uint32_t>;

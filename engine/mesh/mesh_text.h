@@ -20,11 +20,11 @@ std::string in_quotes(std::string_view word);
 
 class MeshText {
  public:
-  enum class Comments { kNone, kHash };
+  enum class Comments { kAbsent, kHash };
 
   /// \param text of a file, with or without a byte order mark
   /// \param comments kHash ignores # to the end of a line, and joins a line that ends in a backslash with the next one
-  explicit MeshText(std::string_view text, Comments comments = Comments::kNone);
+  explicit MeshText(std::string_view text, Comments comments = Comments::kAbsent);
 
   /// Returns the next word of the file; empty at its end.
   std::string_view word();

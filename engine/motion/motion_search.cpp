@@ -1,8 +1,7 @@
+// The order of a search: which span is evaluated next, when pairs leave, and when the search ends.
 #include "engine/motion/motion_search.h"
 
 #include <algorithm>
-#include <cassert>
-#include <cmath>
 #include <numeric>
 #include <utility>
 
@@ -12,14 +11,8 @@ namespace clearance {
 
 namespace {
 
-constexpr double kLeastHalf = 0x1p-40;  // shortest half of a span
-
 bool is_less_promising(const MotionSearch::Node& p, const MotionSearch::Node& q) {
   return p.least != q.least ? p.least > q.least : p.begin > q.begin;
-}
-
-bool is_within(const PairAnswer& answer, double margin) {
-  return answer.upper <= margin;
 }
 
 }  // namespace
@@ -154,202 +147,6 @@ void MotionSearch::give_up() {
       leave(goal, node.open[i], node.low[i], node.begin);
     }
   spans_.clear();
-}
-
-void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
-                                 std::vector<PairRequest>& requests) {
-  const BodyPoses& placed = moment.placed;
-  // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
-  const PairList& pairs = motion_query_.plan.pairs;
-  const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
-  const std::size_t seed = seeds ? nearest_of(node, placed) : node.open.size();
-  node.seeds = seed < node.open.size();
-  const auto request_about = [&](BodyPair pair, const PairRequest& q) {
-    const double stop_below = decides() ? motion_query_.plan.margins.of(node.open[q.open]) : -kInf;
-    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), stop_below});
-    requests.push_back(q);
-  };
-  if (node.seeds) {
-    const BodyPair pair = pairs.at(node.open[seed]);
-    return request_about(pair, request_for(seed, node, pair, placed));
-  }
-  motion_query_.bounds.speeds(moving, placed, speeds_);
-  for (std::size_t i = 0; i < node.open.size(); ++i) {
-    const BodyPair pair = pairs.at(node.open[i]);
-    const bool usable = !is_unusable(motion_query_.scene, placed, pair);
-    if (usable && leaves_by_boxes(i, node, pair, placed)) continue;
-    const PairRequest request = request_for(i, node, pair, placed);
-    if (!usable || !leaves_along_boxes(request, node, pair, moment)) request_about(pair, request);
-  }
-}
-
-// Most pairs are so far apart that neither their path nor their uncertainty matters.
-bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pair, const BodyPoses& placed) {
-  const auto speed = [&](std::uint32_t body) {
-    const std::uint32_t slot = motion_query_.bounds.slot(body);
-    return slot == kNone ? 0 : speeds_[slot];
-  };
-  Goal& goal = goal_of(node.open[i]);
-  const double low = difference_below(box_gap(motion_query_.scene, placed, pair),
-                                      sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
-  if (!(low > target_of(node.open[i], goal, 0))) return false;
-  leave(goal, node.open[i], std::max(low, node.low[i]), node.begin);
-  return true;
-}
-
-// Most others do not come near along the direction between their boxes, at their present speeds.
-bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& node, BodyPair pair,
-                                      const Moment& moment) {
-  const Aabb *const a = moment.placed.known_box(pair.a), *const b = moment.placed.known_box(pair.b);
-  if (!a || !b || request.way == 0) return false;
-  const Vec3d n = way_between(*a, *b);
-  const double length = norm(n);
-  if (!(length > request.target)) return false;
-  const HalfSpans gaps = half_spans(pair, request.rates, n, 0, moment, node.half(), true);
-  const double low = std::min(gaps.before, gaps.after);
-  Goal& goal = goal_of(node.open[request.open]);
-  if (!(low > (decides() ? request.target : target_of(node.open[request.open], goal, 0)))) return false;
-  leave(goal, node.open[request.open], std::max(low, node.low[request.open]), node.begin);
-  return true;
-}
-
-MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& node, BodyPair pair,
-                                                    const BodyPoses& placed) {
-  const std::uint64_t position = node.open[i];
-  PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
-  Slack slack;
-  if (!is_unusable(motion_query_.scene, placed, pair)) {
-    request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
-    request.way = way_of_pair(request.rates, node.half());
-    slack = pair_slack(placed, pair);
-    request.inner = slack.inner;
-  }
-  const Goal& goal = goal_of(position);
-  request.target = decides() ? target_of_margin(position, goal, node, slack) : target_of(position, goal, slack.inner);
-  return request;
-}
-
-// The pair with the nearest boxes; node.open.size() if all are beyond max_distance or without poses.
-std::size_t MotionSearch::nearest_of(const Node& node, const BodyPoses& placed) const {
-  std::size_t nearest = node.open.size();
-  double least = motion_query_.plan.query.max_distance;
-  for (std::size_t i = 0; i < node.open.size(); ++i) {
-    const BodyPair pair = motion_query_.plan.pairs.at(node.open[i]);
-    const double gap = box_gap(motion_query_.scene, placed, pair);
-    if (gap < least) least = gap, nearest = i;
-  }
-  return nearest;
-}
-
-// Records the earliest pair found within its margin if first contact is requested, otherwise the nearest.
-void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const PairAnswer& answer,
-                       const BodyPoses& placed) {
-  const bool within = is_within(answer, motion_query_.plan.margins.of(position));
-  const bool earlier = within && time < goal.hit.time, hit_before = goal.hit.time < kInf;
-  if (earlier) goal.hit = {time, position, answer.part_a, answer.part_b};
-  const bool nearer = answer.upper < goal.upper() && (!any() || within || !goal.decided);
-  if (!(any() && seeks_contact_ ? earlier || (nearer && !hit_before) : nearer)) return;
-  const BodyPair pair = motion_query_.plan.pairs.at(position);
-  goal.best = answer;
-  goal.pair = position;
-  goal.time = time;
-  goal.slack = pair_slack(placed, pair).outer;
-  goal.origin_a = placed[pair.a].pose.t_w;
-  goal.origin_b = placed[pair.b].pose.t_w;
-  goal.decided = any() ? within : answer.upper <= 0;
-}
-
-// Lower bounds in either half, along a direction that separates the pair in the middle.
-// \param of_boxes uses the bodies' boxes, which include their uncertainty
-HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
-                                   const Moment& moment, double half, bool of_boxes) const {
-  const auto moving_body = [&](std::uint32_t body) {
-    return MovingBody{motion_query_.scene.bodies()[body], moment.placed[body].pose,
-                      motion_query_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
-                      of_boxes ? moment.placed.known_box(body) : nullptr};
-  };
-  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend_of_pair(rates, half));
-  return without_uncertainty(gaps, inner, rates.drift, half);
-}
-
-// Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
-void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
-                          Half (&halves)[2]) {
-  const std::uint64_t position = node.open[request.open];
-  Goal& goal = goal_of(position);
-  const double inner = request.inner, target = decides() ? request.target : target_of(position, goal, inner);
-  const double by_speed = difference_below(answer.lower, request.way);
-  double low = std::max(node.low[request.open], by_speed);
-  const bool beyond = answer.status == Status::kBeyond;
-  if (beyond) low = std::max(low, std::nextafter(request.target, kInf));
-  HalfSpans gaps{low, low, -kInf};
-  const Vec3d& n = answer.normal;
-  const bool has_normal = answer.lower > std::min(target, 0.0) && std::isfinite(n.x + n.y + n.z);
-  if (!beyond && !is_proved(low, target) && request.way > 0 && has_normal)
-    gaps = half_spans(motion_query_.plan.pairs.at(position), request.rates, n, inner, moment, node.half(), false);
-  // Shorter spans would not bring the proof past a middle that cannot be proved.
-  const bool ends_here = node.half() <= kLeastHalf || (seeks_contact_ && node.half() <= 0.5 * kContactTime && !beyond &&
-                                                       answer.lower <= motion_query_.plan.margins.of(position));
-  for (Half& half : halves) {
-    const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
-    const bool proved = beyond || is_proved(gap, target);
-    if (proved || request.way == 0 || ends_here) {
-      goal.forced |= !proved && !decides();
-      leave(goal, position, gap, half.node.begin);
-    } else {
-      half.node.open.push_back(position);
-      half.node.low.push_back(gap);
-      const ProvedShare by_way = proved_until(answer.lower, by_speed, target),
-                        by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
-      half.proved = std::min(half.proved, most.share * node.half());
-      half.proved_low.push_back(most.low);
-    }
-  }
-}
-
-// Drops the time from the middle on for which all pairs of a half are proved, and queues the remainder. Its ends are
-// chosen such that its middle, and the middles of its halves, are exact.
-void MotionSearch::push_rest(Half& half, double middle) {
-  Node& node = half.node;
-  if (node.open.empty()) return;
-  const bool is_after = node.begin == middle;
-  const double end = rest_of_half(middle, half.proved, node.half(), is_after);
-  if (end != middle) {
-    for (std::size_t i = 0; i < node.open.size(); ++i)
-      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), is_after ? middle : end);
-    (is_after ? node.begin : node.end) = end;
-  }
-  push(std::move(node));
-}
-
-void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRequest> requests,
-                        std::span<const PairAnswer> answers) {
-  assert(requests.size() == answers.size());
-  --under_way_;
-  const double middle = node.middle();
-  Half halves[2];
-  for (Half& half : halves) half.proved = node.half();
-  halves[0].node.begin = node.begin;
-  halves[0].node.end = halves[1].node.begin = middle;
-  halves[1].node.end = node.end;
-  const bool seed = node.seeds;  // the pair continues together with the others
-  for (std::size_t k = 0; k < requests.size(); ++k) {
-    const PairAnswer& answer = answers[k];
-    const std::uint64_t position = node.open[requests[k].open];
-    Goal& goal = goal_of(position);
-    if (std::isnan(answer.distance)) {
-      if (position < goal.unusable) goal.unusable_answer = answer, goal.unusable = position;
-      goal.decided |= goals_.size() > 1;
-      continue;
-    }
-    evaluated_ += answer.upper < kInf;
-    // A pair that does not move is there from the beginning on.
-    see(goal, position, requests[k].way > 0 ? middle : node.begin, answer, moment.placed);
-    if (!seed) divide(requests[k], answer, moment, node, halves);
-  }
-  if (seed) push(std::move(node));
-  for (Half& half : halves) push_rest(half, middle);
-  end_if_done();
 }
 
 }  // namespace clearance

@@ -14,7 +14,7 @@
 #include "engine/hull/convex_part.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
-#include "engine/narrow/gjk.h"
+#include "engine/narrow/gjk/gjk.h"
 #include "engine/pose/pose.h"
 
 namespace clearance {

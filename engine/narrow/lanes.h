@@ -13,7 +13,7 @@
 #include <string_view>
 
 #include "engine/hull/convex_part.h"
-#include "engine/narrow/gjk.h"
+#include "engine/narrow/gjk/gjk.h"
 
 namespace clearance {
 

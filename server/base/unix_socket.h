@@ -1,4 +1,4 @@
-// Socket files of the daemon: replaces that of a dead daemon, rejects that of a live one, and removes its own.
+// Socket files of the daemon. Replaces the file of a dead daemon, rejects that of a live one, and removes its own.
 #pragma once
 
 #include <sys/socket.h>
@@ -8,8 +8,7 @@
 
 namespace clearance {
 
-/// Locks the folder of a socket file, so that of two daemons that start at once the second finds the first one's
-/// socket.
+/// Locks the folder of a socket file. If two daemons start at once, the second one then finds the first one's socket.
 class FolderLock {
  public:
   explicit FolderLock(const std::string& socket_path);
@@ -24,7 +23,7 @@ class FolderLock {
 /// Removes the socket file that a dead daemon left at `path`. Throws std::runtime_error if a process listens there, or
 /// if the file is no socket.
 /// @param url for the message
-/// @param type of the socket to come
+/// @param type of the socket that will be made
 void clear_stale_socket(const std::string& path, const std::string& url, int type = SOCK_STREAM);
 
 /// A socket file made by this process, removed with this object unless another file has replaced it.

@@ -1,6 +1,6 @@
 // The daemon's event loop: polls the transports, routes requests to their handlers, and sleeps when idle.
 //
-// The loop knows transports, and RequestRouter (request_router.h) knows requests. Between two polls the loop does a
+// The loop serves transports, and RequestRouter (request_router.h) handles requests. Between two polls the loop does a
 // bounded number of units of work (engine/narrow/work_meter.h; a KiB of payload counts as one): it begins small queries
 // and gives each one slice. Workers do the rest.
 #pragma once

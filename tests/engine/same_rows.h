@@ -8,6 +8,7 @@
 #include <cstring>
 #include <span>
 #include <type_traits>
+#include <utility>
 #include <vector>
 
 #include "tests/engine/engine_test_util.h"
@@ -47,6 +48,21 @@ inline std::array<std::uint64_t, 8> expect_same_rows(const Answer& all, std::uin
   std::array<std::uint64_t, 8> seen{};
   for (std::uint64_t i = 0; i < count; ++i) ++seen[v.status[at + i]];
   return seen;
+}
+
+/// Number of rows with a status, of those that expect_same_rows() has counted.
+inline std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) {
+  return seen[static_cast<std::size_t>(status)];
+}
+
+/// The same bodies with uncertainty.
+inline engine::Scene with_uncertainty(const engine::Scene& known) {
+  engine::Scene scene;
+  for (Body body : known.bodies()) {
+    body.uncertainty = {0.01, 0.1};
+    scene.add_body(std::move(body));
+  }
+  return scene;
 }
 
 /// Expects each row of a query of all pairs to have the bits of the same pair alone in its configuration. Adds the

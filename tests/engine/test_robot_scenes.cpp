@@ -16,8 +16,6 @@ using test::arm_scene;
 using test::at_home;
 using test::joints_of;
 
-constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
-
 TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
   const engine::Scene scene = arm_scene(at_home());
   const std::uint32_t base = scene.find_body("arm"), shoulder = scene.find_body("arm/shoulder"),
@@ -155,7 +153,8 @@ TEST(RobotInAScene, WhatIsWrongIsReportedWithItsPlace) {
       "<child link='b'/><limit lower='1' upper='2'/></joint></robot>";
   has(text(joint, {.urdf = "", .home = {{}}}), "home: \"j\" is not named, and 0 is beyond its limits");
   has(text(joint, {.urdf = "", .home = {{{"k", 1.0}}}}), "home: there is no joint \"k\"");
-  has(text(joint, {.urdf = "", .home = {{{"j", kNaN}}}}), "home: \"j\": expected a number");
+  has(text(joint, {.urdf = "", .home = {{{"j", std::numeric_limits<double>::quiet_NaN()}}}}),
+      "home: \"j\": expected a number");
   has(text(joint, {.urdf = "", .parent = "table"}), "parent: there is no body \"table\"");
   has(text(joint, {.urdf = "", .home_state = "ready"}), "no group state \"ready\"");
   has(text(joint, {.urdf = "", .link_padding = {{"c", 0.1}}}), "padding: there is no link \"c\"");

@@ -27,7 +27,12 @@ SOURCES_OF_HEADERS = {
     "decision/decide_kernel.h": ["decision/decide_baseline.cpp", "decision/decision_kernels.cpp"],
     "decision/placed_balls.h": ["decision/decide_baseline.cpp"],
     "decision/table_lookup.h": ["decision/decide_baseline.cpp"],
-    "motion/motion_step.h": ["motion/half_spans.cpp", "motion/motion_search.cpp", "motion/motion_bounds.cpp"],
+    "motion/motion_step.h": [
+        "motion/half_spans.cpp",
+        "motion/motion_search.cpp",
+        "motion/motion_span.cpp",
+        "motion/motion_bounds.cpp",
+    ],
 }
 
 MUTANTS = [
@@ -222,8 +227,8 @@ MUTANTS = [
         ),
         (
             "surface_radius",
-            "mesh_distance/nearest_elements.cpp",
-            "radius + @b_->parts[e.part_b]->radius@ + error_",
+            "mesh_distance/subtree_gaps.cpp",
+            "radius + @b_->parts[e.b.part]->radius@ + error_",
             "0.0",
         ),
         (
@@ -393,20 +398,20 @@ MUTANTS = [
         ("motion_lean", "motion/motion_step.h", "n + lean_a * @s@", "(0 * s)"),
         (
             "motion_way",
-            "motion/motion_search.cpp",
+            "motion/motion_span.cpp",
             "difference_below(answer.lower, request.way)",
             "difference_below(answer.lower, 0.9 * request.way)",
         ),
         (
             "motion_boxes",
-            "motion/motion_search.cpp",
+            "motion/motion_span.cpp",
             "sum_above(speed(pair.a), speed(pair.b)) * node.half()",
             "0.5 * sum_above(speed(pair.a), speed(pair.b)) * node.half()",
         ),
         ("motion_slack", "motion/motion_step.h", "inner + drift * half", "drift * half"),
         ("motion_seer", "motion/motion_step.h", "twist.turn = twist.turn - @seer.turn@", "0.0 * seer.turn"),
         ("motion_contact", "motion/motion_search.cpp", "goal.unproved = @std::min(goal.unproved, begin)@", "begin"),
-        ("motion_along_boxes", "motion/motion_search.cpp", "low = @std::min(gaps.before, gaps.after)@", "gaps.middle"),
+        ("motion_along_boxes", "motion/motion_span.cpp", "low = @std::min(gaps.before, gaps.after)@", "gaps.middle"),
         (
             "motion_proved_until",
             "motion/motion_step.h",

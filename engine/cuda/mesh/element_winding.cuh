@@ -1,5 +1,5 @@
-// Winding number of a solid's triangles around a point, counted by a warp: winding_number() if float64 is sure of every
-// sign.
+// Winding number of a solid's triangles around a point, counted by a warp: equals winding_number() if float64 decides
+// every sign.
 #pragma once
 
 #include "engine/bvh/crossing.h"

@@ -109,7 +109,7 @@ class MotionDeviceQuery final : public DeviceQuery {
     made.steps = steps;
     write_motion_row(reply_, motion, made);
   }
-  // A decision knows nothing of the rest of the motion, so the least distance may be 0.
+  // A decision leaves the rest of the motion unevaluated, so the least distance may be 0.
   void write_hit(std::uint64_t first, const MotionHitRow& hit, const MotionResult& r) {
     MotionRow made;
     const BodyPair pair = plan_.pairs.at(hit.pair);

@@ -34,7 +34,7 @@ double metres_of(const xml_node& root) {
   throw LoadError("unknown unit " + in_quotes(name) + "; expected micron, millimeter, centimeter, meter, inch or foot");
 }
 
-// Returns the finite numbers of a text, separated by spaces or commas. assimp takes 0 for one that it cannot parse.
+// Returns the finite numbers of a text, separated by spaces or commas. assimp reads 0 where it cannot parse one.
 std::vector<double> finite_numbers(const char* text) {
   std::vector<double> out;
   for (;;) {
@@ -152,7 +152,7 @@ double check_x3d(std::string_view content) {
   return metres;
 }
 
-// DXF has its unit in a variable of its header, and entities that are no meshes.
+// DXF declares its unit in a variable of its header, and also holds entities other than meshes.
 double check_dxf(std::string_view content) {
   constexpr std::string_view kUnread[] = {"3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "MESH"};
   constexpr Unit kInsunits[] = {{"0", 1}, {"1", 0.0254}, {"2", 0.3048}, {"4", 1e-3}, {"5", 1e-2}, {"6", 1}};
@@ -188,14 +188,14 @@ double largest_in_3ds(std::string_view content) {
                       end = std::min<std::uint64_t>(at + std::max<std::uint64_t>(bytes, 6), content.size());
     at = end;
     if (std::find(std::begin(kContainers), std::end(kContainers), kind) != std::end(kContainers)) at = begin;
-    if (kind == 0x4000) at = std::min(content.find('\0', begin), end - 1) + 1;  // a name, then the object's chunks
+    if (kind == 0x4000) at = std::min(content.find('\0', begin), end - 1) + 1;  // the object's chunks follow a name
     if (kind == 0x4110 && begin + 2 <= end) take_floats(begin + 2, end);
     if (kind == 0x4160 || kind == 0xB013) take_floats(begin, end);
   }
   return largest;
 }
 
-// The same of an ASE file, line by line.
+// The largest such number of an ASE file, which is read line by line.
 double largest_in_ase(std::string_view content) {
   MeshText text(content);
   double largest = 0;
@@ -212,7 +212,7 @@ double largest_in_ase(std::string_view content) {
   return largest;
 }
 
-// Surfaces that their program subdivides: the file holds the cage alone.
+// Subdivision surfaces, of which a file holds only the control mesh.
 void check_ac(std::string_view content) {
   MeshText text(content);
   for (std::string_view word = text.word(); !word.empty(); word = text.word())

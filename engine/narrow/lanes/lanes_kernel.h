@@ -245,7 +245,7 @@ void run_pairs(const LaneBatch& batch) {
     const auto ended = running & !(g.end == zero);
     if (!any(ended)) continue;
 
-    // The same as narrow_phase() makes of such a run, for the pairs that need no more than that.
+    // The answer that narrow_phase() gives for such a run, for pairs that need no further step.
     const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
                               P(batch.rel_tol * Setup::kStrict), at.extra, lanes.stop_below.pack());
     hand_out(batch, lanes, g, bounds, bits_of(ended));

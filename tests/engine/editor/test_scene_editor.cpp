@@ -40,7 +40,7 @@ engine::Scene cell() {
   scene.ignore("left", "right");
   return scene;
 }
-constexpr std::uint32_t kGripper = 1, kLeft = 2, kCup = 4, kCloud = 5;
+constexpr std::uint32_t kGripper = 1, kLeft = 2, kCup = 4, kPoints = 5;
 
 NewShape box(double edge) {
   return {BodyShape::kBox, {edge, edge, edge}};
@@ -123,8 +123,8 @@ TEST_F(SceneEdits, KeepTheStateOfTheOthers) {
   const Pose held{{0, 0, 0.2}};
   const std::uint32_t fingers[] = {kLeft, 3};
   engine().attach(kCup, kGripper, &held, fingers);
-  engine().allow(kCloud, 0);
-  engine().set_points(kCloud, std::vector<CloudPoint>{{0, 0, 1}}, 0.25);
+  engine().allow(kPoints, 0);
+  engine().set_points(kPoints, std::vector<CloudPoint>{{0, 0, 1}}, 0.25);
   const std::vector<BodyPair> pairs = engine().pairs({});
   const std::uint64_t poses = engine().pose_revision();
   const std::vector<ConvexPartPtr> parts = engine().scene().bodies()[kGripper].parts;
@@ -136,7 +136,7 @@ TEST_F(SceneEdits, KeepTheStateOfTheOthers) {
   EXPECT_GT(engine().pose_revision(), poses);
   editor_.remove("crate");
   EXPECT_EQ(engine().pairs({}), pairs);
-  const BodyPair of_cloud{kGripper, kCloud};
+  const BodyPair of_cloud{kGripper, kPoints};
   QueryView query;
   query.all_pairs = false;
   query.pairs = {&of_cloud, 1};
@@ -144,7 +144,7 @@ TEST_F(SceneEdits, KeepTheStateOfTheOthers) {
   EXPECT_NEAR(near, 1.9 - 0.25, 1e-6) << "the points that were received";
   editor_.reshape("cloud", {.kind = BodyShape::kCloud, .points = {{0.5f, 0, 1}}}, 0);
   EXPECT_NEAR(evaluate(engine(), query).view.upper[0], 1.4, 1e-6) << "the points of the new shape";
-  engine().set_points(kCloud, std::vector<CloudPoint>{{0, 0, 1}});
+  engine().set_points(kPoints, std::vector<CloudPoint>{{0, 0, 1}});
   EXPECT_NEAR(evaluate(engine(), query).view.upper[0], 1.9, 1e-6);
   EXPECT_THROW(engine().set_poses(std::vector<BodyPose>{{kCup, held}}, 76), engine::QueryError)
       << "late for its publisher";

@@ -103,19 +103,6 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene,
   return seen;
 }
 
-std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) {
-  return seen[static_cast<std::size_t>(status)];
-}
-
-engine::Scene uncertain(const engine::Scene& known) {
-  engine::Scene scene;
-  for (Body body : known.bodies()) {
-    body.uncertainty = {0.01, 0.1};
-    scene.add_body(std::move(body));
-  }
-  return scene;
-}
-
 TEST(JobPool, PosesAreAnsweredWithTheBitsOfNewJobs) {
   const std::vector<std::uint32_t> bodies{0, 3, 7, 13};
   Random random(1);
@@ -131,7 +118,7 @@ TEST(JobPool, PosesAreAnsweredWithTheBitsOfNewJobs) {
   };
   const engine::Scene scene = decomposed_scene(30, 1.5, 7);
   expect_bits_of_new_jobs(scene, 8, [&](int k) { return query(k, 1); });
-  expect_bits_of_new_jobs(uncertain(scene), 4, [&](int k) { return query(k, 1); });
+  expect_bits_of_new_jobs(with_uncertainty(scene), 4, [&](int k) { return query(k, 1); });
   expect_bits_of_new_jobs(scene, 4, [&](int k) { return query(k, 5); });                  // in parallel
   expect_bits_of_new_jobs(mixed_scene(80, 6, 3), 4, [&](int k) { return query(k, 1); });  // by a tree
 }

@@ -12,8 +12,6 @@
 namespace clearance::test {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
-
 /// Random configurations of some bodies of a scene.
 struct Moves {
   std::vector<std::uint32_t> bodies;
@@ -36,16 +34,6 @@ struct Moves {
   QueryView query() const { return query(0, count); }
 };
 
-/// The same bodies with uncertainty.
-engine::Scene uncertain(const engine::Scene& known) {
-  engine::Scene scene;
-  for (Body body : known.bodies()) {
-    body.uncertainty = {0.01, 0.1};
-    scene.add_body(std::move(body));
-  }
-  return scene;
-}
-
 /// An answer from a row on; its configurations are not compared.
 Answer rows_from(const Answer& answer, std::uint64_t row) {
   Answer rest;
@@ -59,16 +47,12 @@ Answer rows_from(const Answer& answer, std::uint64_t row) {
   return rest;
 }
 
-std::uint64_t count_of(const std::array<std::uint64_t, 8>& seen, Status status) {
-  return seen[static_cast<std::size_t>(status)];
-}
-
 // Pairs that the parts' boxes skip change neither the rows of near pairs nor their selection.
 TEST(ConfigurationBlock, WithinGivesTheRowsOfAllPairs) {
   const Moves moves({0, 3, 7, 13}, 60, 1.5, 1);
   const engine::Scene scene = decomposed_scene(30, 1.5, 7);
   for (const bool uncertainties : {false, true}) {
-    const engine::Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
+    const engine::Engine engine(uncertainties ? with_uncertainty(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     q.max_distance = 0.25;
     const Answer dense = evaluate(engine, q);
@@ -95,7 +79,7 @@ TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
   const Moves moves({0, 3, 7, 13}, 80, 4, 2);
   const engine::Scene scene = decomposed_scene(30, 4, 8);
   for (const bool uncertainties : {false, true}) {
-    const engine::Engine engine(uncertainties ? uncertain(scene) : scene, {.threads = 1});
+    const engine::Engine engine(uncertainties ? with_uncertainty(scene) : scene, {.threads = 1});
     QueryView q = moves.query();
     const Answer dense = evaluate(engine, q);
     const std::uint64_t pairs = dense.info.rows / moves.count;
@@ -123,11 +107,11 @@ TEST(ConfigurationBlock, MinGivesTheRowOfItsPair) {
 TEST(ConfigurationBlock, EachConfigurationAnswersAsItDoesAlone) {
   Moves moves({1, 5, 8}, 70, 3, 3);
   moves.poses[3 * 11 + 1].translation.x = std::nan("");  // of configurations among good ones
-  moves.poses[3 * 69 + 2].qw = kInf;
+  moves.poses[3 * 69 + 2].qw = std::numeric_limits<double>::infinity();
   for (const int threads : {1, 3}) {
     const engine::Engine engine(decomposed_scene(25, 3, 9), {.threads = threads});
     for (const Reduce reduce : {Reduce::kMin, Reduce::kWithin, Reduce::kNearest})
-      for (const double max_distance : {0.3, kInf}) {
+      for (const double max_distance : {0.3, std::numeric_limits<double>::infinity()}) {
         QueryView q = moves.query();
         q.reduce = reduce;
         q.max_distance = max_distance;

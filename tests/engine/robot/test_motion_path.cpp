@@ -17,7 +17,7 @@ using test::RealFrame;
 using test::RealVec;
 using test::RobotRandom;
 
-const std::string kFolder = source_file("tests/engine/robot/");
+const std::string kRobots = source_file("tests/engine/robot/");
 
 RealVec at(const RealFrame& X, const Vec3d& p) {
   return (X * test::real_shift(p.x, p.y, p.z)).t;
@@ -101,7 +101,7 @@ TEST(MotionPath, NoPointGoesFartherThanItsPath) {
   RobotRandom random(1);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     double worst = 0;
-    check_robot(read_urdf(kFolder + file), random, 40, &worst);
+    check_robot(read_urdf(kRobots + file), random, 40, &worst);
     std::printf("%s: longest way %.3f of the claim\n", file, worst);
     EXPECT_GT(worst, 0.5) << "the claim is not idle";
   }
@@ -111,7 +111,7 @@ TEST(MotionPath, NoPointGoesFartherThanItsPath) {
 TEST(MotionPath, NoTwoPointsComeNearerThanAnyPathBetweenThem) {
   RobotRandom random(2);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
-    const RobotModel robot = read_urdf(kFolder + file);
+    const RobotModel robot = read_urdf(kRobots + file);
     const Kinematics kinematics(robot);
     const auto links = static_cast<std::uint32_t>(robot.links.size());
     int paths = 0;
@@ -172,7 +172,7 @@ TEST(MotionPath, TheBoundIsAttained) {
 
 // Only joints between two links move one relative to the other.
 TEST(MotionPath, JointsThatCarryBothDoNotCount) {
-  const RobotModel robot = read_urdf(kFolder + "arm.urdf");
+  const RobotModel robot = read_urdf(kRobots + "arm.urdf");
   const Kinematics kinematics(robot);
   const std::uint32_t left = robot.find_link("left_finger"), right = robot.find_link("right_finger"),
                       palm = robot.find_link("palm"), flange = robot.find_link("flange");

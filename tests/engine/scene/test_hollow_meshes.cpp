@@ -15,44 +15,44 @@
 namespace clearance {
 namespace {
 
-struct Source {
+struct Closed {
   std::vector<Vec3d> vertices;
   std::vector<Triangle> triangles;
 
-  Source operator+(const Source& other) const {
-    Source out = *this;
+  Closed operator+(const Closed& other) const {
+    Closed out = *this;
     const auto base = static_cast<std::uint32_t>(vertices.size());
     out.vertices.insert(out.vertices.end(), other.vertices.begin(), other.vertices.end());
     for (const Triangle& t : other.triangles) out.triangles.push_back({base + t[0], base + t[1], base + t[2]});
     return out;
   }
-  Source turned() const {
-    Source out = *this;
+  Closed turned() const {
+    Closed out = *this;
     for (Triangle& t : out.triangles) std::swap(t[1], t[2]);
     return out;
   }
-  Source moved(const Vec3d& by, const Vec3d& scale = {1, 1, 1}) const {
-    Source out = *this;
+  Closed moved(const Vec3d& by, const Vec3d& scale = {1, 1, 1}) const {
+    Closed out = *this;
     for (Vec3d& v : out.vertices) v = Vec3d{v.x * scale.x, v.y * scale.y, v.z * scale.z} + by;
     return out;
   }
 };
 
-Source of(const Shape& shape) {
+Closed of(const Shape& shape) {
   return {shape.vertices, {shape.triangles.begin(), shape.triangles.end()}};
 }
-Source box(const Vec3d& low, const Vec3d& high) {
+Closed box(const Vec3d& low, const Vec3d& high) {
   return of(make_box({1, 1, 1})).moved((low + high) * 0.5, high - low);
 }
-Source ball(double radius, const Vec3d& at = {0, 0, 0}) {
+Closed ball(double radius, const Vec3d& at = {0, 0, 0}) {
   return of(make_uv_sphere(radius, 8)).moved(at);
 }
 // Two boxes that cross.
-Source ell() {
+Closed ell() {
   return box({0, 0, 0}, {2, 1, 1}) + box({0, 0.9, 0}, {1, 3, 1});
 }
 
-std::string hollow(const Source& m) {
+std::string hollow(const Closed& m) {
   return hollow_place(Surface(m.vertices, m.triangles, true));
 }
 bool is_solid(const Geometry& geometry) {
@@ -61,7 +61,7 @@ bool is_solid(const Geometry& geometry) {
 
 struct Named {
   const char* name;
-  Source mesh;
+  Closed mesh;
   const char* why;  // a part of the reason; of a solid empty
 };
 
@@ -69,9 +69,9 @@ const char* const kBothWays = "has no volume on either side: faces are oriented 
 const char* const kCrossing = " the other way: parts cross, and not all are turned alike";
 
 std::vector<Named> meshes() {
-  const Source cube = box({0, 0, 0}, {1, 1, 1}), other = cube.moved({0.5, 0.5, 0.5}), sphere = ball(1);
-  const Source plate{{{0, 0, 2}, {1, 0, 2}, {1, 1, 2}, {0, 1, 2}}, {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}}};
-  Source lidless = cube + cube.turned();
+  const Closed cube = box({0, 0, 0}, {1, 1, 1}), other = cube.moved({0.5, 0.5, 0.5}), sphere = ball(1);
+  const Closed plate{{{0, 0, 2}, {1, 0, 2}, {1, 1, 2}, {0, 1, 2}}, {{0, 1, 2}, {0, 2, 3}, {0, 2, 1}, {0, 3, 2}}};
+  Closed lidless = cube + cube.turned();
   std::erase_if(lidless.triangles, [&](const Triangle& t) {
     return lidless.vertices[t[0]].z + lidless.vertices[t[1]].z + lidless.vertices[t[2]].z == 3;
   });
@@ -79,7 +79,7 @@ std::vector<Named> meshes() {
       {"both sides", cube + cube.turned(), kBothWays},
       {"both sides of an L", ell() + ell().turned(), kBothWays},
       {"both sides of a ball", sphere + sphere.turned(), kBothWays},
-      {"both sides, other diagonals", cube + Source{cube.moved({1, 0, 0}, {-1, 1, 1})}, kBothWays},
+      {"both sides, other diagonals", cube + Closed{cube.moved({1, 0, 0}, {-1, 1, 1})}, kBothWays},
       {"both sides, a little apart", cube + cube.turned().moved({1e-7, 2e-7, -1e-7}), ""},
       {"both sides, a little smaller", sphere + sphere.turned().moved({0, 0, 0}, {0.999999, 0.999999, 0.999999}),
        kBothWays},
@@ -141,7 +141,7 @@ TEST(HollowMesh, IsNoSolid) {
 }
 
 TEST(HollowMesh, IsWarnedAboutWithAPlace) {
-  const Source mesh = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}).turned();
+  const Closed mesh = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}).turned();
   engine::Scene scene;
   scene.add_mesh("it", mesh.vertices, mesh.triangles, MeshAs::kAuto, {});
   scene.add_mesh("both", (ell() + ell().turned()).vertices, (ell() + ell().turned()).triangles, MeshAs::kAuto, {});
@@ -155,7 +155,7 @@ TEST(HollowMesh, IsWarnedAboutWithAPlace) {
 
 TEST(HollowMesh, MirroredByItsScale) {
   Mesh file;
-  const Source cup = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}), bad = cup + cup.turned();
+  const Closed cup = box({0, 0, 0}, {1, 1, 1}) + box({0.5, 0.5, 0.5}, {1.5, 1.5, 1.5}), bad = cup + cup.turned();
   for (const bool is_bad : {false, true}) {
     file.submeshes = {{(is_bad ? bad : cup).vertices, (is_bad ? bad : cup).triangles}};
     for (const Vec3d& scale : {Vec3d{1, 1, 1}, Vec3d{-1, 1, 1}, Vec3d{1e-4, -1e-4, 1e-4}, Vec3d{1e4, 1e4, 1e4}}) {
@@ -172,8 +172,8 @@ TEST(HollowMesh, RandomBoxes) {
   std::uniform_real_distribution<double> unit(-1, 1);
   int crossing = 0, apart = 0;
   for (int k = 0; k < 150; ++k) {
-    const Source a = box({-1, -1, -1}, {1, 1, 1});
-    Source b = a;
+    const Closed a = box({-1, -1, -1}, {1, 1, 1});
+    Closed b = a;
     Vec3d q{unit(random), unit(random), unit(random)}, at = Vec3d{unit(random), unit(random), unit(random)} * 2.5;
     const double n = squared_norm(q);
     if (n > 1) continue;

@@ -106,10 +106,10 @@ struct Expected {
 };
 
 TEST_F(ManyClients, OverSharedMemoryAndZeroMqAllGetTheEnginesBits) {
-  constexpr int kBodies = 60, kQueries = 12;
+  constexpr int kScattered = 60, kQueries = 12;
   const TemporaryFolder folder;
   const std::string base = folder / "many";
-  start(scattered_scene(kBodies));
+  start(scattered_scene(kScattered));
   loop_->add(make_shm_transport(base + ".shm"));
   loop_->add(make_zmq_transport("ipc://" + base + ".zmq"));
 

@@ -14,14 +14,14 @@ namespace {
 using wire::FrameType;
 
 /// Less than a millisecond.
-constexpr std::uint64_t kMostUnits = 2048;
-constexpr std::uint32_t kBodies = 3000;
+constexpr std::uint64_t kMostUnitsOfSlice = 2048;
+constexpr std::uint32_t kSpheres = 3000;
 
 /// Single points far apart; group 0 has all of them.
-engine::Scene crowd() {
+engine::Scene spread_points() {
   engine::Scene scene;
   std::vector<std::string> names;
-  for (std::uint32_t i = 0; i < kBodies; ++i) {
+  for (std::uint32_t i = 0; i < kSpheres; ++i) {
     names.push_back("b" + std::to_string(i));
     scene.add_sphere(names.back(), 0.1, at(i % 50, i / 50, 0));
   }
@@ -42,18 +42,18 @@ class WorkerSlices : public LoopTest {
       most = std::max(most, units_of_this_thread - before);
       ++turns_;
     }
-    EXPECT_LE(most, kMostUnits);
+    EXPECT_LE(most, kMostUnitsOfSlice);
     return take(a_);
   }
   int turns_ = 0;
 };
 
 TEST_F(WorkerSlices, GroupsAreExpandedInThem) {
-  start(crowd(), short_slices());
+  start(spread_points(), short_slices());
   TestQuery query;
   query.pairs = {{kGroupBit, kGroupBit}, {7, 5}, {kEveryBody, kGroupBit}};
   const auto table = request_in_slices(query.frame(1, FrameType::kPairs));
-  const std::uint64_t each = std::uint64_t{kBodies} * (kBodies - 1) / 2;
+  const std::uint64_t each = std::uint64_t{kSpheres} * (kSpheres - 1) / 2;
   ASSERT_EQ(table->body().size(), sizeof(wire::PairsHeader) + (2 * each + 1) * sizeof(BodyPair));
   EXPECT_GT(turns_, 1000);
 
@@ -65,23 +65,23 @@ TEST_F(WorkerSlices, GroupsAreExpandedInThem) {
 }
 
 TEST_F(WorkerSlices, PairsOfMovedBodiesAreListedInThem) {
-  start(crowd(), short_slices());
+  start(spread_points(), short_slices());
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
-  for (std::uint32_t b = 0; b < kBodies; b += 2) query.bodies.push_back(b);
+  for (std::uint32_t b = 0; b < kSpheres; b += 2) query.bodies.push_back(b);
   for (std::size_t i = 0; i < query.bodies.size(); ++i)
     query.configurations.push_back({1000.0 + static_cast<double>(i), 0, 0, 1, 0, 0, 0});
-  const std::uint64_t moved = kBodies / 2;
-  EXPECT_EQ(result_of(request_in_slices(query.frame(1))).pairs(), moved * (moved - 1) / 2 + moved * (kBodies - moved));
+  const std::uint64_t moved = kSpheres / 2;
+  EXPECT_EQ(result_of(request_in_slices(query.frame(1))).pairs(), moved * (moved - 1) / 2 + moved * (kSpheres - moved));
   EXPECT_GT(turns_, 1000);
 }
 
 TEST_F(WorkerSlices, ListsOfPairsAreReadInThem) {
-  start(crowd(), short_slices());
+  start(spread_points(), short_slices());
   TestQuery query;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kMin);
   constexpr std::uint32_t kPairs = 1'000'000;
-  for (std::uint32_t i = 0; i < kPairs; ++i) query.pairs.push_back({i % kBodies, (i + 1 + i / kBodies) % kBodies});
+  for (std::uint32_t i = 0; i < kPairs; ++i) query.pairs.push_back({i % kSpheres, (i + 1 + i / kSpheres) % kSpheres});
   EXPECT_EQ(result_of(request_in_slices(query.frame(1))).pairs(), kPairs);
 }
 
@@ -122,7 +122,7 @@ TEST_F(WorkerSlices, TheDepthOfOnePairOfPartsIsFoundInThem) {
 }
 
 TEST_F(WorkerSlices, WhatManyPairsLeaveToJointsIsFoundInThem) {
-  engine::Scene scene = crowd();
+  engine::Scene scene = spread_points();
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   start(std::move(scene), short_slices());
   TestQuery query;
