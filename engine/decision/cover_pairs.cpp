@@ -15,7 +15,8 @@ std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
   obstacle_of_[b] = kNone;
   const Body& body = scene_.bodies()[b];
   const BodyPlacement& placed = snapshot_.placed[b];
-  if (placed.status != Status::kOk || is_cloud(body) || body.parts.empty()) return kNone;
+  if (placed.status != Status::kOk || (is_cloud(body) && body.cloud != CloudState::kPoints) || body.parts.empty())
+    return kNone;
   const Pose X = in_frame(placed.pose.X_wb);
   if (check(X) == PoseQuality::kBad) return kNone;
   const Mat3d rotation = rotation_of(X);
