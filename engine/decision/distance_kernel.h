@@ -77,10 +77,10 @@ class DistanceBounder {
   void raise(float& low, std::uint32_t table) const {
     if (table != kNoTable && table_low_[table] > low) low = table_low_[table];
   }
-  /// Gaps of balls whose shares are not beyond the threshold matter.
+  /// Gaps of balls whose shares are not beyond the threshold matter, but all until there is an upper bound.
   HWY_INLINE GapLimits limits(const Eight& outer) const {
     const Eight never(-LeastBounds::kFar);
-    return {Eight(least_.threshold()) + outer, never, never};
+    return {Eight(least_.has_upper() ? least_.threshold() : 0.1f * LeastBounds::kFar) + outer, never, never};
   }
   void bound_roots(std::uint32_t o, std::uint32_t begin) {
     const std::size_t at = std::size_t{o} * v_.columns + begin;

@@ -146,7 +146,7 @@ void check_without_limits(const CloudCase& c, const EightCases& of, const std::v
   }
 }
 
-/// The limits are near the gaps: what they promise is proved beyond the error.
+/// The limits are near the gaps; their promises hold beyond the error.
 void check_limits(Random& random, const CloudCase& c, const EightCases& of, const std::vector<Real>& exact,
                   Found& found) {
   EightCases cases = of;
