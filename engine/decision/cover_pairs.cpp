@@ -9,6 +9,12 @@ namespace clearance {
 
 using namespace cover_plan;
 
+// Whether a body is a cloud without points, which is beyond every distance.
+bool CoverPlanBuilder::is_nowhere(std::uint32_t b) const {
+  return b < slot_.size() && scene_.bodies()[b].cloud == CloudState::kEmpty &&
+         snapshot_.placed[b].status == Status::kOk;
+}
+
 // The first of a body's obstacles; kNone for a body that balls cannot see.
 std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
   if (obstacle_of_[b] != kUnseen) return obstacle_of_[b];
@@ -43,6 +49,7 @@ void CoverPlanBuilder::take(std::uint64_t position) {
   std::uint32_t a = slot_of(pair.a), b = slot_of(pair.b), other = pair.b;
   if (a != kNone && b != kNone) return take_moved(position, a, b);
   if (a == kNone) a = b, other = pair.a;
+  if (a != kNone && cover(a) && is_nowhere(other)) return;
   const std::uint32_t first = a == kNone || other >= slot_.size() || !cover(a) ? kNone : obstacles_of(other);
   if (first == kNone) return out_->unknown_.push_back(position);
   const Slack slack = slack_.of(pair);
