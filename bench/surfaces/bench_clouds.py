@@ -53,6 +53,7 @@ class Clearance:
     def __init__(self, folder):
         self.scene = clearance.Scene.load(folder / "scene.yaml", allow_outside=True)
         self.engine = clearance.Engine(self.scene, backend="cpu", threads=1)
+        self.engine.wait_covers()
 
     def least(self, body, states):
         answer = self.engine.distances(pairs=[("arm", body)], joints="arm", configurations=states, reduce="min")

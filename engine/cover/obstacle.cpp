@@ -70,7 +70,7 @@ QuarterTurn nearest_quarter_turn(const Mat3d& axes, int first) {
 double align(Obstacle& o, const Mat3d& axes, double distance) {
   using Kind = Obstacle::Kind;
   o.is_aligned = o.kind == Kind::kSegment && o.half[2] == 0;
-  if (o.is_aligned || o.kind == Kind::kHalfSpace) return 0;
+  if (o.is_aligned || o.kind == Kind::kHalfSpace || o.kind == Kind::kCloud) return 0;
   const QuarterTurn turn = nearest_quarter_turn(axes, o.kind == Kind::kBox ? 0 : 2);  // others are round about z
   if (!(turn.off < kQuarterTurn) || (o.kind == Kind::kCylinder && turn.column[2] != 2)) return 0;
   o.is_aligned = true;
@@ -116,8 +116,10 @@ double place_exact(Obstacle& o, const ObstacleShape& shape, const Mat3d& axes, d
   for (int k = 0; k < 9; ++k)
     o.axes[static_cast<std::size_t>(k)] =
         static_cast<float>((o.is_aligned ? Mat3d::identity() : axes).row[k / 3][k % 3]);
-  const double units = (o.is_aligned ? 5.5 : 12.5) + (o.kind == Obstacle::Kind::kCylinder ? 1.5 : 0);
-  return turned + kFloatUnit * (units * far + at + 3 * norm(shape.half) + 2 * shape.radius);
+  const bool is_cloud = o.kind == Obstacle::Kind::kCloud;
+  const double units = (o.is_aligned ? 5.5 : 12.5) + (o.kind == Obstacle::Kind::kCylinder ? 1.5 : is_cloud ? 1 : 0);
+  const double of_points = is_cloud ? 8 * shape.reach : 0;
+  return turned + kFloatUnit * (units * far + at + of_points + 3 * norm(shape.half) + 2 * shape.radius);
 }
 
 }  // namespace
@@ -136,6 +138,7 @@ std::optional<Obstacle> make_obstacle(const ObstacleShape& shape, const Mat3d& r
   o.at = floats(at);
   o.half = floats(shape.half);
   o.radius = static_cast<float>(shape.radius);
+  o.cloud = shape.cloud;
   const double rounding = 0x1p-45 * (reach + norm(at) + norm(translation) + shape.reach + shape.radius) + kUnderflow;
   const double error = o.kind == Obstacle::Kind::kPlanes ? place_planes(o, shape, rotation, at, reach, rounding)
                                                          : place_exact(o, shape, axes, norm(at), reach);

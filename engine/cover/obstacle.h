@@ -1,12 +1,14 @@
-// A convex obstacle as the balls of a cover see it, in float32.
+// An obstacle, a convex part or a cloud, as the balls of a cover see it, in float32.
 #pragma once
 
 #include <array>
 #include <cstdint>
+#include <memory>
 #include <optional>
 #include <vector>
 
 #include "engine/base/vec.h"
+#include "engine/bvh/surface.h"
 #include "engine/hull/convex_part.h"
 
 namespace clearance {
@@ -26,6 +28,7 @@ struct Obstacle {
     kCylinder,   ///< along z: radius half[0], half length half[2]
     kPlanes,     ///< a hull, cone or ellipsoid, between two polytopes
     kHalfSpace,  ///< z <= 0
+    kCloud,      ///< boxes of half[0], half[1], half[2] about points, or points
   };
   Kind kind = Kind::kSegment;
   bool is_aligned = false;      ///< the axes are those of the common frame: `axes` is the identity
@@ -39,6 +42,7 @@ struct Obstacle {
   /// kPlanes: the core holds the ball of inner_radius about `at`, and is held by that of outer_radius. If the former is
   /// 0, no point satisfies all planes, and `at` is a point of the core.
   float inner_radius = 0, outer_radius = 0;
+  SurfacePtr cloud;  ///< kCloud: the points, relative to `at`
 };
 
 /// Shape of an obstacle in its part's frame, in float64. It is the same for all poses, so worth keeping with the part:
@@ -54,9 +58,10 @@ struct ObstacleShape {
   double radius = 0;
   double reach = 0, spread = 0;  ///< bounds on the distance of the core's points from the origin and from the centre
   std::vector<Plane> planes;
+  SurfacePtr cloud;
 };
 
-/// The shape of a part, or nothing for a part with a surface and for one that reaches farther than 1e6 m.
+/// The shape of a part, or nothing for a part with triangles and for one that reaches farther than 1e6 m.
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part);
 
 /// The obstacle for a shape, or nothing if a number is not finite, `reach` above 1e4 m or the translation longer than

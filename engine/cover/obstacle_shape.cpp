@@ -158,6 +158,13 @@ void take_segment(ObstacleShape& shape, const Vec3d& a, const Vec3d& b) {
   shape.axes = {{x, cross(z, x), z}};
 }
 
+void take_cloud(ObstacleShape& shape, const SurfacePtr& cloud) {
+  const double half = 0.5 * double{cloud->edge()};
+  shape.kind = Obstacle::Kind::kCloud;
+  shape.half = {half, half, half};
+  shape.cloud = cloud;
+}
+
 bool take_primitive(ObstacleShape& shape, const Primitive& core) {
   switch (core.kind) {
     case Primitive::Kind::kHalfSpace:
@@ -176,12 +183,14 @@ bool take_primitive(ObstacleShape& shape, const Primitive& core) {
 
 std::optional<ObstacleShape> obstacle_shape(const ConvexPart& part) {
   const FpEnvironment environment;
-  if (part.surface || !(part.rho + part.radius <= kFarthestCore)) return {};
+  if ((part.surface && !part.surface->is_cloud()) || !(part.rho + part.radius <= kFarthestCore)) return {};
   ObstacleShape shape;
   shape.kind = Obstacle::Kind::kPlanes;
   shape.radius = part.radius;
   shape.reach = is_half_space(part) ? 0 : part.rho;
-  if (part.primitive) {
+  if (part.surface) {
+    take_cloud(shape, part.surface);
+  } else if (part.primitive) {
     if (!take_primitive(shape, *part.primitive)) return {};
   } else if (part.vertices.size() <= 2) {
     take_segment(shape, part.vertices.front(), part.vertices.back());

@@ -6,6 +6,10 @@
 namespace clearance {
 
 std::shared_ptr<const ObstacleShape> ObstacleShapes::of(const ConvexPartPtr& part) {
+  if (part->surface) {  // quickly made, and must not outlive its points
+    std::optional<ObstacleShape> shape = obstacle_shape(*part);
+    return shape ? std::make_shared<const ObstacleShape>(std::move(*shape)) : nullptr;
+  }
   {
     const std::lock_guard lock(mutex_);
     const auto at = known_.find(part.get());

@@ -9,13 +9,20 @@ namespace clearance {
 
 using namespace cover_plan;
 
+// Whether a body is a cloud without points, which is beyond every distance.
+bool CoverPlanBuilder::is_nowhere(std::uint32_t b) const {
+  return b < slot_.size() && scene_.bodies()[b].cloud == CloudState::kEmpty &&
+         snapshot_.placed[b].status == Status::kOk;
+}
+
 // The first of a body's obstacles; kNone for a body that balls cannot see.
 std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
   if (obstacle_of_[b] != kUnseen) return obstacle_of_[b];
   obstacle_of_[b] = kNone;
   const Body& body = scene_.bodies()[b];
   const BodyPlacement& placed = snapshot_.placed[b];
-  if (placed.status != Status::kOk || is_cloud(body) || body.parts.empty()) return kNone;
+  if (placed.status != Status::kOk || (is_cloud(body) && body.cloud != CloudState::kPoints) || body.parts.empty())
+    return kNone;
   const Pose X = in_frame(placed.pose.X_wb);
   if (check(X) == PoseQuality::kBad) return kNone;
   const Mat3d rotation = rotation_of(X);
@@ -42,6 +49,7 @@ void CoverPlanBuilder::take(std::uint64_t position) {
   std::uint32_t a = slot_of(pair.a), b = slot_of(pair.b), other = pair.b;
   if (a != kNone && b != kNone) return take_moved(position, a, b);
   if (a == kNone) a = b, other = pair.a;
+  if (a != kNone && cover(a) && is_nowhere(other)) return;
   const std::uint32_t first = a == kNone || other >= slot_.size() || !cover(a) ? kNone : obstacles_of(other);
   if (first == kNone) return out_->unknown_.push_back(position);
   const Slack slack = slack_.of(pair);

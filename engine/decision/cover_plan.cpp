@@ -36,6 +36,7 @@ std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
   if (plan_.query.max_evaluations > 0 && !take_sources()) return nullptr;
   for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) take(p);
   if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
+  if (obstacle_pairs_.empty() && out_->moved_pairs_.empty()) return nullptr;
   if (plan_.query.max_evaluations > 0)
     out_->rates_ = std::make_unique<const SpanRates>(plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()),
                                                      out_->moved_pairs_);

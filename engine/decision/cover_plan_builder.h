@@ -65,6 +65,7 @@ class CoverPlanBuilder {
   void find_reach();
   bool take_sources();
   void take_errors();
+  bool is_nowhere(std::uint32_t body) const;
   std::uint32_t obstacles_of(std::uint32_t body);
   void take(std::uint64_t position);
   void take_moved(std::uint64_t position, std::uint32_t a, std::uint32_t b);

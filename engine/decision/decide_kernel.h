@@ -9,7 +9,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/cover/point_gaps.h"
 #include "engine/decision/hit_guess.h"
 #include "engine/decision/placed_balls.h"
 #include "engine/decision/table_lookup.h"
@@ -100,15 +99,16 @@ class Decider {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
         const std::size_t at = std::size_t{o} * v_.columns + begin;
-        Eight bound = Eight::load(v_.root_outer + at);
+        const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
+        Eight bound = still;
         if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
         const Obstacle& obstacle = v_.obstacles[o];
         if (obstacle.kind == Obstacle::Kind::kPlanes &&
             placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
           continue;
         PointGaps gaps;
-        placed_.root_gaps(obstacle, begin, gaps);
-        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
+        placed_.root_gaps(obstacle, begin, {bound, still, inner}, gaps);
+        for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
           record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
         for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
           if (is_over()) return;
@@ -149,18 +149,19 @@ class Decider {
   }
   Bits packet_against_obstacle(std::uint32_t body, const BallPacket& packet, const Centres& c, const Obstacle& obstacle,
                                float grow, float shrink) {
-    PointGaps gaps;
-    point_gaps(obstacle, c.x, c.y, c.z, gaps);
     const Bits used = first(packet.count);
-    if (const Bits in = greater(Eight::load(packet.inner) + Eight(shrink), Eight::load(gaps.high)) & used) {
+    const Eight still = Eight::load(packet.outer) + Eight(grow), inner = Eight::load(packet.inner) + Eight(shrink);
+    Eight bound = still;
+    if constexpr (kMoves) bound = bound + Eight::load(c.way);
+    PointGaps gaps;
+    obstacle_gaps(obstacle, c.x, c.y, c.z, {bound, still, inner}, gaps);
+    if (const Bits in = greater(inner, Eight::load(gaps.high)) & used) {
       if constexpr (kMoves)
         ball_hit_ = {static_cast<std::uint32_t>(&obstacle - v_.obstacles), body,
                      static_cast<std::uint32_t>(&packet - v_.bodies[body].packets),
                      static_cast<std::uint32_t>(lowest(in))};
       return kHit;
     }
-    Eight bound = Eight::load(packet.outer) + Eight(grow);
-    if constexpr (kMoves) bound = bound + Eight::load(c.way);
     Bits result = 0;
     for (Bits open = ~greater(Eight::load(gaps.low), bound) & used; open; open &= open - 1) {
       const int i = lowest(open);

@@ -8,7 +8,6 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/cover/point_gaps.h"
 #include "engine/decision/distance_view.h"
 #include "engine/decision/least_bounds.h"
 #include "engine/decision/placed_balls.h"
@@ -78,6 +77,11 @@ class DistanceBounder {
   void raise(float& low, std::uint32_t table) const {
     if (table != kNoTable && table_low_[table] > low) low = table_low_[table];
   }
+  /// Gaps of balls whose shares are not beyond the threshold matter, but all until there is an upper bound.
+  HWY_INLINE GapLimits limits(const Eight& outer) const {
+    const Eight never(-LeastBounds::kFar);
+    return {Eight(least_.has_upper() ? least_.threshold() : 0.1f * LeastBounds::kFar) + outer, never, never};
+  }
   void bound_roots(std::uint32_t o, std::uint32_t begin) {
     const std::size_t at = std::size_t{o} * v_.columns + begin;
     const Obstacle& obstacle = v_.obstacles[o];
@@ -89,7 +93,7 @@ class DistanceBounder {
       if (greater(low, Eight(least_.threshold())) == 0xff) return;
     }
     PointGaps gaps;
-    placed_.root_gaps(obstacle, begin, gaps);
+    placed_.root_gaps(obstacle, begin, limits(outer), gaps);
     (Eight::load(gaps.low) - outer).store(room_.lows + at);
     least_.take_upper(Eight::load(gaps.high) - Eight::load(v_.root_inner + at), 0xff,
                       [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
@@ -192,11 +196,11 @@ class DistanceBounder {
     const auto same = [&](int) { return position; };
     const Bits used = first(packet.count);
     PointGaps gaps;
-    point_gaps(v_.obstacles[item.obstacle], c.x, c.y, c.z, gaps);
+    const Eight outer = Eight::load(packet.outer) + Eight(v_.grow[cell]);
+    obstacle_gaps(v_.obstacles[item.obstacle], c.x, c.y, c.z, limits(outer), gaps);
     least_.take_upper(Eight::load(gaps.high) - (Eight::load(packet.inner) + Eight(v_.shrink[cell])), used, same);
     alignas(32) float lower[kBalls];
-    Bits open =
-        least_.sift(Eight::load(gaps.low) - (Eight::load(packet.outer) + Eight(v_.grow[cell])), used, lower, same);
+    Bits open = least_.sift(Eight::load(gaps.low) - outer, used, lower, same);
     for (; open; open &= open - 1) {
       const int i = lowest(open);
       push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0},

@@ -61,6 +61,18 @@ struct Eight {
   HWY_INLINE friend Eight lesser(const Eight& a, const Eight& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Min(x, y); });
   }
+  HWY_INLINE friend Eight larger(const Eight& a, const Eight& b) {
+    return of_parts(a, b, [](auto x, auto y) { return hn::Max(x, y); });
+  }
+  HWY_INLINE friend Eight magnitude(const Eight& a) {
+    return of_parts(a, a, [](auto x, auto) { return hn::Abs(x); });
+  }
+  /// `x` where a > b, elsewhere `y`.
+  HWY_INLINE friend Eight if_greater(const Eight& a, const Eight& b, const Eight& x, const Eight& y) {
+    Eight e;
+    for (int i = 0; i < kParts; ++i) e.part[i] = hn::IfThenElse(hn::Gt(a.part[i], b.part[i]), x.part[i], y.part[i]);
+    return e;
+  }
   HWY_INLINE friend Eight root(const Eight& a) {
     return of_parts(a, a, [](auto x, auto) { return hn::Sqrt(x); });
   }

@@ -1,7 +1,7 @@
 // Guesses where a motion hits an obstacle, from the balls that hit in others. Included by decide_kernel.h.
 #pragma once
 
-#include "engine/cover/point_gaps.h"
+#include "engine/decision/cloud_gaps.h"
 #include "engine/decision/placed_balls.h"
 
 namespace clearance {
@@ -43,11 +43,10 @@ inline GuessedHit guess_hit(const HitGuess& guess) {
     const BallPacket& packet = view.bodies[hit.body].packets[hit.packet];
     Centres c;
     BodyInStates(guess, hit.body).place(packet.x[hit.ball], packet.y[hit.ball], packet.z[hit.ball], c);
+    const Eight inner(packet.inner[hit.ball] + view.shrink[std::size_t{hit.obstacle} * view.columns + hit.body]);
     PointGaps gaps;
-    point_gaps(view.obstacles[hit.obstacle], c.x, c.y, c.z, gaps);
-    const float shrink = view.shrink[std::size_t{hit.obstacle} * view.columns + hit.body];
-    const Bits in = greater(Eight(packet.inner[hit.ball] + shrink), Eight::load(gaps.high)) &
-                    first(static_cast<std::uint32_t>(guess.states));
+    obstacle_gaps(view.obstacles[hit.obstacle], c.x, c.y, c.z, {inner, inner, inner}, gaps);
+    const Bits in = greater(inner, Eight::load(gaps.high)) & first(static_cast<std::uint32_t>(guess.states));
     if (in) return {&hit, static_cast<std::size_t>(lowest(in))};
   }
   return {};

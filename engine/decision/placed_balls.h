@@ -5,7 +5,7 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/cover/point_gaps.h"
+#include "engine/decision/cloud_gaps.h"
 #include "engine/decision/decision_view.h"
 #include "engine/decision/eight.h"
 
@@ -113,10 +113,11 @@ class PlacedBalls {
     }
   }
 
-  HWY_INLINE void root_gaps(const Obstacle& obstacle, std::uint32_t begin, PointGaps& gaps) const {
+  HWY_INLINE void root_gaps(const Obstacle& obstacle, std::uint32_t begin, const GapLimits& limits,
+                            PointGaps& gaps) const {
     using Row = const float(&)[kBalls];
-    point_gaps(obstacle, reinterpret_cast<Row>(root_.x[begin]), reinterpret_cast<Row>(root_.y[begin]),
-               reinterpret_cast<Row>(root_.z[begin]), gaps);
+    obstacle_gaps(obstacle, reinterpret_cast<Row>(root_.x[begin]), reinterpret_cast<Row>(root_.y[begin]),
+                  reinterpret_cast<Row>(root_.z[begin]), limits, gaps);
   }
   HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
   /// Distances of the roots of eight columns from a point.

@@ -172,12 +172,23 @@ class LeastDistanceJob final : public CoveredJob {
   std::vector<Room> rooms_;  // by worker
 };
 
+// Whether a pair has a cloud. The bits of its interval may depend on the pairs evaluated before, whose distances bound
+// the search: equal distances of neighbouring voxels are found in another order.
+bool has_cloud(const engine::Scene& scene, const Plan& plan) {
+  const std::vector<Body>& bodies = scene.bodies();
+  const auto is_cloud_at = [&](std::uint32_t b) { return b < bodies.size() && is_cloud(bodies[b]); };
+  if (std::none_of(bodies.begin(), bodies.end(), [](const Body& body) { return is_cloud(body); })) return false;
+  for (std::uint64_t p = 0; p < plan.pairs.size(); ++p)
+    if (const BodyPair pair = plan.pairs.at(p); is_cloud_at(pair.a) || is_cloud_at(pair.b)) return true;
+  return false;
+}
+
 }  // namespace
 
 bool covers_may_bound(const JobContext& context, const Plan& plan) {
   return context.covers && !context.reference && context.near_by != NearBy::kTree && !context.scene->has_proxies() &&
-         plan.query.reduce == Reduce::kMin && !plan.query.signed_distance &&
-         (plan.query.max_distance == kInf || has_wide_tolerance(plan)) && CoverPlan::may_decide(plan);
+         plan.query.reduce == Reduce::kMin && !plan.query.signed_distance && CoverPlan::may_decide(plan) &&
+         (has_wide_tolerance(plan) || (plan.query.max_distance == kInf && !has_cloud(*context.scene, plan)));
 }
 
 std::unique_ptr<Job::State> make_least_distance_job(const JobContext& context, Plan&& plan, const ReplyView& reply) {

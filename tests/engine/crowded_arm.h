@@ -24,6 +24,21 @@ inline Shape step_mesh() {
   return step;
 }
 
+/// Points of a box's surface.
+inline std::vector<CloudPoint> scanned_box(const Vec3d& centre, const Vec3d& half, int count, Random& random) {
+  std::vector<CloudPoint> points;
+  for (int i = 0; i < count; ++i) {
+    CloudPoint p;
+    const int flat = static_cast<int>(random.below(3));
+    for (int k = 0; k < 3; ++k) {
+      const double along = k == flat ? std::copysign(1, random.uniform(-1, 1)) : random.uniform(-1, 1);
+      p[static_cast<std::size_t>(k)] = static_cast<float>(centre[k] + half[k] * along);
+    }
+    points.push_back(p);
+  }
+  return points;
+}
+
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
 inline engine::Scene crowded_scene() {
   engine::RobotOptions arm = at_home();
@@ -41,6 +56,9 @@ inline engine::Scene crowded_scene() {
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
   const Shape step = step_mesh();
   scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
+  scene.add_points("scan", scanned_box({0.5, 0.4, 0.3}, {0.06, 0.1, 0.12}, 3000, random), 0, still({0, 0.1, 0.1}, 0.3));
+  scene.add_points("voxels", scanned_box({-0.6, -0.2, 0.7}, {0.08, 0.06, 0.06}, 500, random), 0.02,
+                   still({0, 0, 0}, 0));
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
   const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",

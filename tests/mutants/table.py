@@ -26,6 +26,7 @@ SOURCES_OF_HEADERS = {
     # Without its definitions for instruction sets, the list of kernels has that of the baseline alone.
     "decision/decide_kernel.h": ["decision/decide_baseline.cpp", "decision/decision_kernels.cpp"],
     "decision/placed_balls.h": ["decision/decide_baseline.cpp"],
+    "decision/cloud_gaps.h": ["decision/decide_baseline.cpp"],
     "decision/table_lookup.h": ["decision/decide_baseline.cpp"],
     "motion/motion_step.h": [
         "motion/half_spans.cpp",
