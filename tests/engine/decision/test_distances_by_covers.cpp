@@ -169,17 +169,6 @@ void every_kernel_gives_the_same_bounds(const CoverEngines& engines) {
   }
 }
 
-/// Two engines on one scene, the first with the covers of another.
-struct SameCovers {
-  engine::Engine with, without;
-
-  SameCovers(const engine::Scene& scene, const CoverEngines& engines)
-      : with(engine::Scene(scene), {.backend = "cpu", .threads = 1, .cover_store = engines.with.cover_store()}),
-        without(engine::Scene(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff}) {
-    EXPECT_TRUE(with.wait_covers(kCoversPatience));
-  }
-};
-
 // Each state has a small obstacle near the surface of a link, or within it.
 void small_obstacles_near_surfaces_are_seen(const CoverEngines& engines) {
   constexpr int kObstacles = 60;

@@ -1,0 +1,69 @@
+// Bounds on the distances that a query requests, by covers.
+#pragma once
+
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/decision/distance_view.h"
+#include "engine/decision/pair_groups.h"
+#include "engine/narrow/group.h"
+#include "engine/selection/plan.h"
+
+namespace clearance {
+
+/// Chooses how far covers bound the groups of a plan, and whether their bounds suffice for rows (docs/bounds_covers.md,
+/// "Distances"). At narrow tolerances they only leave pairs out.
+class CoverBounds {
+ public:
+  /// Memory of one worker.
+  struct Room {
+    std::vector<DistanceBounds> bounds;
+    std::vector<LeftPair> left;
+    std::vector<float> lows, highs;
+    std::vector<DistanceItem> items;
+  };
+  struct Tolerance {
+    double abs, rel;
+  };
+
+  /// Whether covers are of use for a plan.
+  /// \param light whether the exact engine answers a pair in less than 1 us
+  static bool may_bound(const Plan& plan, bool light);
+
+  /// \param plan must outlive this
+  CoverBounds(const Plan& plan, const engine::Scene& scene, bool light);
+
+  const PairGroups& groups() const { return groups_; }
+  /// Whether a group has pairs that covers know.
+  bool has_cells(std::uint32_t group) const { return groups_.view().begin[group] < groups_.view().begin[group + 1]; }
+  /// Whether the exact engine has a narrower tolerance than the query, so that its rows need settle().
+  bool is_wide() const { return wide_; }
+  /// Tolerance of the exact engine.
+  Tolerance exact_tolerance() const;
+  /// Takes the covers of the plan, which must outlive their use.
+  void take(const CoverPlan& covers);
+  /// Returns (states, groups) bounds, valid until the next call.
+  /// \param batch its limits, groups and inner radii are set here
+  std::span<const DistanceBounds> bound(DistanceBatch batch, Room& room) const;
+  /// Writes a group's answer, without flags. Returns false if its bounds, which are listed, do not suffice.
+  bool answers(const DistanceBounds& bounds, PairAnswer& answer) const;
+  /// Converts an answer of the exact engine, whose interval may reach down to what covers laid aside, to one of the
+  /// query's tolerance. Only slack may have widened it beyond that.
+  void settle(PairAnswer& answer) const;
+
+ private:
+  bool is_narrow_enough(double lower, double upper) const {
+    return is_narrow(upper - lower, upper, plan_.query.abs_tol, plan_.query.rel_tol);
+  }
+  void set_limits();
+
+  const Plan& plan_;
+  PairGroups groups_;
+  bool wide_, writes_rows_;
+  DistanceLimits limits_;
+  std::vector<float> moved_inner_;
+};
+
+}  // namespace clearance
