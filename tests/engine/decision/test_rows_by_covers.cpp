@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
-#include "engine/decision/pair_groups.h"
+#include "engine/query/distance/pair_groups.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/decision/least_distances.h"
 
@@ -212,6 +212,33 @@ void uncertainty_widens_rows(const CoverEngines& engines) {
   }
 }
 
+// In slices, from a job that answers again, and while covers are made: the rows are true, and complete.
+void rows_do_not_depend_on_slices(const CoverEngines& engines) {
+  for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest, Reduce::kWithin}) {
+    ArmStates s = distances_of(engines.with.scene(), reduce, 20);
+    s.query.fields |= kFieldConfiguration;
+    s.query.abs_tol = 2e-2;
+    if (reduce == Reduce::kWithin) s.query.max_distance = 0.2;
+    const Answer whole = evaluate(engines.with, s.query);
+    for (int again = 0; again < 3; ++again) {
+      const Answer sliced = evaluate(engines.with, s.query, std::chrono::nanoseconds(1));
+      ASSERT_EQ(sliced.info.rows, whole.info.rows);
+      EXPECT_EQ(sliced.info.total, whole.info.total);
+      EXPECT_GT(sliced.info.rows, 100u);
+      expect_same_rows(whole, 0, sliced, whole.info.rows);
+    }
+  }
+}
+
+void rows_are_true_while_covers_are_made(const CoverEngines& engines) {
+  const engine::Engine fresh(crowded_scene(), {.backend = "cpu", .threads = 2});
+  for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest}) {
+    const ArmStates s = distances_of(fresh.scene(), reduce, 50);
+    const Answer exact = bounds_of(engines.without, s.query, {0, 1e-12});
+    EXPECT_GT(expect_true_rows(exact, bounds_of(fresh, s.query, {5e-2, 0}), {5e-2, 0}, exact.size.rows), 100);
+  }
+}
+
 // In one process: the covers take seconds.
 TEST(RowsByCovers, IntervalsAreTrueAndKeepTheirBits) {
   ::setenv("CLEARANCE_CACHE", "off", 1);
@@ -224,6 +251,8 @@ TEST(RowsByCovers, IntervalsAreTrueAndKeepTheirBits) {
   every_kernel_gives_the_same_groups(engines);
   bodies_without_a_pose_have_no_distance(engines);
   uncertainty_widens_rows(engines);
+  rows_do_not_depend_on_slices(engines);
+  rows_are_true_while_covers_are_made(engines);
 }
 
 }  // namespace

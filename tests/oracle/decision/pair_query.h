@@ -13,7 +13,7 @@
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/motion_decider.h"
 #include "engine/joint_table/joint_table_store.h"
-#include "engine/query/cover_bounds.h"
+#include "engine/query/distance/cover_bounds.h"
 #include "engine/selection/body_poses.h"
 #include "engine/selection/configuration_poses.h"
 #include "engine/state/pose_store.h"

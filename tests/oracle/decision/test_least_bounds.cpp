@@ -61,7 +61,7 @@ TEST(LeastBounds, PairsAfterAnOverlappingOneAreNotLeft) {
   EXPECT_EQ(found.upper_at, 4u);
 }
 
-/// What a search must not forget: for each pair, the least lower bound of its shares that were laid aside or left.
+/// For each pair, the least lower bound of its shares that were laid aside or left.
 struct Shares {
   std::map<std::uint64_t, double> least;
 

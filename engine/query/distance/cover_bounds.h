@@ -7,8 +7,8 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/distance_view.h"
-#include "engine/decision/pair_groups.h"
 #include "engine/narrow/group.h"
+#include "engine/query/distance/pair_groups.h"
 #include "engine/selection/plan.h"
 
 namespace clearance {
@@ -38,7 +38,7 @@ class CoverBounds {
   const PairGroups& groups() const { return groups_; }
   /// Whether a group has pairs that covers know.
   bool has_cells(std::uint32_t group) const { return groups_.view().begin[group] < groups_.view().begin[group + 1]; }
-  /// Whether the exact engine has a narrower tolerance than the query, so that its rows need settle().
+  /// Whether the exact engine has a narrower tolerance than the query, so that its rows need to_tolerance().
   bool is_wide() const { return wide_; }
   /// Tolerance of the exact engine.
   Tolerance exact_tolerance() const;
@@ -49,9 +49,9 @@ class CoverBounds {
   std::span<const DistanceBounds> bound(DistanceBatch batch, Room& room) const;
   /// Writes a group's answer, without flags. Returns false if its bounds, which are listed, do not suffice.
   bool answers(const DistanceBounds& bounds, PairAnswer& answer) const;
-  /// Converts an answer of the exact engine, whose interval may reach down to what covers laid aside, to one of the
+  /// Converts an answer of the exact engine, whose interval may reach down to the bounds laid aside, to one of the
   /// query's tolerance. Only slack may have widened it beyond that.
-  void settle(PairAnswer& answer) const;
+  void to_tolerance(PairAnswer& answer) const;
 
  private:
   bool is_narrow_enough(double lower, double upper) const {

@@ -1,4 +1,4 @@
-#include "engine/query/cover_bounds.h"
+#include "engine/query/distance/cover_bounds.h"
 
 #include <algorithm>
 #include <cmath>
@@ -131,7 +131,7 @@ bool CoverBounds::answers(const DistanceBounds& bounds, PairAnswer& answer) cons
   return is_narrow_enough(bounds.lower, bounds.upper);
 }
 
-void CoverBounds::settle(PairAnswer& answer) const {
+void CoverBounds::to_tolerance(PairAnswer& answer) const {
   if (std::isnan(answer.distance)) return;
   if (answer.status == Status::kBeyond && !(answer.lower > plan_.query.max_distance)) {
     answer.status = Status::kUnconverged;

@@ -1,4 +1,4 @@
-#include "engine/decision/pair_groups.h"
+#include "engine/query/distance/pair_groups.h"
 
 #include <algorithm>
 #include <utility>

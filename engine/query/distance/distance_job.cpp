@@ -4,8 +4,8 @@
 #include <utility>
 #include <vector>
 
-#include "engine/query/cover_bounds.h"
 #include "engine/query/covered_job.h"
+#include "engine/query/distance/cover_bounds.h"
 
 namespace clearance {
 
@@ -50,7 +50,7 @@ class DistanceJob final : public CoveredJob {
     Row row;
     bool operator<(const PairRow& other) const { return position < other.position; }
   };
-  // What covers proved of a group that is left.
+  // A group that is left, with the bound of its pairs laid aside.
   struct LeftGroup {
     double lower;            // of the pairs laid aside
     std::uint64_t lower_at;  // position
@@ -159,7 +159,7 @@ class DistanceJob final : public CoveredJob {
           row.pair_lower = plan_.pairs.at(group.lower_at);
         }
       }
-      if (bounds_.is_wide()) bounds_.settle(row.answer);
+      if (bounds_.is_wide()) bounds_.to_tolerance(row.answer);
       write_row(reply_, state.configuration * groups() + g, row);
     }
   }
@@ -169,7 +169,7 @@ class DistanceJob final : public CoveredJob {
     std::size_t next = 0;
     if (orders_rows_ && state.index == kNone) rows_of(state.configuration).clear();
     for (Row& row : state.rows) {
-      if (bounds_.is_wide()) bounds_.settle(row.answer);
+      if (bounds_.is_wide()) bounds_.to_tolerance(row.answer);
       const auto position_at = [&](std::size_t i) { return state.index == kNone ? i : state.pairs[i]; };
       if (!orders_rows_) {
         write_row(reply_, state.configuration * groups() + position_at(next++), row);
