@@ -25,7 +25,8 @@ inline Shape step_mesh() {
 }
 
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
-inline engine::Scene crowded_scene() {
+/// \param with_mesh false for single convex parts alone
+inline engine::Scene crowded_scene(bool with_mesh = true) {
   engine::RobotOptions arm = at_home();
   arm.link_padding = {{"fore", 0.01}};
   engine::Scene scene = arm_scene(arm);
@@ -39,8 +40,8 @@ inline engine::Scene crowded_scene() {
   scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
-  const Shape step = step_mesh();
-  scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
+  if (const Shape step = step_mesh(); with_mesh)
+    scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
   const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",

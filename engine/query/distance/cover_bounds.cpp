@@ -46,7 +46,9 @@ bool needs_no_points(const Plan& plan) {
 bool CoverBounds::may_bound(const Plan& plan, bool light) {
   if (plan.query.signed_distance || plan.query.reduce == Reduce::kAny) return false;
   const bool is_wide = has_wide_tolerance(plan, light);
-  return is_by_pair(plan) ? is_wide && needs_no_points(plan) : is_wide || plan.query.max_distance == kInf;
+  if (is_by_pair(plan)) return is_wide && needs_no_points(plan);
+  // A state beyond max_distance needs all pairs. So does a body, and most states have one.
+  return is_wide || plan.query.max_distance == kInf || (plan.query.reduce == Reduce::kMin && light);
 }
 
 CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool light)

@@ -47,6 +47,11 @@ class CoverBounds {
   /// Returns (states, groups) bounds, valid until the next call.
   /// \param batch its limits, groups and inner radii are set here
   std::span<const DistanceBounds> bound(DistanceBatch batch, Room& room) const;
+  /// Whether the row of a group needs only the pairs left. At a narrow tolerance, the bounds of a row beyond
+  /// max_distance depend on all pairs.
+  bool leaves_pairs_out(const DistanceBounds& bounds) const {
+    return bounds.is_listed && (wide_ || bounds.upper <= plan_.query.max_distance);
+  }
   /// Writes a group's answer, without flags. Returns false if its bounds, which are listed, do not suffice.
   bool answers(const DistanceBounds& bounds, PairAnswer& answer) const;
   /// Converts an answer of the exact engine, whose interval may reach down to the bounds laid aside, to one of the

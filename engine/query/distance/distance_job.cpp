@@ -92,7 +92,8 @@ class DistanceJob final : public CoveredJob {
       const std::uint64_t configuration = states.begin + k;
       const auto bounds = all.subspan(k * groups(), groups());
       if (orders_rows_) rows_of(configuration).clear();
-      if (std::any_of(bounds.begin(), bounds.end(), [](const DistanceBounds& b) { return !b.is_listed; })) {
+      if (std::any_of(bounds.begin(), bounds.end(),
+                      [&](const DistanceBounds& b) { return !bounds_.leaves_pairs_out(b); })) {
         left.add_all(configuration, plan_.pairs.size());
         room.groups.resize(room.groups.size() + groups(), {kInf, 0, true});
         continue;
