@@ -58,6 +58,19 @@ void wide_tolerances_contain_each_distance(const CoverEngines& engines) {
   }
 }
 
+void wide_tolerances_contain_each_distance_of_single_parts(const CoverEngines& engines) {
+  const SameCovers engine(crowded_scene(false), engines);
+  for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest}) {
+    const ArmStates s = distances_of(engine.with.scene(), reduce, 200);
+    const Answer exact = bounds_of(engine.without, s.query, {0, 1e-12});
+    for (const Tolerance& tolerance : {Tolerance{5e-2, 0}, {0.2, 0}, {0, 0.3}}) {
+      const Answer rows = bounds_of(engine.with, s.query, tolerance);
+      EXPECT_GT(expect_true_rows(exact, rows, tolerance, exact.size.rows), 1000);
+      EXPECT_LT(rows.info.pairs_evaluated, exact.info.pairs_evaluated / 2) << "covers answer most rows";
+    }
+  }
+}
+
 // A row of `within`, and that of the same pair among all.
 void wide_tolerances_find_the_pairs_within_a_distance(const CoverEngines& engines) {
   ArmStates s = distances_of(engines.with.scene(), Reduce::kNone, 200);
@@ -246,6 +259,7 @@ TEST(RowsByCovers, IntervalsAreTrueAndKeepTheirBits) {
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
   narrow_tolerances_keep_every_bit_of_bodies(engines);
   wide_tolerances_contain_each_distance(engines);
+  wide_tolerances_contain_each_distance_of_single_parts(engines);
   wide_tolerances_find_the_pairs_within_a_distance(engines);
   beyond_pairs_are_proved(engines);
   every_kernel_gives_the_same_groups(engines);
