@@ -222,6 +222,13 @@ DECISION_MUTANTS = [
             "Eight(of.b.outer[j])",
         ),
         (
+            "distance_moved_shrink",
+            "query/distance/cover_bounds.cpp",
+            "view.moved_root_inner[pair.b] + @pair.shrink@",
+            "0.0",
+        ),
+        ("distance_parts", "query/distance/pair_groups.cpp", "cell < @of_obstacles@; ++cell)", "view.columns"),
+        (
             "distance_packets",
             "decision/distance_kernel.h",
             "p < @body.root_packets@; ++p) packet_against_obstacle",
