@@ -36,8 +36,6 @@ class CoverBounds {
   CoverBounds(const Plan& plan, const engine::Scene& scene, bool light);
 
   const PairGroups& groups() const { return groups_; }
-  /// Whether a group has pairs that covers know.
-  bool has_cells(std::uint32_t group) const { return groups_.view().begin[group] < groups_.view().begin[group + 1]; }
   /// Whether the exact engine has a narrower tolerance than the query, so that its rows need to_tolerance().
   bool is_wide() const { return wide_; }
   /// Tolerance of the exact engine.

@@ -12,6 +12,7 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kPacketsPerUnit = 16;  // of work
+constexpr std::size_t kMostGroups = 4096;      // of a state, which take 64 bytes each
 constexpr std::uint64_t kWithinBatch = 64;     // states for each worker whose rows wait for earlier ones
 
 // Whether the exact engine answers a pair in less than 1 us.
@@ -117,7 +118,7 @@ class DistanceJob final : public CoveredJob {
   bool write_bounded(const DistanceBounds& bounds, std::uint32_t group, std::uint64_t configuration) {
     if (!bounds_.groups().unknown(group).empty()) return false;
     PairAnswer answer = empty_answer();
-    const bool is_empty = !bounds_.has_cells(group);
+    const bool is_empty = !bounds_.groups().has_cells(group);
     if (!is_empty && !bounds_.answers(bounds, answer)) return false;
     if (orders_rows_ && answer.status == Status::kBeyond) return true;
     Row row{{kNone, kNone}, static_cast<std::uint32_t>(configuration), answer, {}, {}, {kNone, kNone}, {}};
@@ -137,7 +138,7 @@ class DistanceJob final : public CoveredJob {
                   std::vector<std::uint64_t>& pairs) const {
     const auto unknown = bounds_.groups().unknown(group);
     pairs.insert(pairs.end(), unknown.begin(), unknown.end());
-    if (!bounds_.has_cells(group)) return {kInf, 0, true};
+    if (!bounds_.groups().has_cells(group)) return {kInf, 0, true};
     if (by_pair()) {
       pairs.push_back(group);
       return {kInf, 0, true};
@@ -214,6 +215,7 @@ class DistanceJob final : public CoveredJob {
 
 bool covers_may_bound(const JobContext& context, const Plan& plan) {
   return context.covers && !context.reference && context.near_by != NearBy::kTree && !context.scene->has_proxies() &&
+         (plan.query.reduce != Reduce::kNearest || context.scene->bodies().size() <= kMostGroups) &&
          CoverBounds::may_bound(plan, answers_fast(context)) && CoverPlan::may_decide(plan);
 }
 

@@ -33,12 +33,16 @@ PairGroups::PairGroups(const Plan& plan, const engine::Scene& scene, Packets pac
     return b >= scene.bodies().size() || (scene.bodies()[b].parts.size() <= 1 && !has_surface(scene.bodies()[b]));
   };
   packets_.assign(count_, packets.light);
-  for (std::uint64_t p = 0; p < plan.pairs.size(); ++p)
+  for (std::uint64_t p = 0; p < plan.pairs.size() && !is_one(); ++p)
     if (const BodyPair pair = plan.pairs.at(p); !is_light(pair.a) || !is_light(pair.b))
       for_groups(p, [&](std::uint32_t g) { packets_[g] = packets.heavy; });
 }
 
 void PairGroups::take(const CoverPlan& covers) {
+  std::vector<std::pair<std::uint32_t, std::uint64_t>> unknown;
+  for (const std::uint64_t p : covers.unknown()) for_groups(p, [&](std::uint32_t g) { unknown.emplace_back(g, p); });
+  make_lists(unknown, count_, unknown_begin_, unknown_);
+  if (is_one()) return;
   const DecisionView& view = covers.view();
   std::vector<std::pair<std::uint32_t, std::uint32_t>> cells;
   const auto add = [&](std::uint64_t position, std::uint32_t cell) {
@@ -49,9 +53,6 @@ void PairGroups::take(const CoverPlan& covers) {
     if (view.grow[cell] != BallPacket::kNoRadius) add(view.position[cell], cell);
   for (std::uint32_t k = 0; k < view.moved_pair_count; ++k) add(view.moved_pairs[k].position, of_obstacles + k);
   make_lists(cells, count_, begin_, cells_);
-  std::vector<std::pair<std::uint32_t, std::uint64_t>> unknown;
-  for (const std::uint64_t p : covers.unknown()) for_groups(p, [&](std::uint32_t g) { unknown.emplace_back(g, p); });
-  make_lists(unknown, count_, unknown_begin_, unknown_);
   view_ = {begin_.data(), cells_.data(), packets_.data(), count_};
 }
 

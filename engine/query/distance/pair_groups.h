@@ -27,7 +27,9 @@ class PairGroups {
   bool is_one() const { return reduce_ == Reduce::kMin; }
   /// Takes the cells of covers. `covers` must outlive their use.
   void take(const CoverPlan& covers);
-  const DistanceGroups& view() const { return view_; }
+  const DistanceGroups& view() const { return view_; }  ///< empty for one group
+  /// Whether a group has pairs that covers know.
+  bool has_cells(std::uint32_t group) const { return is_one() || begin_[group] < begin_[group + 1]; }
   /// Positions of a group's pairs that covers do not know, ascending.
   std::span<const std::uint64_t> unknown(std::uint32_t group) const {
     return std::span(unknown_).subspan(unknown_begin_[group], unknown_begin_[group + 1] - unknown_begin_[group]);
