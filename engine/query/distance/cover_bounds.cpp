@@ -28,9 +28,8 @@ bool is_by_pair(const Plan& plan) {
 bool has_wide_tolerance(const Plan& plan, bool light) {
   double abs_tol = kWideAbsTol, rel_tol = kWideRelTol;
   if (is_by_pair(plan)) {  // covers leave no pair out, and each row costs them some packets
-    const bool within = plan.query.reduce == Reduce::kWithin;
-    abs_tol = !light ? 5e-3 : within ? 1e-2 : 5e-2;
-    rel_tol = !light ? 1e-2 : within ? 0.1 : 0.2;
+    abs_tol = light ? 5e-2 : 5e-3;
+    rel_tol = light ? 0.2 : 1e-2;
   }
   return plan.query.abs_tol >= abs_tol || plan.query.rel_tol >= rel_tol;
 }
