@@ -8,6 +8,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/decision/cell_bounds.h"
 #include "engine/decision/distance_view.h"
 #include "engine/decision/least_bounds.h"
 #include "engine/decision/placed_balls.h"
@@ -15,72 +16,68 @@
 namespace clearance {
 namespace CLEARANCE_ISA {
 
-/// Bounds states one after another.
+/// Bounds states one after another, or each group of pairs in them.
 class DistanceBounder {
  public:
   DistanceBounder(const DistanceBatch& batch, const DistanceRoom& room)
-      : batch_(batch), v_(*batch.view), room_(room), placed_(v_), least_(batch.limits, room) {}
+      : batch_(batch), v_(*batch.view), room_(room), placed_(v_), cells_(batch, room), least_(batch.limits, room) {}
 
   /// \param used entries of DistanceRoom::left that belong to earlier states
   DistanceBounds bound(const Pose* poses, const double* positions, std::uint32_t used) {
     DistanceBounds result;
     if (!placed_.place(poses)) return result;
-    begin(used);
-    look_up(positions);
+    begin(used, batch_.limits.packets);
+    cells_.look_up(positions);
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
     bound_roots();
     open_roots();
-    for (int level = 1; level <= kLevels; ++level) search(level);
-    least_.end(result);
+    finish(result);
     return result;
+  }
+  /// \param results (groups,)
+  void bound_groups(const Pose* poses, const double* positions, std::uint32_t used, DistanceBounds* results) {
+    if (!placed_.place(poses)) return;
+    cells_.look_up(positions);
+    cells_.bound(placed_);
+    const DistanceGroups& groups = *batch_.groups;
+    for (std::uint32_t g = 0; g < groups.count; ++g) {
+      begin(used, groups.packets[g]);
+      open_cells(groups.cells + groups.begin[g], groups.cells + groups.begin[g + 1]);
+      finish(results[g]);
+      used = results[g].is_listed ? results[g].left_end : used;
+    }
   }
 
  private:
   static constexpr int kLevels = 3;
-  static constexpr int kMostPackets = 768;  // of one state
 
-  void begin(std::uint32_t used) {
+  void begin(std::uint32_t used, int packets) {
     least_.begin(used);
-    packets_left_ = kMostPackets;
+    packets_ = packets_left_ = packets;
     for (auto& count : count_) count = 0;
   }
-
-  /// Bounds of the pairs that have joint tables.
-  void look_up(const double* positions) {
-    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
-      const TabledPair& pair = v_.tabled[t];
-      double at[2];
-      for (int c = 0; c < 2; ++c) at[c] = pair.at[c] == kNone ? pair.fixed[c] : positions[pair.at[c]];
-      const TableCell cell = pair.table.at(at);
-      constexpr float kUnit = static_cast<float>(JointTable::kUnit);
-      table_low_[t] =
-          cell.low == TableCell::kNoLow ? -LeastBounds::kFar : kUnit * static_cast<float>(cell.low - pair.free_above);
-      if (cell.high != TableCell::kNoHigh && pair.hit_below != TableCell::kNoLow)
-        least_.take_upper(kUnit * static_cast<float>(cell.high - pair.hit_below), pair.position);
-    }
+  void finish(DistanceBounds& result) {
+    for (int level = 1; level <= kLevels; ++level) search(level);
+    least_.end(result);
+    result.packets = static_cast<std::uint32_t>(packets_ - packets_left_);
   }
-  float* moved_lows() const { return room_.lows + std::size_t{v_.obstacle_count} * v_.columns; }
 
   void bound_roots() {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) bound_roots(o, begin);
     for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) {
       const Eight d = placed_.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
-      (d - Eight::load(v_.moved_reach + k)).store(moved_lows() + k);
+      (d - Eight::load(v_.moved_reach + k)).store(cells_.moved_lows() + k);
       least_.take_upper(d - Eight::load(batch_.moved_inner + k), 0xff,
                         [&](int i) { return v_.moved_pairs[k + static_cast<std::uint32_t>(i)].position; });
     }
-    if (v_.tabled_count == 0) return;
-    for (std::uint32_t k = 0; k < v_.moved_pair_count; ++k) raise(moved_lows()[k], v_.moved_pairs[k].table);
-    for (std::size_t at = 0; at < std::size_t{v_.obstacle_count} * v_.columns; ++at)
-      raise(room_.lows[at], v_.table[at]);
-  }
-  void raise(float& low, std::uint32_t table) const {
-    if (table != kNoTable && table_low_[table] > low) low = table_low_[table];
+    cells_.take_tables();
   }
   /// Gaps of balls whose shares are not beyond the threshold matter, but all until there is an upper bound.
   HWY_INLINE GapLimits limits(const Eight& outer) const {
     const Eight never(-LeastBounds::kFar);
-    return {Eight(least_.has_upper() ? least_.threshold() : 0.1f * LeastBounds::kFar) + outer, never, never};
+    return {Eight(least_.upper() < LeastBounds::kFar ? least_.threshold() : 0.1f * LeastBounds::kFar) + outer, never,
+            never};
   }
   void bound_roots(std::uint32_t o, std::uint32_t begin) {
     const std::size_t at = std::size_t{o} * v_.columns + begin;
@@ -99,6 +96,19 @@ class DistanceBounder {
                       [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
   }
 
+  /// Opens those cells of a group whose roots are not beyond its threshold.
+  void open_cells(const std::uint32_t* begin, const std::uint32_t* end) {
+    for (const std::uint32_t* cell = begin; cell < end; ++cell)
+      if (const float high = room_.highs[*cell]; high < least_.upper())
+        least_.take_upper(high, cells_.position_of(*cell));
+    for (const std::uint32_t* cell = begin; cell < end; ++cell) {
+      const float low = room_.lows[*cell];
+      if (low > least_.threshold())
+        least_.lay_aside(low, cells_.position_of(*cell));
+      else
+        push(1, cells_.item_of(*cell, low), cells_.is_in_table(*cell));
+    }
+  }
   /// Opens the pairs whose roots are not beyond the threshold.
   void open_roots() {
     alignas(32) float values[kBalls];
@@ -117,7 +127,7 @@ class DistanceBounder {
         return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)];
       };
       const auto position = [&](int i) { return pair(i).position; };
-      for (Bits b = least_.sift(Eight::load(moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
+      for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
         const int i = lowest(b);
         push(1, {values[i], kNone, begin + static_cast<std::uint32_t>(i), 0, 0}, pair(i).table != kNoTable);
       }
@@ -265,21 +275,28 @@ class DistanceBounder {
   const DecisionView& v_;
   const DistanceRoom& room_;
   PlacedBalls placed_;
+  CellBounds cells_;
   LeastBounds least_;
-  float table_low_[kMostTabledPairs];
   std::uint32_t count_[kLevels] = {};
-  int packets_left_ = 0;
+  int packets_ = 0, packets_left_ = 0;  // of the group
 };
 
 inline void bound_distances(const DistanceBatch& batch, const DistanceRoom& room) {
   DistanceBounder bounder(batch, room);
+  const std::size_t groups = batch.groups ? batch.groups->count : 1;
   std::uint32_t used = 0;
   for (std::size_t k = 0; k < batch.states; ++k) {
-    DistanceBounds& bounds = room.bounds[k];
-    bounds = {};
-    if (batch.usable[k])
-      bounds = bounder.bound(batch.poses + k * batch.stride, batch.positions + k * batch.position_stride, used);
-    used = bounds.is_listed ? bounds.left_end : used;
+    DistanceBounds* const bounds = room.bounds + k * groups;
+    for (std::size_t g = 0; g < groups; ++g) bounds[g] = {};
+    if (!batch.usable[k]) continue;
+    const Pose* const poses = batch.poses + k * batch.stride;
+    const double* const positions = batch.positions + k * batch.position_stride;
+    if (batch.groups)
+      bounder.bound_groups(poses, positions, used, bounds);
+    else
+      *bounds = bounder.bound(poses, positions, used);
+    for (std::size_t g = 0; g < groups; ++g)
+      if (bounds[g].is_listed) used = bounds[g].left_end;
   }
 }
 

@@ -16,6 +16,16 @@ struct DistanceLimits {
   double scale[2] = {1, 1}, shift[2] = {0, 0};
   double most = std::numeric_limits<double>::infinity();
   bool any_overlap = false;  ///< an overlapping pair ends the search; otherwise the first one is requested
+  int packets = 768;         ///< as DistanceGroups::packets, for one group of all pairs
+};
+
+/// Groups of pairs, each of which has a least distance. A cell is obstacle * columns + body, or, from
+/// obstacle_count * columns on, a moved pair.
+struct DistanceGroups {
+  const std::uint32_t* begin;  ///< (count + 1,) in `cells`
+  const std::uint32_t* cells;
+  const int* packets;  ///< (count,) most packets of balls of each: beyond them, its pairs are left
+  std::uint32_t count;
 };
 
 /// States whose least distances are bounded.
@@ -28,6 +38,7 @@ struct DistanceBatch {
   const std::uint8_t* usable;  ///< (states,) 0 if the bounds do not hold
   const double* positions;     ///< (states, position_stride) of joints
   std::size_t position_stride;
+  const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
 };
 
 /// A pair that may be the nearest.
@@ -36,12 +47,13 @@ struct LeftPair {
   float lower;             ///< metres
 };
 
-/// Result of one state. Every pair of the view is either left, or no nearer than `lower`.
+/// Result of one group in one state. Every pair of it is either left, or no nearer than `lower`.
 struct DistanceBounds {
   double lower = 0, upper = 0;  ///< `upper` bounds the least distance; at most 0 if a pair is proved to overlap
   std::uint64_t lower_at = 0, upper_at = 0;  ///< positions of the pairs that give them
   bool is_listed = false;                    ///< otherwise, nothing is known
   std::uint32_t left_begin = 0, left_end = 0;
+  std::uint32_t packets = 0;  ///< of balls that were compared
 };
 
 /// Work of the search: balls of a pair whose children come next.
@@ -55,11 +67,12 @@ inline constexpr std::uint32_t kMostDistanceItems = 512;  ///< of one level
 
 /// Receives bounds and the pairs left: arrays that the caller owns.
 struct DistanceRoom {
-  DistanceBounds* bounds;  ///< (states,)
+  DistanceBounds* bounds;  ///< (states, groups)
   LeftPair* left;
   std::uint32_t capacity;  ///< of `left`
   float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8
   DistanceItem* items;     ///< (3, kMostDistanceItems)
+  float* highs = nullptr;  ///< as `lows`; for groups
 };
 
 /// One version of the kernel; all give the same results.

@@ -38,7 +38,7 @@ class LeastBounds {
   }
   bool is_over() const { return overflow_ || (limits_.any_overlap && upper_ <= 0); }
   float threshold() const { return threshold_; }
-  bool has_upper() const { return upper_ < kFar; }
+  float upper() const { return upper_; }
   /// Width of the bounds that is permitted; not above 0 if no bounds suffice.
   float width() const { return width_; }
   /// Position of a pair that is proved to overlap; later pairs do not matter.

@@ -48,19 +48,30 @@ void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
 }
 
 bool CoveredJob::go_on(WorkMeter& slice) {
-  const bool done =
-      run_units(next_, (plan_.size.configurations + block_ - 1) / block_, slice,
-                [&](std::uint64_t unit, int worker, WorkMeter& meter) { return answer(unit * block_, worker, meter); });
-  if (!done) return false;
-  info.rows = info.total = plan_.size.configurations;
+  const std::uint64_t count = plan_.size.configurations;
+  while (first_ < count) {
+    const std::uint64_t here = std::min(batch_, count - first_);
+    const bool batch_done =
+        run_units(next_, (here + block_ - 1) / block_, slice, [&](std::uint64_t unit, int worker, WorkMeter& meter) {
+          return answer(first_ + unit * block_, worker, meter);
+        });
+    if (!batch_done) return false;
+    end_batch(first_, here);
+    first_ += here;
+    next_ = 0;
+    if (first_ < count && slice.is_over()) return false;
+  }
+  count_rows();
   info.pairs_evaluated = evaluated_;
   if (evaluated_ > 0) context_.pairs_evaluated->fetch_add(evaluated_, std::memory_order_relaxed);
   return true;
 }
 
 void CoveredJob::rewind() {
-  next_ = evaluated_ = 0;
-  if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
+  first_ = next_ = evaluated_ = 0;
+  if (covers_revision_ == CoverPlan::revision(*context_.covers, context_.tables)) return;
+  take_covers();
+  covers_changed();
 }
 
 void CoveredJob::take_covers() {
@@ -75,7 +86,7 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
     const std::uint64_t count = std::min(block_, plan_.size.configurations - begin);
     share.left.clear();
     if (covers_) {
-      begin_by_covers(share, begin, count, worker);
+      begin_by_covers(share, begin, count, worker, meter);
       meter.count(1 + count / kStatesPerUnit);
       if (!share.block.has_begun()) return true;
     } else {
@@ -88,12 +99,19 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
   const std::span<const std::uint64_t> left = covers_ ? share.left.configurations() : share.all;
   share.rows.resize(std::max(share.rows.size(), left.size()));
   evaluated_.fetch_add(share.block.end(std::span(share.rows).first(left.size())), std::memory_order_relaxed);
-  for (std::size_t i = 0; i < left.size(); ++i) write_exact(left[i], covers_ ? i : kNone, worker, share.rows[i][0]);
+  const auto pairs = share.left.pairs();
+  for (std::size_t i = 0; i < left.size(); ++i) {
+    if (covers_)
+      write_exact({left[i], i, pairs[i], share.rows[i]}, worker);
+    else
+      write_exact({left[i], kNone, {}, share.rows[i]}, worker);
+  }
   return true;
 }
 
 // Answers a block by covers, and begins the exact evaluation of the states that are left.
-void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker) {
+void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
+                                 WorkMeter& meter) {
   const std::size_t stride = plan_.bodies.size(), joints = plan_.joints.size();
   const ConfigurationPoses::PoseBlock given = worker_poses(worker).given(begin, count);
   share.usable.resize(count);
@@ -104,7 +122,7 @@ void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64
         std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
   }
   const double* const positions = plan_.positions.data() + begin * joints;
-  answer_by_covers({begin, count, given.poses.data(), stride, share.usable.data(), positions, joints}, worker,
+  answer_by_covers({begin, count, given.poses.data(), stride, share.usable.data(), positions, joints, meter}, worker,
                    share.left);
   const std::span<const std::uint64_t> left = share.left.configurations();
   if (left.empty()) return;
@@ -112,8 +130,8 @@ void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64
   share.block.begin(worker_poses(worker).at(left, pairs), left, pairs);
 }
 
-void CoveredJob::write_exact(std::uint64_t configuration, std::size_t, int, Row& row) {
-  write_row(reply_, configuration, row);
+void CoveredJob::write_exact(const ExactState& state, int) {
+  write_row(reply_, state.configuration, state.rows[0]);
 }
 
 }  // namespace clearance

@@ -32,14 +32,14 @@ class LeftStates {
 };
 
 /// Answers blocks of states by covers as far as these have been made, and lets the exact engine evaluate the pairs that
-/// they leave. One row a state.
+/// they leave.
 class CoveredJob : public ParallelJob {
  public:
   /// The constructor of a derived class calls make_blocks().
   CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
   bool go_on(WorkMeter& slice) final;
-  void rewind() final;
+  void rewind() override;
 
  protected:
   /// Prepares the exact engine.
@@ -53,13 +53,27 @@ class CoveredJob : public ParallelJob {
     const std::uint8_t* usable;  ///< (count,) 0 if the bounds of covers do not hold
     const double* positions;     ///< (count, position_stride)
     std::size_t position_stride;
+    WorkMeter& meter;
   };
   /// Writes the rows of the states that covers answer, and adds the others to `left`, ascending.
   virtual void answer_by_covers(const States& states, int worker, LeftStates& left) = 0;
-  /// Writes the row of a state that the exact engine answered.
-  /// \param index of the state in `left`, or kNone without covers
-  virtual void write_exact(std::uint64_t configuration, std::size_t index, int worker, Row& row);
+  /// A state that the exact engine answered.
+  struct ExactState {
+    std::uint64_t configuration;
+    std::size_t index;                     ///< in `left`, or kNone without covers
+    std::span<const std::uint64_t> pairs;  ///< positions of the pairs left; empty without covers
+    std::vector<Row>& rows;                ///< of its reduction
+  };
+  /// Writes its rows; by default there is one.
+  virtual void write_exact(const ExactState& state, int worker);
+  /// Called once consecutive states have their rows; a batch is a multiple of block() states.
+  virtual void end_batch(std::uint64_t /*begin*/, std::uint64_t /*count*/) {}
+  virtual void count_rows() { info.rows = info.total = plan_.size.rows; }
+  virtual void covers_changed() {}
+  bool has_covers() const { return covers_ != nullptr; }
   const CoverPlan& covers() const { return *covers_; }
+  std::uint64_t block() const { return block_; }
+  void set_batch(std::uint64_t states) { batch_ = states; }
 
  private:
   struct Worker {
@@ -73,15 +87,15 @@ class CoveredJob : public ParallelJob {
   };
   void take_covers();
   bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
-  void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker);
+  void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
 
   BoxColumns columns_;
   NearPairs near_pairs_;
   std::unique_ptr<const CoverPlan> covers_;
   std::uint64_t covers_revision_ = 0;
-  std::uint64_t block_ = 1;  // configurations
+  std::uint64_t block_ = 1, batch_ = ~std::uint64_t{0};  // configurations
   std::vector<Worker> shares_;
-  std::uint64_t next_ = 0;
+  std::uint64_t first_ = 0, next_ = 0;  // configuration of the batch; block in it
   std::atomic<std::uint64_t> evaluated_{0};
 };
 

@@ -10,10 +10,10 @@ namespace clearance {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  const auto make = plan.query.reduce == Reduce::kNone ? make_dense_job
-                    : covers_may_decide(context, plan) ? make_decision_job
-                    : covers_may_bound(context, plan)  ? make_least_distance_job
-                                                       : make_reduced_job;
+  const auto make = covers_may_decide(context, plan)     ? make_decision_job
+                    : covers_may_bound(context, plan)    ? make_distance_job
+                    : plan.query.reduce == Reduce::kNone ? make_dense_job
+                                                         : make_reduced_job;
   return make(context, std::move(plan), reply);
 }
 

@@ -64,9 +64,9 @@ std::unique_ptr<Job::State> make_dense_job(const JobContext& context, Plan&& pla
 /// Whether covers may decide states of a plan.
 bool covers_may_decide(const JobContext& context, const Plan& plan);
 std::unique_ptr<Job::State> make_decision_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
-/// Whether covers may bound the least distances of a plan's states.
+/// Whether covers may bound the distances of a plan's states.
 bool covers_may_bound(const JobContext& context, const Plan& plan);
-std::unique_ptr<Job::State> make_least_distance_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
+std::unique_ptr<Job::State> make_distance_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 std::unique_ptr<Job::State> make_reduced_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 
 }  // namespace clearance

@@ -56,7 +56,7 @@ class Reduction {
   /// \param gaps of all pairs' boxes, in order
   void scan(std::span<const double> gaps, const BodyPoses& placement);
   /// Scans some pairs alone. Of Reduce::kAny, they must contain all that are not proved to be beyond their margins; of
-  /// Reduce::kMin, all that may win or lower the interval.
+  /// Reduce::kMin and kNearest, all that may win or lower the interval of a group whose row is used.
   /// \param positions ascending
   void scan(std::span<const std::uint64_t> positions, const BodyPoses& placement);
   /// Appends the seeds or candidates to evaluate next; take() receives their answers in that order. Returns false if
@@ -97,8 +97,10 @@ class Reduction {
   bool per_body() const { return plan_.query.reduce == Reduce::kNearest; }
   bool within() const { return plan_.query.reduce == Reduce::kWithin; }
   bool any() const { return plan_.query.reduce == Reduce::kAny; }
+  /// No reduction: a row for each pair.
+  bool each() const { return plan_.query.reduce == Reduce::kNone; }
   /// Whether the cut-offs are known before the scan.
-  bool needs_no_seed() const { return within() || any() || options_.reference; }
+  bool needs_no_seed() const { return within() || any() || each() || options_.reference; }
   double cut_off(std::uint64_t position) const { return any() ? plan_.margins.of(position) : plan_.query.max_distance; }
   /// Whether pairs after an overlapping one neither win nor lower the interval.
   bool stops_at_overlap() const {

@@ -129,9 +129,9 @@ void Reduction::take_rows(std::uint32_t configuration, const BodyPoses& placemen
   rows.clear();
   if (any()) {
     rows.push_back(decision(configuration, placement));
-  } else if (within()) {
+  } else if (within() || each()) {
     for (std::size_t i = 0; i < candidates_.size(); ++i)
-      if (candidate_answers_[i].status != Status::kBeyond)
+      if (each() || candidate_answers_[i].status != Status::kBeyond)
         rows.push_back(row_of(candidate_pairs_[i], candidate_answers_[i], configuration, placement));
   } else {
     const std::vector<GroupResult> groups = group_results(placement);

@@ -32,7 +32,7 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
   assert(gaps.size() == plan_.pairs.size());
   WorkerState& w = workers_[0];
   gaps_ = gaps;
-  if (per_body()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.pairs), gaps, w, placement);
+  if (per_body() || each()) return offer(0, plan_.pairs.slice(0, gaps.size(), w.pairs), gaps, w, placement);
   if (stage_ == kSeedScan) {
     const auto least = std::min_element(gaps.begin(), gaps.end());
     if (least != gaps.end()) w.seed[0] = {*least, static_cast<std::uint64_t>(least - gaps.begin())};
@@ -44,7 +44,6 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
 }
 
 void Reduction::scan(std::span<const std::uint64_t> positions, const BodyPoses& placement) {
-  assert((any() && stage_ == kScan) || plan_.query.reduce == Reduce::kMin);
   if (stage_ == kSeedScan && positions.size() <= kMostSeeds) {
     seeds_.assign(positions.begin(), positions.end());
     return;
@@ -53,7 +52,7 @@ void Reduction::scan(std::span<const std::uint64_t> positions, const BodyPoses& 
     const BodyPair pair = plan_.pairs.at(p);
     const double gap = box_gap(scene_, placement, pair);
     if (stage_ == kSeedScan)
-      workers_[0].seed[0] = std::min(workers_[0].seed[0], Seed{gap, p});
+      for_groups(pair, [&](std::uint32_t g) { workers_[0].seed[g] = std::min(workers_[0].seed[g], Seed{gap, p}); });
     else
       offer(p, pair, gap, workers_[0], placement);
   }
@@ -72,9 +71,9 @@ void Reduction::offer(std::uint64_t begin, std::span<const BodyPair> pairs, std:
 
 void Reduction::offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker,
                       const BodyPoses& placement) const {
-  bool wanted = false;
+  bool wanted = each();
   if (gap == kInf && is_unusable(scene_, placement, pair)) {
-    wanted = needs_no_seed();
+    wanted |= needs_no_seed();
     for_groups(pair, [&](std::uint32_t g) { worker.unusable[g] = std::min(worker.unusable[g], position); });
   } else {
     for_groups(pair, [&](std::uint32_t g) { wanted |= gap <= cutoff_[g]; });

@@ -40,7 +40,8 @@ inline std::vector<CloudPoint> scanned_box(const Vec3d& centre, const Vec3d& hal
 }
 
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
-inline engine::Scene crowded_scene() {
+/// \param with_surfaces false for single convex parts alone, without the mesh and the clouds
+inline engine::Scene crowded_scene(bool with_surfaces = true) {
   engine::RobotOptions arm = at_home();
   arm.link_padding = {{"fore", 0.01}};
   engine::Scene scene = arm_scene(arm);
@@ -54,11 +55,14 @@ inline engine::Scene crowded_scene() {
   scene.add_cone("cone", 0.1, 0.3, still({-0.3, -0.4, 0.3}, 0.2));
   Random random(11);
   scene.add_hull("rock", random.cloud(30, {0.2, 0.1, 0.15}), still({0.1, 0.6, 0.6}, 1.1));
-  const Shape step = step_mesh();
-  scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
-  scene.add_points("scan", scanned_box({0.5, 0.4, 0.3}, {0.06, 0.1, 0.12}, 3000, random), 0, still({0, 0.1, 0.1}, 0.3));
-  scene.add_points("voxels", scanned_box({-0.6, -0.2, 0.7}, {0.08, 0.06, 0.06}, 500, random), 0.02,
-                   still({0, 0, 0}, 0));
+  if (with_surfaces) {
+    const Shape step = step_mesh();
+    scene.add_mesh("step", step.vertices, step.triangles, MeshAs::kSolid, still({-0.1, -0.7, 0.5}, 0.4));
+    scene.add_points("scan", scanned_box({0.5, 0.4, 0.3}, {0.06, 0.1, 0.12}, 3000, random), 0,
+                     still({0, 0.1, 0.1}, 0.3));
+    scene.add_points("voxels", scanned_box({-0.6, -0.2, 0.7}, {0.08, 0.06, 0.06}, 500, random), 0.02,
+                     still({0, 0, 0}, 0));
+  }
   scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
   const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",

@@ -28,6 +28,9 @@ SOURCES_OF_HEADERS = {
     "decision/placed_balls.h": ["decision/decide_baseline.cpp"],
     "decision/cloud_gaps.h": ["decision/decide_baseline.cpp"],
     "decision/table_lookup.h": ["decision/decide_baseline.cpp"],
+    "decision/distance_kernel.h": ["decision/decide_baseline.cpp", "decision/decision_kernels.cpp"],
+    "decision/cell_bounds.h": ["decision/decide_baseline.cpp"],
+    "decision/least_bounds.h": ["decision/decide_baseline.cpp"],
     "motion/motion_step.h": [
         "motion/half_spans.cpp",
         "motion/motion_search.cpp",

@@ -67,6 +67,17 @@ inline std::vector<BodyPair> pairs_without_clouds(const engine::Engine& engine) 
   return pairs;
 }
 
+/// Two engines on one scene, the first with the covers of another.
+struct SameCovers {
+  engine::Engine with, without;
+
+  SameCovers(const engine::Scene& scene, const CoverEngines& engines)
+      : with(engine::Scene(scene), {.backend = "cpu", .threads = 1, .cover_store = engines.with.cover_store()}),
+        without(engine::Scene(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff}) {
+    EXPECT_TRUE(with.wait_covers(kCoversPatience));
+  }
+};
+
 /// Pairs of a body and the links beyond the elbow.
 inline std::vector<BodyPair> pairs_with(const engine::Scene& scene, const std::string& body) {
   std::vector<BodyPair> pairs;

@@ -35,6 +35,30 @@ void narrow_tolerances_keep_every_bit(const CoverEngines& engines) {
   }
 }
 
+void rows_of_near_pairs_keep_every_bit(const CoverEngines& engines) {
+  const SameCovers engine(crowded_scene(false), engines);
+  ArmStates s = least_distances(engine.with.scene(), 600);
+  s.query.fields = (kAllFields & ~(kFieldVerdict | kFieldFreeScale | kFieldGradient)) | kFieldPairLower;
+  const std::vector<BodyPair> pairs = pairs_with(engine.with.scene(), "table");
+  std::uint64_t near = 0, beyond = 0;
+  for (const double most : {0.02, 0.1, 0.4}) {
+    s.query.max_distance = most;
+    s.query.all_pairs = most < 0.4;
+    if (!s.query.all_pairs) s.query.pairs = pairs;
+    for (const Tolerance& tolerance : {Tolerance{0, 1e-6}, Tolerance{5e-5, 0}}) {
+      const Answer without = bounds_of(engine.without, s.query, tolerance),
+                   with = bounds_of(engine.with, s.query, tolerance);
+      const auto counts = expect_same_rows(without, 0, with, 600);
+      expect_same_column("pair_lower", without.view.pair_lower, 0, with.view.pair_lower, 600, 1);
+      EXPECT_LT(with.info.pairs_evaluated, without.info.pairs_evaluated) << most;
+      near += counts[static_cast<std::size_t>(Status::kOk)];
+      beyond += counts[static_cast<std::size_t>(Status::kBeyond)];
+    }
+  }
+  EXPECT_GT(near, 100u);
+  EXPECT_GT(beyond, 50u);
+}
+
 void wide_tolerances_contain_the_distance(const CoverEngines& engines) {
   ArmStates s = least_distances(engines.with.scene(), 600);
   const Answer exact = bounds_of(engines.without, s.query, {0, 1e-12});
@@ -178,17 +202,6 @@ void every_kernel_gives_the_same_bounds(const CoverEngines& engines) {
   }
 }
 
-/// Two engines on one scene, the first with the covers of another.
-struct SameCovers {
-  engine::Engine with, without;
-
-  SameCovers(const engine::Scene& scene, const CoverEngines& engines)
-      : with(engine::Scene(scene), {.backend = "cpu", .threads = 1, .cover_store = engines.with.cover_store()}),
-        without(engine::Scene(scene), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff}) {
-    EXPECT_TRUE(with.wait_covers(kCoversPatience));
-  }
-};
-
 // Each state has a small obstacle near the surface of a link, or within it.
 void small_obstacles_near_surfaces_are_seen(const CoverEngines& engines) {
   constexpr int kObstacles = 60;
@@ -278,6 +291,7 @@ TEST(DistancesByCovers, IntervalsAreTrueAndKeepTheirBits) {
   const CoverEngines engines;
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
   narrow_tolerances_keep_every_bit(engines);
+  rows_of_near_pairs_keep_every_bit(engines);
   wide_tolerances_contain_the_distance(engines);
   pairs_of_rows_have_their_bounds(engines);
   points_are_those_of_the_distance(engines);

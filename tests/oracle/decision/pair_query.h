@@ -13,6 +13,7 @@
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/motion_decider.h"
 #include "engine/joint_table/joint_table_store.h"
+#include "engine/query/distance/cover_bounds.h"
 #include "engine/selection/body_poses.h"
 #include "engine/selection/configuration_poses.h"
 #include "engine/state/pose_store.h"
@@ -33,7 +34,10 @@ class PairQuery {
   /// \param tables may be null
   PairQuery(const BallScene& made, std::vector<BodyPair> pairs, std::vector<double> positions, double margin,
             bool is_motion = false, const JointTableStore* tables = nullptr)
-      : pairs_(std::move(pairs)), positions_(std::move(positions)), poses_(made.scene(), std::chrono::seconds(60)) {
+      : scene_(made.scene()),
+        pairs_(std::move(pairs)),
+        positions_(std::move(positions)),
+        poses_(made.scene(), std::chrono::seconds(60)) {
     for (const BodyPair pair : pairs_)
       for (const std::uint32_t body : {pair.a, pair.b})
         if (const Body& b = made.scene().bodies()[body]; !b.is_static || b.robot != kNone) covers().request({b.parts});
@@ -79,9 +83,24 @@ class PairQuery {
         {&decision, open, 8});
     return decision.verdict;
   }
+  /// Bounds on the distance of each pair to a tolerance, for a margin of 0.
+  std::vector<DistanceBounds> distances(double abs_tol) {
+    plan_.query.reduce = Reduce::kNone;
+    plan_.query.abs_tol = abs_tol;
+    plan_.size.fields = kDefaultFields;
+    CoverBounds bounds(plan_, scene_, false);
+    bounds.take(*covers_);
+    const std::uint8_t usable = 1;
+    const std::vector<Pose> at = poses();
+    CoverBounds::Room room;
+    const auto found = bounds.bound(
+        {&view(), nullptr, {}, at.data(), plan_.bodies.size(), 1, &usable, positions_.data(), joints_.size()}, room);
+    return {found.begin(), found.end()};
+  }
   Verdict motion() { return MotionDecider(*covers_, plan_).decide(0); }
 
  private:
+  const engine::Scene& scene_;
   std::vector<BodyPair> pairs_;
   std::vector<double> positions_;
   std::vector<std::uint32_t> joints_;
@@ -109,6 +128,14 @@ struct Verdicts {
   int free = 0, hit = 0, open = 0;
   int late = 0;  ///< open, though farther from the margin than the errors allow
 };
+
+inline engine::RobotOptions with_slack() {
+  engine::RobotOptions options;
+  options.base = Pose{{1, 2, 0.5}, 0.5, 0.5, -0.5, 0.5};
+  options.link_padding = {{"l3", 0.0078125}};
+  options.link_uncertainty = {{"l4", {0.00390625, 0}}};
+  return options;
+}
 
 // An arm, one link of which slides, a body that it holds, and an arm of one link.
 inline BallScene made_arm(int balls, double radius, const engine::RobotOptions& options = {}) {

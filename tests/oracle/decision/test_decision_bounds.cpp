@@ -104,14 +104,6 @@ void decide_near_margin(const BallScene& made, BodyPair pair, double width, int 
   }
 }
 
-engine::RobotOptions with_slack() {
-  engine::RobotOptions options;
-  options.base = Pose{{1, 2, 0.5}, 0.5, 0.5, -0.5, 0.5};
-  options.link_padding = {{"l3", 0.0078125}};
-  options.link_uncertainty = {{"l4", {0.00390625, 0}}};
-  return options;
-}
-
 TEST(DecisionBounds, StatesAtTheirMarginAreNeverDecidedWrongly) {
   Random random(3);
   Verdicts one, many;

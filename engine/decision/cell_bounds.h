@@ -1,0 +1,94 @@
+// Bounds of covers' roots, for the kernel of distances (distance_kernel.h).
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+
+#include "engine/cover/point_gaps.h"
+#include "engine/decision/distance_view.h"
+#include "engine/decision/least_bounds.h"
+#include "engine/decision/placed_balls.h"
+
+namespace clearance {
+namespace CLEARANCE_ISA {
+
+/// Bounds of all cells (DistanceGroups) in one state: of pairs of roots, and of joint tables.
+class CellBounds {
+ public:
+  CellBounds(const DistanceBatch& batch, const DistanceRoom& room) : batch_(batch), v_(*batch.view), room_(room) {}
+
+  /// Bounds of the pairs that have joint tables.
+  void look_up(const double* positions) {
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
+      const TabledPair& pair = v_.tabled[t];
+      double at[2];
+      for (int c = 0; c < 2; ++c) at[c] = pair.at[c] == kNone ? pair.fixed[c] : positions[pair.at[c]];
+      const TableCell cell = pair.table.at(at);
+      constexpr float kUnit = static_cast<float>(JointTable::kUnit);
+      table_low_[t] =
+          cell.low == TableCell::kNoLow ? -LeastBounds::kFar : kUnit * static_cast<float>(cell.low - pair.free_above);
+      table_high_[t] = cell.high != TableCell::kNoHigh && pair.hit_below != TableCell::kNoLow
+                           ? kUnit * static_cast<float>(cell.high - pair.hit_below)
+                           : LeastBounds::kFar;
+    }
+  }
+  float table_high(std::uint32_t table) const { return table_high_[table]; }
+  /// Bounds of all roots.
+  void bound(const PlacedBalls& placed) {
+    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
+        const std::size_t at = std::size_t{o} * v_.columns + begin;
+        const Eight outer = Eight::load(v_.root_outer + at), never(-LeastBounds::kFar);
+        PointGaps gaps;
+        placed.root_gaps(v_.obstacles[o], begin, {Eight(0.1f * LeastBounds::kFar) + outer, never, never}, gaps);
+        (Eight::load(gaps.low) - outer).store(room_.lows + at);
+        (Eight::load(gaps.high) - Eight::load(v_.root_inner + at)).store(room_.highs + at);
+      }
+    float* const highs = room_.highs + obstacle_cells();
+    for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) {
+      const Eight d = placed.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
+      (d - Eight::load(v_.moved_reach + k)).store(moved_lows() + k);
+      (d - Eight::load(batch_.moved_inner + k)).store(highs + k);
+    }
+    take_tables();
+    for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
+      if (has_table(cell) && table_high_[table_of(cell)] < room_.highs[cell])
+        room_.highs[cell] = table_high_[table_of(cell)];
+  }
+  /// Raises the lower bounds of pairs that have tables.
+  void take_tables() {
+    for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
+      if (has_table(cell) && table_low_[table_of(cell)] > room_.lows[cell])
+        room_.lows[cell] = table_low_[table_of(cell)];
+  }
+  float* moved_lows() const { return room_.lows + obstacle_cells(); }
+  bool has_table(std::size_t cell) const { return table_of(cell) != kNoTable; }
+  /// Whether a table bounds a pair from both sides, so that balls need not.
+  bool is_in_table(std::size_t cell) const {
+    return has_table(cell) && table_high_[table_of(cell)] < LeastBounds::kFar;
+  }
+  std::uint64_t position_of(std::size_t cell) const {
+    return cell < obstacle_cells() ? v_.position[cell] : v_.moved_pairs[cell - obstacle_cells()].position;
+  }
+  DistanceItem item_of(std::uint32_t cell, float low) const {
+    const auto first_moved = static_cast<std::uint32_t>(obstacle_cells());
+    if (cell >= first_moved) return {low, kNone, cell - first_moved, 0, 0};
+    return {low, cell / v_.columns, cell % v_.columns, 0, 0};
+  }
+
+ private:
+  // Cells of bodies and obstacles, which come before those of moved pairs.
+  std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }
+  std::size_t cells() const { return obstacle_cells() + v_.moved_pair_count; }
+  std::uint8_t table_of(std::size_t cell) const {
+    return cell < obstacle_cells() ? v_.table[cell] : v_.moved_pairs[cell - obstacle_cells()].table;
+  }
+
+  const DistanceBatch& batch_;
+  const DecisionView& v_;
+  const DistanceRoom& room_;
+  float table_low_[kMostTabledPairs], table_high_[kMostTabledPairs];
+};
+
+}  // namespace CLEARANCE_ISA
+}  // namespace clearance
