@@ -195,6 +195,9 @@ struct Client::Impl {
 
   struct Request;   // a pending query: client_pending.cpp
   struct Prepared;  // a prepared query: client_prepared.cpp
+  struct OpenPlan;  // a device query: client_device.cpp
+  /// \param extras with the number of configurations
+  static DeviceQuery open_plan(const std::shared_ptr<Impl>& self, const Query& query, const QueryExtras& extras);
   static Pending submit(const std::shared_ptr<Impl>& self, const Query& query, WhenDone when_done,
                         const QueryExtras& extras = {});
 

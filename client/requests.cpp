@@ -8,7 +8,7 @@ namespace clearance {
 
 wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan) {
   if (plan && !(query.configurations.empty() && query.positions.empty()))
-    throw std::invalid_argument("plan_on_device: poses and positions go into the plan's memory, not into its query");
+    throw std::invalid_argument("on_device: poses and positions go into the device query's memory, not into its query");
   const std::uint64_t configurations = plan ? *plan : configuration_count(query);
   // Throws for a count that is too large.
   wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), plan ? 0 : configurations);
