@@ -63,6 +63,7 @@ TestQuery of_both(double at = 0.1) {
   query.pairs = {{0, 2}, {1, 2}, {1, 3}};
   query.bodies = {1};
   query.configurations = {{at, 0, 0, 1, 0, 0, 0}, {0, at, 0, 1, 0, 0, 0}};
+  wire::append_epoch(query.records, 5, wire::kRecordRequired);
   return query;
 }
 
@@ -124,7 +125,7 @@ TEST_F(ClientQueriesTest, OtherOptionsAndArraysAreNot) {
       [](TestQuery& q) { q.pairs[2][1] = 4; },
       [](TestQuery& q) { q.positions.resize(2), q.configurations.resize(1); },
       [](TestQuery& q) { q.scene_revision = 7; },
-      [](TestQuery& q) { wire::append_epoch(q.records, 7); }};
+      [](TestQuery& q) { q.records.clear(), wire::append_epoch(q.records, 7, wire::kRecordRequired); }};
   const std::shared_ptr<JobPool> pool = jobs(one_, of_both());
   for (std::size_t i = 0; i < changes.size(); ++i) {
     TestQuery query = of_both();
