@@ -13,7 +13,6 @@
 #include <clearance/new_body.h>
 #include <clearance/prepared.h>
 #include <clearance/query.h>
-#include <clearance/remote_plan.h>
 #include <clearance/result.h>
 #include <clearance/scene_info.h>
 
@@ -147,12 +146,6 @@ class CLEARANCE_API Client {
   /// than 64 MiB.
   /// \param rows row numbers, k P + p for pair p in configuration k; by default all
   std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {});
-  /// Opens a query with input and columns in the memory of the daemon's GPU, which this process maps (docs/cuda.md,
-  /// "Through the daemon"), over shm:// and ipc://. This library does not need CUDA for it. Throws RequestError, also
-  /// without a GPU in the daemon, and beyond its limits on plans and memory.
-  /// \param query with Reduce::kNone, kMin or kAny, and without configurations and positions, which go into that memory
-  /// \param configurations K, the number of configurations of each run; 0 for one configuration, the current poses
-  RemotePlan plan_on_device(const Query& query, std::uint32_t configurations);
   std::vector<BodyStateInfo> body_states();  ///< by id; poses are X_wb
   std::vector<std::pair<std::string, std::uint64_t>> stats();
   /// Waits until the daemon has made all covers, which make decisions faster, and returns whether it has.
@@ -171,7 +164,6 @@ class CLEARANCE_API Client {
 
  private:
   friend CLEARANCE_API Client connect(std::span<const std::string> urls, const ConnectOptions& options);
-  friend class RemotePlan;
   struct Impl;
   explicit Client(std::shared_ptr<Impl> impl);
   Impl& impl() const;

@@ -3,7 +3,6 @@
 
 #include <chrono>
 #include <cstring>
-#include <map>
 #include <memory>
 #include <optional>
 #include <span>
@@ -89,7 +88,6 @@ struct Client::Impl {
     if (rows)
       wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
                           std::as_bytes(*rows));
-    const bool has_options = !records.empty();
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
     std::uint64_t reply_bytes = 0;
@@ -101,23 +99,18 @@ struct Client::Impl {
     const wire::FrameHeader header = connection.next_header(type, payload_bytes, scene_revision, records.size());
     wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
     connection.send();
-    sent_in_records.erase(sent_in_records.begin(), sent_in_records.lower_bound(connection.oldest_request_id()));
-    if (has_options) sent_in_records[header.request_id] = options_in_records(query);
     return header.request_id;
   }
 
   /// Returns the frame if it has `type`; throws for error frames and malformed ones.
   std::unique_ptr<Frame> interpret(std::unique_ptr<Frame> frame, wire::FrameType type) {
     const std::uint16_t got = frame->header().type;
-    const auto sent = sent_in_records.extract(frame->header().request_id);
     if (got == static_cast<std::uint16_t>(wire::FrameType::kError)) {
       const auto error = checked([&] { return wire::parse_error(body_of(*frame)); });
       const auto code = static_cast<wire::ErrorCode>(error.header.code);
       if (code == wire::ErrorCode::kWrongScene) scene_is_old = true;
       if (code == wire::ErrorCode::kNewEpoch) throw NewEpoch(error.header.code, url() + ": " + error.text);
-      const bool is_old = sent && code == wire::ErrorCode::kNotSupported;
-      throw RequestError(error.header.code,
-                         error.text + (is_old ? "; the daemon is too old for one of: " + sent.mapped() : ""));
+      throw RequestError(error.header.code, error.text);
     }
     if (got != static_cast<std::uint16_t>(type))
       throw ConnectionError(url() + ": the daemon answered with " + wire::type_name(got) + ", expected " +
@@ -131,7 +124,6 @@ struct Client::Impl {
   std::unique_ptr<Frame> receive(std::uint64_t request_id, wire::FrameType type, std::chrono::nanoseconds limit) {
     std::unique_ptr<Frame> frame = connection.await(request_id, deadline_in(limit));
     if (!frame) {
-      sent_in_records.erase(request_id);
       connection.forget(request_id);
       throw TimeoutError(url() + ": no " + wire::type_name(static_cast<std::uint16_t>(type)) + " within " +
                          seconds(limit));
@@ -179,21 +171,11 @@ struct Client::Impl {
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};
   }
 
-  /// \param later name of the records' contents, for the error of a daemon that does not support them
-  std::uint64_t send_with(wire::FrameType type, std::span<const std::byte> payload, std::uint64_t revision,
-                          std::vector<std::byte> records, const char* later) {
-    const bool has_records = !records.empty();
-    const std::uint64_t request = send(type, payload, 0, revision, std::move(records));
-    if (has_records) sent_in_records[request] = later;
-    return request;
-  }
-
   /// Sends a request that changes the enabled pairs but no ids.
   UpdateResult change_pairs(wire::FrameType type, std::span<const std::byte> payload,
                             std::vector<std::byte> records = {}) {
     const std::uint64_t revision = revision_of_ids();
-    const std::uint64_t request = send_with(type, payload, revision, std::move(records), "attach: allow");
-    const auto frame = receive(request, wire::FrameType::kPosesDone);
+    const auto frame = receive(send(type, payload, 0, revision, std::move(records)), wire::FrameType::kPosesDone);
     scene_is_old = true;
     const UpdateResult done = poses_done(*frame);
     if (revision) known_revision = poses_revision = done.scene_revision;
@@ -204,8 +186,7 @@ struct Client::Impl {
   /// \param scene_revision scene of its ids; 0 without ids
   SceneChanged change_scene(wire::FrameType type, std::span<const std::byte> payload, std::chrono::nanoseconds limit,
                             std::uint64_t scene_revision = 0, std::vector<std::byte> records = {}) {
-    const std::uint64_t request = send_with(type, payload, scene_revision, std::move(records),
-                                            "add_body: uncertainty, padding, max_speed, mesh, replace");
+    const std::uint64_t request = send(type, payload, 0, scene_revision, std::move(records));
     const auto frame = receive(request, wire::FrameType::kSceneChanged, limit);
     scene_is_old = changed_by_us = true;
     const auto change = checked([&] { return wire::parse_scene_changed(body_of(*frame)); });
@@ -214,13 +195,15 @@ struct Client::Impl {
 
   struct Request;   // a pending query: client_pending.cpp
   struct Prepared;  // a prepared query: client_prepared.cpp
+  struct OpenPlan;  // a device query: client_device.cpp
+  /// \param extras with the number of configurations
+  static DeviceQuery open_plan(const std::shared_ptr<Impl>& self, const Query& query, const QueryExtras& extras);
   static Pending submit(const std::shared_ptr<Impl>& self, const Query& query, WhenDone when_done,
                         const QueryExtras& extras = {});
 
   Connection connection;
-  std::map<std::uint64_t, std::string> sent_in_records;  // names of such options, by pending request
-  std::optional<SceneInfo> scene;                        // the scene that the caller has read
-  std::optional<JointsInfo> joints;                      // cache of joints_at()
+  std::optional<SceneInfo> scene;    // the scene that the caller has read
+  std::optional<JointsInfo> joints;  // cache of joints_at()
   std::uint64_t joints_snapshot = 0;
   bool scene_is_old = false;         // reported by the daemon; the caller's next read fetches it again
   bool changed_by_us = false;        // whether this client has since made a change that can alter ids

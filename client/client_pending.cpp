@@ -10,9 +10,7 @@ struct Client::Impl::Request final : Pending::Request {
       : client(std::move(of)), id(request_id), when_done(std::move(call)) {}
 
   ~Request() override {
-    if (is_over || client->connection.forked()) return;
-    client->sent_in_records.erase(id);
-    if (frame) return;
+    if (is_over || frame || client->connection.forked()) return;
     try {
       client->connection.forget(id);
     } catch (const std::exception&) {

@@ -1,6 +1,7 @@
 // Prepared queries of a client.
 #include <algorithm>
 #include <span>
+#include <type_traits>
 
 #include "client/client_impl.h"
 #include "wire/api/owned_query.h"
@@ -46,6 +47,13 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
     return Impl::submit(client, at(inputs), std::move(when_done), {.scene_revision = revision});
   }
 
+  DeviceQuery on_device(std::uint32_t configurations) override {
+    return in_present_scene([&](QueryExtras extras) {
+      extras.plan = configurations;
+      return Impl::open_plan(client, owned.query, extras);
+    });
+  }
+
   bool is_stale() override {
     const SceneInfo& known = client->get_scene();
     if (known.revision == revision) return false;
@@ -57,9 +65,9 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
  private:
   /// Sends a query, and again if the scene has changed and the ids have kept their meaning.
   template <class Send>
-  Result in_present_scene(Send&& send) {
+  std::invoke_result_t<Send, QueryExtras> in_present_scene(Send&& send) {
     try {
-      return send({.scene_revision = revision});
+      return send(QueryExtras{.scene_revision = revision});
     } catch (const RequestError& error) {
       if (error.code != static_cast<std::uint16_t>(ErrorCode::kWrongScene)) throw;
     }
@@ -67,7 +75,7 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
     why = changed_name(names, owned.query, now, joints());
     if (!why.empty()) throw_stale();
     revision = now.revision;
-    return send({.scene_revision = revision});
+    return send(QueryExtras{.scene_revision = revision});
   }
   [[noreturn]] void throw_stale() const {
     throw StaleQuery(static_cast<std::uint16_t>(ErrorCode::kWrongScene), client->url() + ": prepared query: " + why);

@@ -48,8 +48,6 @@ class Connection {
   /// Header of the next request, which ends in `records_bytes` of records.
   wire::FrameHeader next_header(wire::FrameType type, std::uint64_t payload_bytes, std::uint64_t scene_revision,
                                 std::uint64_t records_bytes);
-  /// Requests with lower ids were sent over a lost connection.
-  std::uint64_t oldest_request_id() const { return oldest_request_id_; }
 
   /// Epoch of the daemon that requests are for, or 0.
   std::uint64_t epoch() const { return epoch_; }
@@ -76,7 +74,7 @@ class Connection {
   bool has_met_ = false;
   std::uint64_t epoch_ = 0;
   std::vector<std::byte> epoch_record_;
-  std::uint64_t next_request_id_ = 1, oldest_request_id_ = 1;
+  std::uint64_t next_request_id_ = 1, oldest_request_id_ = 1;  ///< lower ones were sent over a lost connection
   std::uint64_t next_own_request_ = kOwnRequests;
 };
 

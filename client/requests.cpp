@@ -8,7 +8,7 @@ namespace clearance {
 
 wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan) {
   if (plan && !(query.configurations.empty() && query.positions.empty()))
-    throw std::invalid_argument("plan_on_device: poses and positions go into the plan's memory, not into its query");
+    throw std::invalid_argument("on_device: poses and positions go into the device query's memory, not into its query");
   const std::uint64_t configurations = plan ? *plan : configuration_count(query);
   // Throws for a count that is too large.
   wire::query_payload_bytes(query.pairs.size(), query.bodies.size(), plan ? 0 : configurations);
@@ -21,22 +21,11 @@ wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> pla
   return q;
 }
 
-std::string options_in_records(const Query& query) {
-  std::string names;
-  for_each_query_option([&](const QueryOption& option, auto member) {
-    if (option.tag && member(query) != member(kDefaultOptions))
-      names += (names.empty() ? "" : ", ") + std::string(option.name);
-  });
-  const auto add = [&names](const char* name) { names += (names.empty() ? "" : ", ") + std::string(name); };
-  if (!query.margins.empty()) add("margins");
-  if (!query.pair_margins.empty()) add("pair_margins");
-  if (!query.weights.empty()) add("weights");
-  if (!query.joints.empty()) add("joints");
-  return names;
-}
-
 std::vector<std::byte> query_records(const Query& query) {
+  constexpr std::size_t kOthers = 128;  // headers, padding and the epoch
   std::vector<std::byte> records = wire::option_records(query);
+  records.reserve(records.size() + query.margins.size_bytes() + query.pair_margins.size_bytes() +
+                  query.weights.size_bytes() + query.joints.size_bytes() + query.positions.size_bytes() + kOthers);
   const auto add = [&records](wire::QueryRecord tag, std::span<const std::byte> array) {
     if (!array.empty()) wire::insert_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
   };

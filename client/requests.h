@@ -27,10 +27,7 @@ struct QueryExtras {
 /// \param plan number of configurations of each run of kOpenPlan, whose query has none
 wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> plan = {});
 
-/// Returns the names of the options in records, which older daemons may not support.
-std::string options_in_records(const Query& query);
-
-/// Returns the records of a query: options and arrays outside the header.
+/// Returns the records of a query: options and arrays outside the header, with memory reserved for those of the joints.
 std::vector<std::byte> query_records(const Query& query);
 
 /// Returns an upper bound on the size of the reply's frame in bytes, or 0 if only the daemon knows.

@@ -173,11 +173,22 @@ std::vector<std::byte> FrameBuilder::take() {
   return std::move(bytes_);
 }
 
+namespace {
+
+/// Inserts a record in place, without a copy of its own.
+void put_record(std::vector<std::byte>& records, std::size_t at, const RecordHeader& header,
+                std::span<const std::byte> bytes) {
+  records.insert(records.begin() + static_cast<std::ptrdiff_t>(at),
+                 align(sizeof header + std::uint64_t{header.bytes}, kRecordAlignment), std::byte{0});
+  std::memcpy(records.data() + at, &header, sizeof header);
+  if (!bytes.empty()) std::memcpy(records.data() + at + sizeof header, bytes.data(), bytes.size());
+}
+
+}  // namespace
+
 void append_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
                    std::span<const std::byte> bytes) {
-  append(records, RecordHeader{tag, flags, static_cast<std::uint32_t>(bytes.size())});
-  append_bytes(records, bytes.data(), bytes.size());
-  records.resize(align(records.size(), kRecordAlignment));
+  put_record(records, records.size(), {tag, flags, static_cast<std::uint32_t>(bytes.size())}, bytes);
 }
 
 void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint16_t flags,
@@ -187,9 +198,7 @@ void insert_record(std::vector<std::byte>& records, std::uint16_t tag, std::uint
     std::memcpy(&record, records.data() + at, sizeof record);
     if (record.tag > tag) break;
   }
-  std::vector<std::byte> inserted;
-  append_record(inserted, tag, flags, bytes);
-  records.insert(records.begin() + static_cast<std::ptrdiff_t>(at), inserted.begin(), inserted.end());
+  put_record(records, at, {tag, flags, static_cast<std::uint32_t>(bytes.size())}, bytes);
 }
 
 void append_epoch(std::vector<std::byte>& records, std::uint64_t epoch, std::uint16_t flags) {
@@ -215,13 +224,18 @@ FrameHeader with_records(FrameHeader header, std::uint64_t records_bytes) {
 }
 
 RecordView take_record(const char* what, std::span<const std::byte>& records, std::uint16_t& last) {
-  const auto header = head<RecordHeader>(records, (what + std::string(": a record")).c_str());
-  const std::string name = std::string(what) + ": record " + str(header.tag);
-  if (header.flags & ~kRecordRequired) bad_frame(name + " has unknown flags");
-  if (header.tag <= last) bad_frame(name + " comes after record " + str(last) + ": tags must increase from 1");
+  RecordHeader header;
+  if (records.size() < sizeof header)
+    head<RecordHeader>(records, (what + std::string(": a record")).c_str());  // throws
+  std::memcpy(&header, records.data(), sizeof header);
+  const auto reject = [&](const std::string& why) {
+    bad_frame(std::string(what) + ": record " + str(header.tag) + why);
+  };
+  if (header.flags & ~kRecordRequired) reject(" has unknown flags");
+  if (header.tag <= last) reject(" comes after record " + str(last) + ": tags must increase from 1");
   last = header.tag;
   const std::uint64_t whole = align(sizeof header + std::uint64_t{header.bytes}, kRecordAlignment);
-  if (whole > records.size()) bad_frame(name + " goes past the end of the frame");
+  if (whole > records.size()) reject(" goes past the end of the frame");
   const RecordView record{header.tag, (header.flags & kRecordRequired) != 0,
                           records.subspan(sizeof header, header.bytes)};
   records = records.subspan(static_cast<std::size_t>(whole));

@@ -1,4 +1,4 @@
-// Members of the wire's structs by name, for Python's dtypes. A struct of protocol.h with an unlisted member does not
+// Members of the wire's structs by name, for Python's dtypes. A struct of protocol.h or payloads.h with an unlisted member does not
 // compile.
 #pragma once
 
@@ -6,7 +6,7 @@
 #include <string>
 #include <type_traits>
 
-#include "wire/protocol.h"
+#include "wire/payloads.h"
 
 namespace clearance::wire {
 

@@ -47,8 +47,8 @@ void run(Client& client, const std::string& name, std::uint32_t fields, bool mov
   Query query;
   query.bodies = bodies;
   query.fields = fields;
-  RemotePlan plan = client.plan_on_device(query, moves ? 1 : 0);
-  const PlanInfo info = plan.info();
+  DeviceQuery plan = client.prepare(query).on_device(moves ? 1 : 0);
+  const DeviceQueryInfo info = plan.info();
   MappedMemory memory(info.memory_handle, info.device_uuid);
   if (moves) memory.put(info.poses_offset, poses.data(), poses.size() * sizeof(Pose7));
   const std::uint64_t first = info.columns.front().offset,

@@ -25,6 +25,9 @@ struct Engine::Impl {
              const std::shared_ptr<JobPool>& jobs = nullptr) const;
   /// Starts a query in the background.
   static Pending submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done);
+  /// Opens a device query.
+  /// \param query with the number of its configurations
+  static DeviceQuery on_device(const std::shared_ptr<Impl>& self, const QueryView& query);
   /// The joints, of which only the limits are valid.
   std::shared_ptr<const JointsInfo> joint_limits() const;
 
@@ -35,6 +38,7 @@ struct Engine::Impl {
 
   struct Request;
   struct Prepared;
+  struct OpenDevice;
 };
 
 }  // namespace clearance

@@ -30,6 +30,16 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     return in_present_scene([&] { return Impl::submit(engine, view, when_done); });
   }
 
+  DeviceQuery on_device(std::uint32_t configurations) override {
+    return in_present_scene([&] {
+      QueryView query = view;
+      query.positions = {};
+      query.configurations = {};
+      query.configuration_count = configurations;
+      return Impl::on_device(engine, query);
+    });
+  }
+
   bool is_stale() override {
     if (engine->engine()->scene_revision() == view.scene_revision) return false;
     const SceneInfo now = scene_names_of(*engine->engine());

@@ -8,7 +8,7 @@
 #include <vector>
 
 #include "engine/scene/scene.h"
-#include "wire/protocol.h"
+#include "wire/payloads.h"
 
 namespace clearance {
 

@@ -19,6 +19,9 @@ class RecentQueries {
   /// \param jobs kept of each query
   explicit RecentQueries(std::size_t jobs) : jobs_(jobs) {}
 
+  /// Most queries whose jobs are kept.
+  /// \param bodies number of bodies in the scene
+  static std::size_t most(std::size_t bodies);
   /// Returns the pool of a query, which JobPool allows. Evicts the queries that were repeated longest ago.
   /// \param bodies number of bodies in the scene
   std::shared_ptr<JobPool> pool_of(const QueryView& query, std::size_t bodies);

@@ -48,34 +48,32 @@ void QueryRequests::start(Request& request) {
                            request, {});
   request.payload = aligned(request.payload, aligned_);
   const FrameHeader& header = request.header;
-  const wire::QueryParts parts = wire::parse_query(header, request.payload);
-  context_.answers.check_epoch(header, parts.epoch);
-  context_.stats.records_ignored += parts.passed_over.size();
-  const QueryOptions& options = parts.options;
   engine::Engine& engine = *context_.engine;
+  const ClientQuery& query = clients_.read(*request.sink, header, request.payload, engine);
+  context_.answers.check_epoch(header, query.parts.epoch);
+  context_.stats.records_ignored += query.parts.passed_over.size();
+  const QueryOptions& options = query.parts.options;
   if (options.min_pose_stamp_ns == 0 || DeferredQueries::poses_are_there(engine, header, options))
-    return begin(request, parts);
-  const QueryView query = view_of(parts, header.scene_revision);
-  if (is_small(engine.cost(query), options)) engine.size(query);  // throws for a bad query before it waits
+    return begin(request, query);
+  // Throws for a bad query before it waits.
+  if (is_small(query.cost, options)) engine.size(view_of(query.parts, header.scene_revision));
   defer(header, context_.class_for(*request.sink, header), options, request.take_payload()(), request.sink,
         request.received);
 }
 
 /// Begins a query whose poses have arrived.
-void QueryRequests::begin(Request& request, const wire::QueryParts& parts) {
-  const QueryView view = view_of(parts, request.header.scene_revision);
-  const QueryCost cost = context_.engine->cost(view);
+void QueryRequests::begin(Request& request, const ClientQuery& query) {
+  const auto& [parts, cost, jobs] = query;
   // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
   const bool is_here = is_small(cost, parts.options) && !context_.has_pose_updates(request.sink->client()) &&
                        !(parts.options.fields & kFieldFreeScale);
   // Counted from now for queries on a worker, so that one ends before the next one of the client.
-  auto query = new_query(request, context_.class_for(*request.sink, request.header),
-                         due(is_here ? request.received : Clock::now(), cost.pairs));
-  query->take_options(parts.options, cost);
-  if (!is_here) return begin_on_worker(std::move(query), request, cost);
-  query->begin_on_loop(parts, request.bytes, request.sink,
-                       jobs_.pool_of(*request.sink, view, context_.engine->scene().bodies().size()));
-  small_.add(std::move(query));
+  auto task = new_query(request, context_.class_for(*request.sink, request.header),
+                        due(is_here ? request.received : Clock::now(), cost.pairs));
+  task->take_options(parts.options, cost);
+  if (!is_here) return begin_on_worker(std::move(task), request, cost);
+  task->begin_on_loop(parts, request.bytes, request.sink, jobs);
+  small_.add(std::move(task));
 }
 
 void QueryRequests::begin_on_worker(std::unique_ptr<QueryTask> query, Request& request, const QueryCost& cost) {
@@ -134,12 +132,12 @@ void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
       return begin_on_worker(new_query(request, deferred.service, deferred.received), request, {});
     }
     request.payload = aligned(request.payload, aligned_);
-    begin(request, wire::parse_query(header, request.payload));
+    begin(request, clients_.read(*request.sink, header, request.payload, *context_.engine));
   });
 }
 
 void QueryRequests::drop_gone() {
-  jobs_.drop_gone();
+  clients_.drop_gone();
   const std::size_t dropped = deferred_.drop_gone();
   if (dropped == 0) return;  // a counter exists from its first use
   context_.stats.dropped += dropped;

@@ -7,7 +7,7 @@
 
 #include "server/core/request_context.h"
 #include "server/limits/forecast.h"
-#include "server/tasks/client_jobs.h"
+#include "server/tasks/client_queries.h"
 #include "server/tasks/deferred_queries.h"
 #include "server/tasks/query_task.h"
 #include "server/tasks/scheduler.h"
@@ -30,7 +30,7 @@ class QueryRequests {
   const DeferredQueries& deferred() const { return deferred_; }
   /// Begins deferred queries whose poses have arrived or whose time is up. Returns whether there were any.
   bool begin_deferred(Clock::time_point now);
-  /// Drops deferred queries and jobs of clients that are gone.
+  /// Drops deferred and kept queries of clients that are gone.
   void drop_gone();
 
  private:
@@ -38,7 +38,7 @@ class QueryRequests {
   bool defer(const wire::FrameHeader& header, ServiceClass service, const QueryOptions& options,
              const OwnPayload& payload, std::unique_ptr<ReplySink>& sink, Clock::time_point received);
   void begin_one_deferred(DeferredQuery query);
-  void begin(Request& request, const wire::QueryParts& parts);
+  void begin(Request& request, const ClientQuery& query);
   void begin_on_worker(std::unique_ptr<QueryTask> query, Request& request, const QueryCost& cost);
   std::unique_ptr<QueryTask> new_query(const Request& request, ServiceClass service, Clock::time_point due) const;
 
@@ -46,7 +46,7 @@ class QueryRequests {
   Forecast forecast_;
   Scheduler small_;
   DeferredQueries deferred_;
-  ClientJobs jobs_;
+  ClientQueries clients_;
   std::vector<std::uint64_t> aligned_;  // copy of a payload that arrived unaligned
   QueryTask::Daemon daemon_;
 };

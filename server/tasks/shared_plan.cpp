@@ -21,10 +21,6 @@ constexpr auto kLook = std::chrono::microseconds(20);
 constexpr auto kSoonOver = std::chrono::milliseconds(1);
 constexpr auto kNap = std::chrono::microseconds(50);
 
-constexpr std::uint64_t aligned_up(std::uint64_t bytes) {
-  return (bytes + wire::kColumnAlignment - 1) / wire::kColumnAlignment * wire::kColumnAlignment;
-}
-
 /// Runs `work`, which uses the device, and converts its errors.
 template <class Work>
 auto on_device(Work work) {
@@ -41,31 +37,16 @@ auto on_device(Work work) {
 
 SharedPlan::SharedPlan(std::shared_ptr<const engine::Engine> engine, const QueryView& query, const QueryLimits& limits,
                        PlanShare share)
-    : engine_(std::move(engine)),
-      share_(std::move(share)),
-      bodies_(static_cast<std::uint32_t>(query.bodies.size())),
-      joints_(static_cast<std::uint32_t>(query.joints.size())) {
+    : engine_(std::move(engine)), share_(std::move(share)), layout_(query) {
   limits.check(engine_->cost(query));
-  using Wide = unsigned __int128;
-  const Wide poses = Wide(query.configuration_count) * bodies_ * sizeof(Pose),
-             positions = Wide(query.configuration_count) * joints_ * sizeof(double);
-  constexpr std::uint64_t kMost = std::uint64_t{1} << 48;  // more than any device has; sums do not overflow
-  if (poses > kMost || positions > kMost)
-    throw RejectedRequest{wire::ErrorCode::kTooLarge,
-                          "a plan on a device: " + std::to_string(query.configuration_count) + " configurations of " +
-                              std::to_string(bodies_) + " bodies and " + std::to_string(joints_) +
-                              " joints are more than one has room for"};
-  positions_offset_ = aligned_up(static_cast<std::uint64_t>(poses));
-  columns_offset_ = positions_offset_ + aligned_up(static_cast<std::uint64_t>(positions));
-  share_.bytes.grow(columns_offset_);  // before memory is taken
+  share_.bytes.grow(layout_.columns_offset);  // before memory is taken
   plan_ = engine_->plan_on_device(query);
   const QuerySize& size = plan_->size();
   limits.check(size);
-  std::uint64_t columns = 0;
-  reply_view_over(nullptr, size.rows, size.fields, &columns, size.joints);
-  const std::uint64_t bytes = std::max<std::uint64_t>(columns_offset_ + columns, 1);
+  layout_.add_columns(size);
+  const std::uint64_t bytes = layout_.bytes;
   constexpr std::uint64_t kConvexPart = cuda::SharedMemory::kConvexPart;
-  share_.bytes.grow((bytes + kConvexPart - 1) / kConvexPart * kConvexPart - columns_offset_ + plan_->bytes());
+  share_.bytes.grow((bytes + kConvexPart - 1) / kConvexPart * kConvexPart - layout_.columns_offset + plan_->bytes());
   memory_ = on_device([&] { return std::make_unique<cuda::SharedMemory>(plan_->device(), bytes); });
   next_ = size.configurations;
 }
@@ -79,23 +60,19 @@ std::vector<std::byte> SharedPlan::description(std::uint64_t number) const {
   static_assert(sizeof header.memory_handle == sizeof handle.ipc && sizeof header.device_uuid == sizeof handle.uuid);
   std::memcpy(header.memory_handle, handle.ipc.data(), sizeof header.memory_handle);
   std::memcpy(header.device_uuid, handle.uuid.data(), sizeof header.device_uuid);
-  header.positions_offset = joints_ ? positions_offset_ : 0;
+  header.positions_offset = layout_.joints ? layout_.positions_offset : 0;
   header.rows = size.rows;
   header.configurations = size.configurations;
   header.pairs = size.pairs;
-  header.body_count = bodies_;
-  header.joint_count = joints_;
+  header.body_count = layout_.bodies;
+  header.joint_count = layout_.joints;
   header.fields = size.fields;
   header.scene_revision = plan_->scene_revision();
   header.snapshot_revision = plan_->snapshot_revision();
   std::vector<wire::PlanColumnRecord> columns;
-  std::uint64_t offset = columns_offset_;
-  for (int f = 0; f < kFieldCount; ++f) {
-    if (!(size.fields >> f & 1)) continue;
-    const std::uint64_t row = field_bytes(f, joints_);
-    columns.push_back({1u << f, static_cast<std::uint32_t>(row), offset});
-    offset = aligned_up(offset + size.rows * row);
-  }
+  layout_.for_each_column([&](std::uint32_t field, std::uint32_t row_bytes, std::uint64_t offset) {
+    columns.push_back({field, row_bytes, offset});
+  });
   header.column_count = static_cast<std::uint32_t>(columns.size());
   std::vector<std::byte> payload;
   wire::append(payload, header);
@@ -110,12 +87,9 @@ void SharedPlan::begin_run() {
 }
 
 void SharedPlan::launch_some() {
-  const QuerySize& size = plan_->size();
-  GivenOnDevice given;
-  if (bodies_) given.poses = reinterpret_cast<const Pose*>(at(0));
-  if (joints_) given.positions = reinterpret_cast<const double*>(at(positions_offset_));
-  const ReplyView rows = reply_view_over(at(columns_offset_), size.rows, size.fields, nullptr, size.joints);
-  for (int i = 0; i < kChunksAhead && next_ < size.configurations; ++i)
+  const GivenOnDevice given = layout_.given(memory_->data());
+  const ReplyView rows = layout_.rows(memory_->data());
+  for (int i = 0; i < kChunksAhead && next_ < layout_.size.configurations; ++i)
     next_ = plan_->run_from(next_, given, rows, memory_->stream());
 }
 

@@ -7,6 +7,7 @@
 #include <memory>
 #include <vector>
 
+#include "engine/device/query/device_layout.h"
 #include "engine/device/query/device_plan.h"
 #include "engine/device/shared_memory.h"
 #include "engine/engine.h"
@@ -45,16 +46,14 @@ class SharedPlan {
  private:
   using Clock = std::chrono::steady_clock;
 
-  std::byte* at(std::uint64_t offset) const { return memory_->data() + offset; }
   void launch_some();
 
   std::shared_ptr<const engine::Engine> engine_;
   PlanShare share_;
+  DeviceLayout layout_;
   std::unique_ptr<DevicePlan> plan_;
   std::unique_ptr<cuda::SharedMemory> memory_;  // destroyed first, as it waits for its stream
-  std::uint32_t bodies_ = 0, joints_ = 0;
-  std::uint64_t positions_offset_ = 0, columns_offset_ = 0;
-  std::uint64_t next_ = 0;  // next configuration to launch
+  std::uint64_t next_ = 0;                      // next configuration to launch
   Clock::time_point begun_;
   std::chrono::nanoseconds took_{0};
 };

@@ -77,6 +77,7 @@ CLEARANCE_FUZZ_TARGET(request) {
   MemoryTransport& transport = *owned;
   loop.add(std::move(owned));
   client.room = 8 << 20;
+  client.sees_end = bytes.empty() || (bytes[0] & std::byte{4}) == std::byte{0};
   transport.unaligned = !bytes.empty() && (bytes[0] & std::byte{2}) != std::byte{0};
 
   Input in(bytes);

@@ -113,8 +113,8 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
           query.margin = q.margin;
           query.bodies = requested.bodies;
           query.joints = requested.joints;
-          RemotePlan plan = client.plan_on_device(query, kConfigurations);
-          const PlanInfo& info = plan.info();
+          DeviceQuery plan = client.prepare(query).on_device(kConfigurations);
+          const DeviceQueryInfo& info = plan.info();
           ASSERT_EQ(info.rows, size.rows);
           ASSERT_EQ(info.pairs, size.pairs);
           {
@@ -140,8 +140,8 @@ TEST_F(DaemonPlans, GiveTheBitsOfAnEngineHere) {
                         reply_view_over(rows.data(), size.rows, size.fields, nullptr, size.joints), stream.get());
               stream.wait();
               const std::vector<std::byte> expected = rows.get();
-              const PlanColumn& first = info.columns.front();
-              for (const PlanColumn& column : info.columns) {
+              const DeviceColumn& first = info.columns.front();
+              for (const DeviceColumn& column : info.columns) {
                 const std::uint64_t in_block = column.offset - first.offset;
                 const std::vector<std::byte> got = memory.get(column.offset, info.rows * column.row_bytes);
                 EXPECT_TRUE(
@@ -169,7 +169,7 @@ TEST_F(DaemonPlans, Doomed) {
   Client client = patient(url);
   Query query;
   query.fields = kFieldLower;
-  RemotePlan plan = client.plan_on_device(query, 0);
+  DeviceQuery plan = client.prepare(query).on_device(0);
   const MappedMemory memory(plan.info().memory_handle, plan.info().device_uuid);
   plan.run();
   ::raise(SIGKILL);
@@ -181,9 +181,9 @@ TEST_F(DaemonPlans, OfAKilledProcessGoAndLeaveOthersAlone) {
     Client client = patient(url);
     Query query;
     query.fields = kFieldLower;
-    RemotePlan plan = client.plan_on_device(query, 0);
+    DeviceQuery plan = client.prepare(query).on_device(0);
     MappedMemory memory(plan.info().memory_handle, plan.info().device_uuid);
-    const PlanColumn& lower = plan.info().column(kFieldLower);
+    const DeviceColumn& lower = plan.info().column(kFieldLower);
     plan.run();
     const std::uint64_t before = memory.sum(lower.offset, plan.info().rows * lower.row_bytes);
     const Finished doomed =
@@ -205,7 +205,7 @@ TEST_F(DaemonPlans, LongOnesDelayNoOthers) {
   query.bodies = std::span(&body, 1);
   query.reduce = Reduce::kMin;
   query.fields = kFieldLower;
-  RemotePlan plan = client.plan_on_device(query, kMany);
+  DeviceQuery plan = client.prepare(query).on_device(kMany);
   {
     MappedMemory memory(plan.info().memory_handle, plan.info().device_uuid);
     std::vector<Pose> poses(kMany);
@@ -222,7 +222,7 @@ TEST_F(DaemonPlans, LongOnesDelayNoOthers) {
   Query small;
   const IdPair pair{1, 2};
   small.pairs = std::span(&pair, 1);
-  RemotePlan own = other.plan_on_device(Query{.fields = kFieldLower}, 0);
+  DeviceQuery own = other.prepare(Query{.fields = kFieldLower}).on_device(0);
   int queries = 0, runs = 0;
   auto longest = std::chrono::nanoseconds(0);
   while (!is_over) {
@@ -244,7 +244,7 @@ TEST_F(DaemonPlans, AreRejectedByNameOverTcp) {
   start(kScene, {"--zmq", "tcp://127.0.0.1:*"});
   Client client = patient(daemon_->urls()[2]);
   try {
-    client.plan_on_device(Query{}, 0);
+    client.prepare(Query{}).on_device(0);
     FAIL();
   } catch (const RequestError& error) {
     EXPECT_NE(std::string(error.what()).find("over shm:// and ipc://; this client is not one of them"),

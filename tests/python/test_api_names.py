@@ -35,7 +35,6 @@ CPP_ONLY = {
         "group": "as of an Engine",
         "Duration": "a type",
         "wait_for_poses": "an option of queries",
-        "plan_on_device": "of a prepared query",
     },
     "Result": {
         "info": "all properties at once",

@@ -1,4 +1,4 @@
-"""clearance.wire equals wire/protocol.h, and docs/wire.md has the extension module's table of options."""
+"""clearance.wire equals the headers of the wire, and docs/wire.md has the extension module's table of options."""
 
 import re
 
@@ -9,8 +9,12 @@ from clearance import _client, wire
 from clearance._words import COLUMNS
 
 
+def _structs(root):
+    return "".join((root / "wire" / name).read_text() for name in ("protocol.h", "payloads.h"))
+
+
 def test_every_struct_is_a_dtype(root):
-    header = (root / "wire" / "protocol.h").read_text()
+    header = _structs(root)
     structs = set(re.findall(r"^struct (\w+) {", header, re.M))
     assert len(structs) >= 15
     assert set(wire.RECORDS) == structs
@@ -21,7 +25,7 @@ def test_every_struct_is_a_dtype(root):
 
 
 def test_dtypes_have_the_members_types_and_places_of_the_structs(root):
-    header = (root / "wire" / "protocol.h").read_text()
+    header = _structs(root)
     kinds = {
         "double": "f8",
         "char": "S",

@@ -1,9 +1,11 @@
 // Queries under way, and queries that are prepared once and run many times.
 #pragma once
 
+#include <clearance/device_query.h>
 #include <clearance/result.h>
 
 #include <chrono>
+#include <cstdint>
 #include <functional>
 #include <memory>
 #include <span>
@@ -63,6 +65,7 @@ class Prepared {
     virtual ~Runner() = default;
     virtual Result run(const Inputs& inputs) = 0;
     virtual Pending submit(const Inputs& inputs, WhenDone when_done) = 0;
+    virtual DeviceQuery on_device(std::uint32_t configurations) = 0;
     virtual bool is_stale() = 0;
   };
   explicit Prepared(std::unique_ptr<Runner> runner) : runner_(std::move(runner)) {}
@@ -80,6 +83,14 @@ class Prepared {
   Pending submit(const Inputs& inputs, WhenDone when_done = {}) {
     return runner().submit(inputs, std::move(when_done));
   }
+
+  /// Opens the query with input and columns in the memory of a GPU (docs/cuda.md): of this process, or of the daemon,
+  /// which shares it with processes of its machine over shm:// and ipc://. Neither library needs CUDA for it. Other
+  /// bodies keep their current poses. Throws QueryError, also without a GPU, and beyond a daemon's limits.
+  ///
+  /// For Reduce::kNone, kMin and kAny.
+  /// \param configurations K, the number of configurations of each run; 0 for one configuration, the current poses
+  DeviceQuery on_device(std::uint32_t configurations = 0) { return runner().on_device(configurations); }
 
   /// Whether run() would throw StaleQuery, as far as a client knows the scene.
   bool is_stale() const { return runner().is_stale(); }

@@ -172,7 +172,7 @@ class PyClient : public PyClientScene {
   std::unique_ptr<PyRemotePlan> plan_on_device(const Query& query, std::uint32_t configurations) const {
     return std::make_unique<PyRemotePlan>(connection_, use().with([&](Client& client) {
       check_scene(client, query);
-      return client.plan_on_device(query_of(query), configurations);
+      return client.prepare(query_of(query)).on_device(configurations);
     }));
   }
 

@@ -49,7 +49,7 @@ class Connection {
     return f(client_);
   }
 
-  /// Destroys a Result, Pending or RemotePlan, now or before the next call. Never blocks.
+  /// Destroys a Result, Pending or DeviceQuery, now or before the next call. Never blocks.
   template <class T>
   void discard(T&& object) {
     if (fork_guard_.forked()) {
@@ -72,7 +72,7 @@ class Connection {
 
  private:
   void empty_trash() {
-    std::vector<std::variant<Result, Pending, RemotePlan>> gone;
+    std::vector<std::variant<Result, Pending, DeviceQuery>> gone;
     const std::lock_guard lock(trash_mutex_);
     gone.swap(trash_);
   }
@@ -83,7 +83,7 @@ class Connection {
   std::string name_;  // initially the url
   double timeout_s_;
   std::mutex trash_mutex_;
-  std::vector<std::variant<Result, Pending, RemotePlan>> trash_;
+  std::vector<std::variant<Result, Pending, DeviceQuery>> trash_;
 };
 using ConnectionPtr = std::shared_ptr<Connection>;
 

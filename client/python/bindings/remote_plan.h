@@ -16,7 +16,7 @@ namespace clearance::python {
 
 class PyRemotePlan {
  public:
-  PyRemotePlan(ConnectionPtr connection, RemotePlan plan)
+  PyRemotePlan(ConnectionPtr connection, DeviceQuery plan)
       : connection_(std::move(connection)), plan_(std::move(plan)) {}
   ~PyRemotePlan() {
     if (plan_) connection_->discard(std::move(*plan_));
@@ -24,12 +24,12 @@ class PyRemotePlan {
   PyRemotePlan(const PyRemotePlan&) = delete;
   PyRemotePlan& operator=(const PyRemotePlan&) = delete;
 
-  /// Handle, UUID, and the members of PlanInfo: bytes, offsets of poses and positions, configurations, pairs, columns,
+  /// Handle, UUID, and the members of DeviceQueryInfo: bytes, offsets of poses and positions, configurations, pairs, columns,
   /// revisions of scene and snapshot.
   nb::tuple info() const {
-    const PlanInfo& info = plan().info();
+    const DeviceQueryInfo& info = plan().info();
     nb::list columns;
-    for (const PlanColumn& column : info.columns)
+    for (const DeviceColumn& column : info.columns)
       columns.append(nb::make_tuple(static_cast<std::uint32_t>(column.field), column.row_bytes, column.offset));
     return nb::make_tuple(
         nb::bytes(reinterpret_cast<const char*>(info.memory_handle.data()), info.memory_handle.size()),
@@ -41,29 +41,29 @@ class PyRemotePlan {
   /// Runs the plan. Returns the revision of the daemon's poses, and the time in nanoseconds.
   /// \param timeout_s by default the connection's
   std::pair<std::uint64_t, std::int64_t> run(std::optional<double> timeout_s, bool check_scene) {
-    RemotePlan& plan = this->plan();
+    DeviceQuery& plan = this->plan();
     std::optional<std::chrono::nanoseconds> timeout;
     if (timeout_s) timeout = duration_of(*timeout_s);
-    const PlanRun run = connection_->with([&](Client&) { return plan.run(timeout, check_scene); });
+    const DeviceRun run = connection_->with([&](Client&) { return plan.run(timeout, check_scene); });
     return {run.snapshot_revision, run.took.count()};
   }
 
   void close() {
     if (!plan_) return;
-    RemotePlan closing = std::move(*plan_);
+    DeviceQuery closing = std::move(*plan_);
     plan_.reset();
     connection_->with([&](Client&) { closing.close(); });
   }
 
  private:
-  RemotePlan& plan() {
+  DeviceQuery& plan() {
     if (!plan_) throw nb::value_error("this plan is closed");
     return *plan_;
   }
-  const RemotePlan& plan() const { return const_cast<PyRemotePlan*>(this)->plan(); }
+  const DeviceQuery& plan() const { return const_cast<PyRemotePlan*>(this)->plan(); }
 
   ConnectionPtr connection_;
-  std::optional<RemotePlan> plan_;
+  std::optional<DeviceQuery> plan_;
 };
 
 inline void bind_remote_plan(nb::module_& m) {

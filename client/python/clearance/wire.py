@@ -1,4 +1,4 @@
-"""The frames of wire/protocol.h as numpy structured dtypes, for clients that implement the protocol in Python.
+"""Frames as numpy structured dtypes (wire/protocol.h, wire/payloads.h), for clients that implement them in Python.
 
     header = np.zeros((), wire.FrameHeader)
     header["magic"], header["version"], header["type"] = wire.MAGIC, wire.VERSION, wire.FrameType.DESCRIBE

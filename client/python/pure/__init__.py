@@ -99,7 +99,7 @@ class Client:
     def _empty_trash(self) -> None:
         while self._trash:
             discarded = self._trash.popleft()
-            self._session.forget(discarded if discarded > 0 else self._session.send_close_plan(-discarded))
+            self._session.connection.forget(discarded if discarded > 0 else self._session.send_close_plan(-discarded))
 
     @property
     def url(self) -> str:

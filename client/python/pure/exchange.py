@@ -23,7 +23,6 @@ class Exchange:
         self._flags = int(as_planning)  # FrameFlag bits of requests
         self._options = options
         self._scene_is_old = False  # reported by the daemon; the caller's next read fetches the scene again
-        self._sent_in_records: dict[int, str] = {}  # names of options sent in records, by pending request
 
     def _send(
         self,
@@ -49,13 +48,8 @@ class Exchange:
         self.connection.send(header, [*bodies, records], reply_bytes)
         return request_id
 
-    def forget(self, request_id: int) -> None:
-        self._sent_in_records.pop(request_id, None)
-        self.connection.forget(request_id)
-
     def interpret(self, frame: Frame, type: str) -> Frame:
         """Returns the frame if it has that type; raises the error of an error frame."""
-        sent = self._sent_in_records.pop(frame.request_id, "")
         url = self.connection.url
         if frame.type == FrameType.ERROR:
             code, text = parse_error(frame, url)
@@ -63,8 +57,6 @@ class Exchange:
                 self._scene_is_old = True
             if code == ErrorCode.NEW_EPOCH:
                 raise NewEpoch(code, f"{url}: {text}")
-            if sent and code == ErrorCode.NOT_SUPPORTED:
-                text += f"; the daemon is too old for one of: {sent}"
             raise rejection(code, text)
         if frame.type != FrameType[type]:
             raise ConnectionError(
@@ -76,7 +68,7 @@ class Exchange:
         limit_s = self.connection.timeout_s if limit_s is None else limit_s
         frame = self.connection.wait_for(request_id, time.monotonic() + limit_s)
         if frame is None:
-            self.forget(request_id)
+            self.connection.forget(request_id)
             kind = name_of_type(FrameType[type])
             raise TimeoutError(f"{self.connection.url}: no {kind} within {limit_s:g} s")
         return self.interpret(frame, type)

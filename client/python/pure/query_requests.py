@@ -74,10 +74,7 @@ class QueryRequests(SceneRequests):
         expected = _PLAN_BYTES if type == FrameType.OPEN_PLAN else 0
         if type == FrameType.QUERY:
             expected = self._expected_reply_bytes(header, pairs, joints)
-        request_id = self._send(type, parts, revision, records, expected)
-        if later or arrays:
-            self._sent_in_records[request_id] = ", ".join([*later, *(name for name in arrays if name != "positions")])
-        return request_id
+        return self._send(type, parts, revision, records, expected)
 
     def pairs(self, query: Any) -> np.ndarray:
         count = int(query.bodies is not None or query.joints is not None)

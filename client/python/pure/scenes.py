@@ -107,10 +107,7 @@ class SceneRequests(Exchange):
     def _change_scene(
         self, type: FrameType, parts: Sequence[Any], limit_s: float, scene_revision: int = 0, records: bytes = b""
     ) -> tuple:
-        request_id = self._send(type, parts, scene_revision, records)
-        if records:
-            self._sent_in_records[request_id] = "add_body: uncertainty, padding, max_speed, mesh, replace"
-        frame = self._receive(request_id, "SCENE_CHANGED", limit_s)
+        frame = self._receive(self._send(type, parts, scene_revision, records), "SCENE_CHANGED", limit_s)
         self._scene_is_old = self._changed_by_us = True
         change = self._whole(frame, "SceneChange")
         return (

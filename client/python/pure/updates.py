@@ -73,19 +73,16 @@ class UpdateRequests(SceneRequests):
         if pose is not None:
             body["pose"] = pose[0]
         records = record(_ATTACH_ALLOW, allow.astype("<u4").tobytes()) if len(allow) else b""
-        return self._change_pairs(FrameType.ATTACH, body, records, "attach: allow")
+        return self._change_pairs(FrameType.ATTACH, body, records)
 
     def allow(self, a: int, b: int, allow: bool) -> tuple:
         pairs = np.zeros((), wire._wire.AllowRecord)
         pairs["a"], pairs["b"], pairs["allow"] = a, b, allow
-        return self._change_pairs(FrameType.ALLOW, pairs, b"", "")
+        return self._change_pairs(FrameType.ALLOW, pairs, b"")
 
-    def _change_pairs(self, type: FrameType, body: np.ndarray, records: bytes, later: str) -> tuple:
+    def _change_pairs(self, type: FrameType, body: np.ndarray, records: bytes) -> tuple:
         revision = self._revision_of_ids()
-        request_id = self._send(type, [body], revision, records)
-        if records:
-            self._sent_in_records[request_id] = later
-        frame = self._receive(request_id, "POSES_DONE")
+        frame = self._receive(self._send(type, [body], revision, records), "POSES_DONE")
         self._scene_is_old = True
         done = self._poses_done(frame)
         if revision:

@@ -52,7 +52,8 @@ class MemoryFrame final : public Frame {
 struct MemoryClient {
   std::uint64_t id = next_client_id();
   bool alive = true;
-  bool is_local = true;  ///< on the daemon's machine, according to the daemon
+  bool is_local = true;   ///< on the daemon's machine, according to the daemon
+  bool sees_end = false;  ///< whether the daemon sees its end at once, and so keeps its queries
   Rights rights = kAllRights;
   std::uint64_t room = std::numeric_limits<std::uint64_t>::max();  ///< bytes of the largest frame that it accepts
   std::deque<std::unique_ptr<MemoryFrame>> replies;
@@ -139,6 +140,7 @@ class MemoryTransport final : public Transport {
       if (!client_.is_local) return nullptr;
       return [&client = client_] { return client.alive; };
     }
+    bool sees_end() const override { return client_.sees_end; }
 
    private:
     MemoryTransport& transport_;

@@ -182,6 +182,31 @@ TEST_F(LoopTest, ReturnsTheOrderOfPairs) {
   EXPECT_EQ(wire::parse_pair_table(moved_frame->body()).pairs.size(), 3u);
 }
 
+TEST_F(LoopTest, AQueryThatRepeatsReusesItsJob) {
+  start(small_scene());
+  a_.sees_end = true;
+  const auto at = [](double z) {
+    TestQuery query;
+    query.bodies = {1};
+    query.configurations = {{0, 0, z, 1, 0, 0, 0}};
+    return query;
+  };
+  const auto reused = [&] {
+    for (const auto& [name, value] : engine_->stats())
+      if (name == "engine.jobs_reused") return value;
+    return ~std::uint64_t{0};
+  };
+  const Result low = evaluate(a_, at(0.3));
+  EXPECT_EQ(reused(), 0u);
+  const Result high = evaluate(a_, at(0.5));
+  EXPECT_EQ(reused(), 1u);
+  const Result fresh = evaluate(b_, at(0.5));  // of a client whose queries are not kept
+  EXPECT_EQ(reused(), 1u);
+  EXPECT_NE(high.lower()[0], low.lower()[0]);
+  EXPECT_EQ(high.lower()[0], fresh.lower()[0]);
+  EXPECT_EQ(high.upper()[0], fresh.upper()[0]);
+}
+
 TEST_F(LoopTest, EchoesAndCounts) {
   start(small_scene());
   const std::vector<std::byte> payload{std::byte{1}, std::byte{2}, std::byte{3}};

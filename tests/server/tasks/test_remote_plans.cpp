@@ -77,8 +77,8 @@ TEST_F(RemotePlans, AreOpenedRunAndClosed) {
   for (const std::string& url : {urls_[0], urls_[1]}) {
     SCOPED_TRACE(url);
     Client client = patient(url);
-    RemotePlan plan = client.plan_on_device(query(), 4);
-    const PlanInfo& info = plan.info();
+    DeviceQuery plan = client.prepare(query()).on_device(4);
+    const DeviceQueryInfo& info = plan.info();
     EXPECT_EQ(info.configurations, 4u);
     EXPECT_EQ(info.bodies, 2u);
     EXPECT_EQ(info.joints, 0u);
@@ -94,7 +94,7 @@ TEST_F(RemotePlans, AreOpenedRunAndClosed) {
     const auto* const lower = reinterpret_cast<const double*>(memory + info.column(kFieldLower).offset);
     for (int turn = 0; turn < 30; ++turn) {
       for (int k = 0; k < 4; ++k) poses[2 * k] = {0.5 * k + turn, 0, 0, 1, 0, 0, 0};
-      const PlanRun run = plan.run();
+      const DeviceRun run = plan.run();
       EXPECT_GE(run.took.count(), 0);
       EXPECT_EQ(run.snapshot_revision, engine_->pose_revision());
       for (int k = 0; k < 4; ++k)
@@ -115,10 +115,10 @@ TEST_F(RemotePlans, EndWithWhatHoldsThem) {
     SCOPED_TRACE(url);
     Client client = patient(url);
     {
-      RemotePlan first = client.plan_on_device(query(), 4);
-      const RemotePlan second = client.plan_on_device(query(), 5);
+      DeviceQuery first = client.prepare(query()).on_device(4);
+      const DeviceQuery second = client.prepare(query()).on_device(5);
       wait_for_blocks(2);
-      first = client.plan_on_device(query(), 6);
+      first = client.prepare(query()).on_device(6);
       EXPECT_EQ(first.info().configurations, 6u);
     }
     wait_for_blocks(0);
@@ -126,7 +126,7 @@ TEST_F(RemotePlans, EndWithWhatHoldsThem) {
   }
   // The device query keeps the connection alive, and both end together.
   auto client = std::make_unique<Client>(patient(urls_[0]));
-  auto plan = std::make_unique<RemotePlan>(client->plan_on_device(query(), 4));
+  auto plan = std::make_unique<DeviceQuery>(client->prepare(query()).on_device(4));
   client.reset();
   plan->run();
   plan.reset();
@@ -139,16 +139,16 @@ TEST_F(RemotePlans, AreRejectedByName) {
   Query wrong = query();
   const std::vector<Pose7> poses(2);
   wrong.configurations = poses;
-  EXPECT_THROW(client.plan_on_device(wrong, 1), std::invalid_argument);
+  EXPECT_THROW(client.prepare(wrong).on_device(1), std::invalid_argument);
   wrong = query();
   wrong.reduce = Reduce::kWithin;
-  const RequestError within = rejected([&] { client.plan_on_device(wrong, 4); });
+  const RequestError within = rejected([&] { client.prepare(wrong).on_device(4); });
   EXPECT_EQ(within.code, code(wire::ErrorCode::kNotSupported));
   EXPECT_STREQ(within.what(), "a plan on a device: reduce: expected none, min or any");
 
-  std::vector<RemotePlan> plans;
-  for (int i = 0; i < 3; ++i) plans.push_back(client.plan_on_device(query(), 4));
-  EXPECT_EQ(rejected([&] { client.plan_on_device(query(), 4); }).code, code(wire::ErrorCode::kBusy));
+  std::vector<DeviceQuery> plans;
+  for (int i = 0; i < 3; ++i) plans.push_back(client.prepare(query()).on_device(4));
+  EXPECT_EQ(rejected([&] { client.prepare(query()).on_device(4); }).code, code(wire::ErrorCode::kBusy));
 
   client.attach(4, 5);
   const RequestError old = rejected([&] { plans[0].run(); });
@@ -167,7 +167,7 @@ TEST_F(RemotePlans, AreRejectedByName) {
     }
 
   Client far = patient(urls_[2]);
-  const RequestError tcp = rejected([&] { far.plan_on_device(query(), 4); });
+  const RequestError tcp = rejected([&] { far.prepare(query()).on_device(4); });
   EXPECT_EQ(tcp.code, code(wire::ErrorCode::kNotSupported));
   EXPECT_STREQ(tcp.what(),
                "a plan on a device: its memory is shared only with processes of this machine, over shm:// and "
@@ -186,7 +186,7 @@ TEST_F(RemotePlans, OfAProcessThatIsKilledAreFreed) {
       char byte = 0;
       if (::read(go[0], &byte, 1) != 1) ::_exit(1);
       Client client = patient(url);
-      const RemotePlan one = client.plan_on_device(query(), 4), other = client.plan_on_device(query(), 5);
+      const DeviceQuery one = client.prepare(query()).on_device(4), other = client.prepare(query()).on_device(5);
       if (::write(opened[1], "x", 1) != 1) ::_exit(1);
       for (;;) ::pause();
     }
