@@ -33,6 +33,7 @@ LinkBall ball_of_centres(const Cover& cover) {
   return ball;
 }
 
+// Makes the quaternion a unit, but for 2^-51 of its length.
 void normalize(Pose& X) {
   if (const double length = detail::quaternion_norm(X); length > 0)
     for (double* q : {&X.qw, &X.qx, &X.qy, &X.qz}) *q /= length;
@@ -41,7 +42,7 @@ void normalize(Pose& X) {
 }  // namespace
 
 std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
-  if (!take_slides() || !take_bodies()) return nullptr;
+  if (!take_slides() || !take_frame() || !take_bodies()) return nullptr;
   find_reach();
   take_errors();
   if (plan_.query.max_evaluations > 0 && !take_sources()) return nullptr;
@@ -75,12 +76,31 @@ bool CoverPlanBuilder::take_slides() {
   return true;
 }
 
+// The common frame is that of the body, not moved itself, that carries the first link, or the first body without links.
+bool CoverPlanBuilder::take_frame() {
+  const auto moves = [&](std::uint32_t b) {
+    return std::find(plan_.moved.begin(), plan_.moved.end(), b) != plan_.moved.end();
+  };
+  frame_body_ = snapshot_.parent[plan_.bodies[plan_.motions.empty() ? 0 : plan_.given_bodies]];
+  while (frame_body_ != kNone && moves(frame_body_)) frame_body_ = snapshot_.parent[frame_body_];
+  if (frame_body_ == kNone) return true;
+  if (snapshot_.placed[frame_body_].status != Status::kOk) return false;
+  frame_inverse_ = inverse(snapshot_.placed[frame_body_].pose.X_wb);
+  return true;
+}
+
+bool CoverPlanBuilder::has_pose(std::uint32_t b, const DecidedBody& decided) const {
+  const std::uint32_t parent = snapshot_.parent[b];
+  if (decided.carrier != kNone ? !has_pose_[decided.carrier]
+                               : parent != kNone && snapshot_.placed[parent].status != Status::kOk)
+    return false;
+  return snapshot_.placed[b].status != Status::kStalePose &&
+         (decided.pose != kNone || (snapshot_.given[b] && check(snapshot_.local[b]) != PoseQuality::kBad));
+}
+
 bool CoverPlanBuilder::take_bodies() {
-  frame_body_ = snapshot_.parent[plan_.bodies[0]];
-  if (frame_body_ != kNone) {
-    if (snapshot_.placed[frame_body_].status != Status::kOk) return false;
-    frame_inverse_ = inverse(snapshot_.placed[frame_body_].pose.X_wb);
-  }
+  for (const std::uint32_t b : std::span(plan_.bodies).first(plan_.given_bodies))
+    out_->most_distance_.push_back(SlackBounds::most_distance(snapshot_.local[b]));
   bool any = false;
   for (const std::uint32_t b : plan_.moved) {
     const Body& body = scene_.bodies()[b];
@@ -89,8 +109,8 @@ bool CoverPlanBuilder::take_bodies() {
     decided.pose = given == plan_.bodies.end() ? kNone : static_cast<std::uint32_t>(given - plan_.bodies.begin());
     slot_[b] = static_cast<std::uint32_t>(out_->bodies_.size());
     take_link(b, decided);
-    const bool is_usable = snapshot_.placed[b].status != Status::kStalePose && !is_cloud(body) && !body.parts.empty() &&
-                           (decided.pose != kNone || snapshot_.given[b]);
+    has_pose_.push_back(has_pose(b, decided));
+    const bool is_usable = has_pose_.back() && !is_cloud(body) && !body.parts.empty();
     out_->covers_.push_back(is_usable ? store_.find(body.parts) : nullptr);
     any |= out_->covers_.back() != nullptr;
     add(decided);
@@ -203,8 +223,17 @@ std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, con
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {
-  return !plan.motions.empty() && plan.given_bodies == 0 && plan.pairs.size() > 0 && plan.pairs.size() <= kMostPairs &&
-         plan.moved.size() <= kMostDecidedBodies;
+  const bool moves_given = plan.query.max_evaluations > 0 && plan.given_bodies > 0;
+  return plan.query.configuration_count > 0 && !plan.bodies.empty() && !moves_given && plan.pairs.size() > 0 &&
+         plan.pairs.size() <= kMostPairs && plan.moved.size() <= kMostDecidedBodies;
+}
+
+bool CoverPlan::take_given(std::span<Pose> poses) const {
+  for (std::size_t m = 0; m < most_distance_.size(); ++m) {
+    if (check(poses[m]) == PoseQuality::kBad || !(norm(poses[m].translation) <= most_distance_[m])) return false;
+    normalize(poses[m]);
+  }
+  return true;
 }
 
 bool CoverPlan::holds_for(std::span<const double> positions) const {

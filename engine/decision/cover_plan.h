@@ -16,10 +16,11 @@
 namespace clearance {
 
 /// Constants for decisions about the states of one plan, as long as its snapshot and its pairs are the same. All
-/// lengths are relative to the frame that carries the first robot moved, so that they are short. Immutable.
+/// lengths are relative to the frame that carries the first robot moved, or else the first body, so that they are short.
+/// Immutable.
 class CoverPlan {
  public:
-  /// Whether covers may decide states or motions of a plan: those of joints alone, without many pairs.
+  /// Whether covers may decide states or motions of a plan: not those of many pairs, nor motions of given bodies.
   static bool may_decide(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
   /// \param tables may be null
@@ -42,6 +43,9 @@ class CoverPlan {
   std::span<const std::uint64_t> unknown() const { return unknown_; }
   /// Whether the bounds hold for a row of the plan's positions. Joints that slide have limits.
   bool holds_for(std::span<const double> positions) const;
+  /// Whether the bounds hold for the poses of the given bodies in a configuration: usable and not too far away. Makes
+  /// their quaternions units, as the kernels expect.
+  bool take_given(std::span<Pose> poses) const;
 
  private:
   friend class CoverPlanBuilder;
@@ -51,7 +55,8 @@ class CoverPlan {
     double most;       // metres
   };
   std::vector<SlideLimit> slides_;
-  std::vector<LinkOf> links_;  // of bodies_
+  std::vector<double> most_distance_;  // by given body, metres
+  std::vector<LinkOf> links_;          // of bodies_
   std::unique_ptr<const SpanRates> rates_;
   std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
   std::vector<DecidedBody> bodies_;

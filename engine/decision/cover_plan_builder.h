@@ -56,6 +56,8 @@ class CoverPlanBuilder {
   };
 
   bool take_slides();
+  bool take_frame();
+  bool has_pose(std::uint32_t body, const DecidedBody& decided) const;
   bool take_bodies();
   void take_link(std::uint32_t body, DecidedBody& decided);
   void take_still_meshes();
@@ -81,6 +83,7 @@ class CoverPlanBuilder {
   std::vector<std::uint32_t> slot_;         // by body: index in bodies_, or kNone
   std::vector<std::uint32_t> obstacle_of_;  // by body: first obstacle, kNone if it is none
   std::vector<std::uint32_t> parts_of_;     // by obstacle: count of the body's obstacles, at its first one
+  std::vector<std::uint8_t> has_pose_;      // by moved body: in every state whose given poses are usable
   std::vector<double> world_;               // by moved body: lengths in the world that its place is a difference of
   std::vector<double> errors_;              // by moved body: centre_error()
   std::vector<SpanRates::Source> sources_;  // of motions

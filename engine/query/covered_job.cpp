@@ -95,17 +95,24 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
 // Answers a block by covers, and begins the exact evaluation of the states that are left.
 void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker) {
   const std::size_t stride = plan_.bodies.size(), joints = plan_.joints.size();
-  const ConfigurationPoses::PoseBlock given = worker_poses(worker).given(begin, count);
-  share.usable.resize(count);
-  for (std::uint64_t k = 0; k < count; ++k) {
-    const auto facts = given.facts.subspan(k * stride, stride);
-    share.usable[k] =
-        covers_->holds_for(plan_.positions.subspan((begin + k) * joints, joints)) &&
-        std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+  const ConfigurationPoses::PoseBlock block = worker_poses(worker).given(begin, count);
+  const Pose* poses = block.poses.data();
+  share.usable.assign(count, 1);
+  if (plan_.given_bodies > 0) {
+    share.poses.assign(block.poses.begin(), block.poses.end());
+    poses = share.poses.data();
+    for (std::uint64_t k = 0; k < count; ++k)
+      share.usable[k] = covers_->take_given(std::span(share.poses).subspan(k * stride, plan_.given_bodies));
   }
+  if (!plan_.motions.empty())
+    for (std::uint64_t k = 0; k < count; ++k) {
+      const auto facts = block.facts.subspan(k * stride, stride);
+      share.usable[k] &=
+          covers_->holds_for(plan_.positions.subspan((begin + k) * joints, joints)) &&
+          std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+    }
   const double* const positions = plan_.positions.data() + begin * joints;
-  answer_by_covers({begin, count, given.poses.data(), stride, share.usable.data(), positions, joints}, worker,
-                   share.left);
+  answer_by_covers({begin, count, poses, stride, share.usable.data(), positions, joints}, worker, share.left);
   const std::span<const std::uint64_t> left = share.left.configurations();
   if (left.empty()) return;
   const auto pairs = share.left.pairs();

@@ -67,6 +67,7 @@ class CoveredJob : public ParallelJob {
 
     ConfigurationBlock block;
     std::vector<std::uint8_t> usable;
+    std::vector<Pose> poses;  // of a block, if the query gives some
     LeftStates left;
     std::vector<std::uint64_t> all;  // configurations, without covers
     std::vector<std::vector<Row>> rows;

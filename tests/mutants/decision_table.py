@@ -47,6 +47,22 @@ DECISION_MUTANTS = [
             "nullptr",
         ),
         ("decision_farthest", "decision/slack_bounds.cpp", "(@own@ + (is_carried ?", "0.1 * own"),
+        # Poses that the query gives.
+        ("pose_along", "decision/slack_bounds.cpp", "uncertainty_of(body, {{@own@, 0, 0}}", "0.1 * own"),
+        (
+            "pose_far",
+            "decision/cover_plan.cpp",
+            "norm(poses[m].translation) <= @most_distance_[m]@)",
+            "HUGE_VAL",
+        ),
+        ("pose_length", "decision/cover_plan.cpp", "@normalize(poses[m])@", "(void)0"),
+        ("pose_carrier", "decision/cover_plan.cpp", "? @!has_pose_[decided.carrier]@ :", "false"),
+        (
+            "pose_parent",
+            "decision/cover_plan.cpp",
+            "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
+            "false",
+        ),
         # The search through balls.
         ("decision_open", "decision/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (
