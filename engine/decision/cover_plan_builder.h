@@ -1,10 +1,12 @@
 // Collects the parts of a CoverPlan. Included by its sources alone.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
@@ -32,10 +34,13 @@ inline float down(double value) {
 
 class CoverPlanBuilder {
  public:
-  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables)
+  /// As of CoverPlan::make().
+  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables,
+                   std::span<const std::uint64_t> beyond)
       : scene_(scene),
         plan_(plan),
         snapshot_(*plan.snapshot),
+        beyond_(beyond),
         store_(store),
         slack_(scene, plan),
         slot_(scene.bodies().size(), kNone),
@@ -55,6 +60,7 @@ class CoverPlanBuilder {
     Slack slack;
   };
 
+  bool is_beyond(std::uint64_t position) const { return std::binary_search(beyond_.begin(), beyond_.end(), position); }
   bool take_slides();
   bool take_frame();
   bool has_pose(std::uint32_t body, const DecidedBody& decided) const;
@@ -76,6 +82,7 @@ class CoverPlanBuilder {
   const engine::Scene& scene_;
   const Plan& plan_;
   const PoseSnapshot& snapshot_;
+  const std::span<const std::uint64_t> beyond_;
   const CoverStore& store_;
   const SlackBounds slack_;
   std::unique_ptr<CoverPlan> out_{new CoverPlan};

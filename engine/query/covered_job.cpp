@@ -37,7 +37,8 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
       near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
   columns_.assign(boxes());
   block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
-  take_covers();
+  still_ = StillPairs::find(scene(), plan_, options_, boxes());
+  if (!still_) take_covers();
 }
 
 void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
@@ -48,6 +49,11 @@ void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
 }
 
 bool CoveredJob::go_on(WorkMeter& slice) {
+  if (still_ && !still_->is_done()) {
+    if (!still_->advance(slice)) return false;
+    evaluated_ += still_->evaluated();
+    take_covers();
+  }
   const bool done =
       run_units(next_, (plan_.size.configurations + block_ - 1) / block_, slice,
                 [&](std::uint64_t unit, int worker, WorkMeter& meter) { return answer(unit * block_, worker, meter); });
@@ -65,7 +71,8 @@ void CoveredJob::rewind() {
 
 void CoveredJob::take_covers() {
   covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
-  covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
+  covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
+                            still_ ? still_->beyond() : std::span<const std::uint64_t>());
 }
 
 // The rows of one block of configurations.

@@ -9,6 +9,7 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/query/parallel_job.h"
+#include "engine/query/still_pairs.h"
 #include "engine/reduce/configuration_block.h"
 
 namespace clearance {
@@ -78,6 +79,7 @@ class CoveredJob : public ParallelJob {
 
   BoxColumns columns_;
   NearPairs near_pairs_;
+  std::unique_ptr<StillPairs> still_;  // null if there are none
   std::unique_ptr<const CoverPlan> covers_;
   std::uint64_t covers_revision_ = 0;
   std::uint64_t block_ = 1;  // configurations

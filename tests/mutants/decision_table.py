@@ -63,6 +63,9 @@ DECISION_MUTANTS = [
             "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
             "false",
         ),
+        # Pairs of bodies that stay.
+        ("still_box", "query/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
+        ("still_answer", "query/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
         # The search through balls.
         ("decision_open", "decision/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (
