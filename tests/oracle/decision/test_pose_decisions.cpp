@@ -120,7 +120,7 @@ TEST(PoseDecisions, StalePosesAreReportedAsWithout) {
   EXPECT_GT(counts[static_cast<std::size_t>(Status::kStalePose)], 10u);
 }
 
-// A follower of a body without a pose has none, whatever the pose of the body that carries both.
+// A follower of a body without a pose has none, even if the body that carries both has one.
 TEST(PoseDecisions, FollowersOfABodyWithoutAPoseHaveNone) {
   Scene scene = made_cell();
   scene.add_box("lost", {0.1, 0.1, 0.1}, {.parent = "rock", .requires_pose = true});
