@@ -6,9 +6,9 @@
 #include <utility>
 
 #include "engine/decision/motion_decider.h"
+#include "engine/evaluate/still_pairs.h"
 #include "engine/motion/motion_block.h"
 #include "engine/query/parallel_job.h"
-#include "engine/query/still_pairs.h"
 
 namespace clearance {
 

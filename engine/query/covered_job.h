@@ -8,8 +8,8 @@
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/evaluate/still_pairs.h"
 #include "engine/query/parallel_job.h"
-#include "engine/query/still_pairs.h"
 #include "engine/reduce/configuration_block.h"
 
 namespace clearance {

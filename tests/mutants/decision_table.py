@@ -64,8 +64,8 @@ DECISION_MUTANTS = [
             "false",
         ),
         # Pairs of bodies that stay.
-        ("still_box", "query/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
-        ("still_answer", "query/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
+        ("still_box", "evaluate/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
+        ("still_answer", "evaluate/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
         # The search through balls.
         ("decision_open", "decision/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (

@@ -1,4 +1,4 @@
-#include "engine/query/still_pairs.h"
+#include "engine/evaluate/still_pairs.h"
 
 #include <algorithm>
 
