@@ -157,7 +157,8 @@ class Decider {
     for (Bits open = ~greater(Eight::load(gaps.low), bound) & used; open; open &= open - 1) {
       const int i = lowest(open);
       const std::uint32_t child = packet.children[i];
-      if (child == kNone || (kMoves && is_finer_useless(packet, c, i)) || --packets_left_ < 0) {
+      // A shorter span helps more than smaller balls where the movement exceeds the stand-out by far.
+      if (child == kNone || (kMoves && c.way[i] > 2 * stand_out(packet, i)) || --packets_left_ < 0) {
         result |= kOpen;
         if (kMoves && child == kNone && !(gaps.low[i] > packet.outer[i] + grow)) result |= kNear;
         continue;
@@ -170,12 +171,6 @@ class Decider {
     }
     return result;
   }
-  /// Whether a ball's movement exceeds its stand-out by far, so that a shorter span helps more than smaller balls.
-  static bool is_finer_useless(const BallPacket& packet, const Centres& c, int i) {
-    const float inner = packet.inner[i] > 0 ? packet.inner[i] : 0;
-    return c.way[i] > 2 * (packet.outer[i] - inner);
-  }
-
   void decide_moved_pairs() {
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
       const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
@@ -248,7 +243,7 @@ class Decider {
   /// \param near those that are open even without movement
   Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open, Bits near) {
     if (p.children[i] == kNone) return open & near ? kOpen | kNear : kOpen;
-    if (kMoves && pair_span_.way > 4 * (p.outer[i] - (p.inner[i] > 0 ? p.inner[i] : 0))) return kOpen;
+    if (kMoves && pair_span_.way > 4 * stand_out(p, i)) return kOpen;
     const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
     Centres c_p, c_q;
     placed_.template centres<false>(below_p, pair.a, c_p);

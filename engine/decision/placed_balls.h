@@ -21,6 +21,11 @@ HWY_INLINE int lowest(Bits bits) {
   return __builtin_ctz(bits);
 }
 
+/// Difference of the bounds that one ball gives of a body's distance, metres.
+HWY_INLINE float stand_out(const BallPacket& packet, int i) {
+  return packet.outer[i] - (packet.inner[i] > 0 ? packet.inner[i] : 0);
+}
+
 /// Balls in the common frame, and how far each can move within half a span.
 struct Centres {
   alignas(32) float x[kBalls], y[kBalls], z[kBalls];

@@ -101,7 +101,7 @@ DECISION_MUTANTS = [
         (
             "decision_leaf",
             "decision/decide_kernel.h",
-            "is_finer_useless(packet, c, i)) || --packets_left_ < 0) { result |= @kOpen@;",
+            "stand_out(packet, i)) || --packets_left_ < 0) { result |= @kOpen@;",
             "Bits{0}",
         ),
         (
@@ -170,6 +170,12 @@ DECISION_MUTANTS = [
             "query/decision_job.cpp",
             "open.insert(open.end(), @covers().unknown().begin()@",
             "covers().unknown().end()",
+        ),
+        (
+            "decision_left_open",
+            "query/decision_job.cpp",
+            "room.open.begin() + @decision.open_end@)",
+            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
         ),
     ),
     *mutants_of(

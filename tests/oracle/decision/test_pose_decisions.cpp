@@ -64,6 +64,34 @@ TEST(PoseDecisions, LeastDistancesAreThoseWithout) {
   }
 }
 
+// A pair just beyond its margin and one just within it: covers leave both open.
+TEST(PoseDecisions, EveryOpenPairIsEvaluated) {
+  const Scene scene = made_cell();
+  const Engines engines(scene);
+  Random random(9);
+  PoseStates states(scene);
+  states.add(engines.without, 0, "rock", "box", 0.01, 0.005, 20, random);
+  const std::uint32_t rock = scene.find_body("rock");
+  for (std::size_t k = 0; k < 20; ++k)
+    for (const bool is_last : {false, true}) {
+      std::vector<BodyPair> pairs{{rock, scene.find_body("stone")}, {rock, scene.find_body("box")}};
+      if (!is_last) std::swap(pairs[0], pairs[1]);
+      QueryView query = states.of();
+      query.configurations = query.configurations.subspan(k * states.bodies.size(), states.bodies.size());
+      query.configuration_count = 1;
+      query.all_pairs = false;
+      query.pairs = pairs;
+      query.fields = kFieldUpper;
+      const Answer distances = test::evaluate(engines.without, query);
+      std::vector<double> margins(distances.view.upper, distances.view.upper + 2);
+      margins[is_last ? 0 : 1] *= 1 - 1e-5;
+      margins[is_last ? 1 : 0] *= 1 + 1e-5;
+      query.pair_margins = margins;
+      const Counts counts = expect_same(engines, query);
+      EXPECT_EQ(counts[static_cast<std::size_t>(Status::kOk)], 1u) << k;
+    }
+}
+
 // A body on a frame of uncertain rotation, as far as given poses may be and farther: its slack grows with its distance.
 TEST(PoseDecisions, SlackIsThatOfTheFarthestPose) {
   const Scene scene = made_cell();
