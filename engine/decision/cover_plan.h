@@ -20,8 +20,11 @@ namespace clearance {
 /// Immutable.
 class CoverPlan {
  public:
-  /// Whether covers may decide states or motions of a plan: not those of many pairs, nor motions of given bodies.
+  /// Whether covers may decide states or motions of a plan: not those of many pairs and few states, nor motions
+  /// of given bodies.
   static bool may_decide(const Plan& plan);
+  /// Whether a plan is made in less time than it saves in one answer.
+  static bool pays_at_once(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
   /// \param tables may be null
   /// \param beyond positions of pairs, ascending, known to be beyond their margins in every state
@@ -63,6 +66,8 @@ class CoverPlan {
   std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;
+  std::vector<ObstacleNode> nodes_;
+  std::vector<float> node_bound_;
   std::vector<MovedPair> moved_pairs_;
   std::vector<std::int32_t> moved_a_, moved_b_;
   std::vector<float> moved_reach_;

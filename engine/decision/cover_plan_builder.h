@@ -76,6 +76,9 @@ class CoverPlanBuilder {
   std::uint32_t obstacles_of(std::uint32_t body);
   void take(std::uint64_t position);
   void take_moved(std::uint64_t position, std::uint32_t a, std::uint32_t b);
+  void sort_obstacles();
+  void divide_obstacles(std::span<std::uint32_t> order, std::uint32_t first);
+  void bound_nodes();
   void finish();
   const Cover* cover(std::uint32_t slot) const { return out_->covers_[slot].get(); }
 

@@ -38,7 +38,7 @@ class Decider {
     result.is_listed = true;
     result.hit = hit_;
     result.open_end = keep_before_hit();
-    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    result.verdict = verdict();
     return result;
   }
 
@@ -48,15 +48,12 @@ class Decider {
     begin(true, static_cast<std::uint32_t>(batch.capacity));
     span_ = &batch;
     placed_.take_spans(batch.bodies);
-    if (batch.items) {
-      for (std::size_t i = 0; i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
-    } else {
-      decide_obstacles();
-      if (!is_over()) decide_moved_pairs();
-    }
+    for (std::size_t i = 0; batch.items && i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
+    if (!batch.items) decide_obstacles();
+    if (!batch.items && !is_over()) decide_moved_pairs();
     if (overflow_) return result;
     result.open = count_;
-    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    result.verdict = verdict();
     return result;
   }
 
@@ -67,12 +64,10 @@ class Decider {
   static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
-    any_hit_ = any_hit;
-    capacity_ = capacity;
-    hit_ = kNoHit;
-    count_ = 0;
-    overflow_ = false;
+    any_hit_ = any_hit, capacity_ = capacity;
+    hit_ = kNoHit, count_ = 0, overflow_ = false;
   }
+  Verdict verdict() const { return hit_ != kNoHit ? Verdict::kHit : count_ ? Verdict::kUnresolved : Verdict::kFree; }
   bool is_over() const { return overflow_ || (any_hit_ && hit_ != kNoHit); }
 
   /// Records the result of a pair.
@@ -95,24 +90,31 @@ class Decider {
   }
 
   void decide_obstacles() {
-    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-        const std::size_t at = std::size_t{o} * v_.columns + begin;
-        Eight bound = Eight::load(v_.root_outer + at);
-        if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
-        const Obstacle& obstacle = v_.obstacles[o];
-        if (obstacle.kind == Obstacle::Kind::kPlanes &&
-            placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
-          continue;
-        PointGaps gaps;
-        placed_.root_gaps(obstacle, begin, gaps);
-        for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
-          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
-        for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
-          if (is_over()) return;
-          decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
-        }
+    for (std::uint32_t n = 0; n < v_.node_count && !is_over();) {
+      const ObstacleNode& node = v_.nodes[n];
+      const bool is_beyond = placed_.template are_roots_beyond<kMoves>(n);
+      for (std::uint32_t o = node.first; !is_beyond && o < node.last && !is_over(); ++o) decide_obstacle(o);
+      n = is_beyond ? node.skip : n + 1;
+    }
+  }
+  HWY_INLINE void decide_obstacle(std::uint32_t o) {
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
+      const std::size_t at = std::size_t{o} * v_.columns + begin;
+      Eight bound = Eight::load(v_.root_outer + at);
+      if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+      const Obstacle& obstacle = v_.obstacles[o];
+      if (obstacle.kind == Obstacle::Kind::kPlanes &&
+          placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
+        continue;
+      PointGaps gaps;
+      placed_.root_gaps(obstacle, begin, gaps);
+      for (Bits in = greater(Eight::load(v_.root_inner + at), Eight::load(gaps.high)); in; in &= in - 1)
+        record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
+      for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
+        if (is_over()) return;
+        decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
       }
+    }
   }
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {

@@ -37,8 +37,7 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
       near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
   columns_.assign(boxes());
   block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
-  still_ = StillPairs::find(scene(), plan_, options_, boxes());
-  if (!still_) take_covers();
+  if (CoverPlan::pays_at_once(plan_)) prepare_covers();
 }
 
 void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
@@ -66,7 +65,16 @@ bool CoveredJob::go_on(WorkMeter& slice) {
 
 void CoveredJob::rewind() {
   next_ = evaluated_ = 0;
-  if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
+  if (!is_prepared_)
+    prepare_covers();
+  else if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables))
+    take_covers();
+}
+
+void CoveredJob::prepare_covers() {
+  is_prepared_ = true;
+  still_ = StillPairs::find(scene(), plan_, options_, boxes());
+  if (!still_) take_covers();
 }
 
 void CoveredJob::take_covers() {

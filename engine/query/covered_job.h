@@ -73,12 +73,14 @@ class CoveredJob : public ParallelJob {
     std::vector<std::uint64_t> all;  // configurations, without covers
     std::vector<std::vector<Row>> rows;
   };
+  void prepare_covers();
   void take_covers();
   bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
   void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker);
 
   BoxColumns columns_;
   NearPairs near_pairs_;
+  bool is_prepared_ = false;           // for covers: from the second answer on, unless they pay at once
   std::unique_ptr<StillPairs> still_;  // null if there are none
   std::unique_ptr<const CoverPlan> covers_;
   std::uint64_t covers_revision_ = 0;

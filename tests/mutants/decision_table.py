@@ -63,6 +63,12 @@ DECISION_MUTANTS = [
             "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
             "false",
         ),
+        # The tree of obstacles.
+        ("node_reach", "decision/cover_pairs.cpp", "@longer(o.outer_radius)@", "0.5 * longer(o.outer_radius)"),
+        ("node_box", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + y * y + z * z@))", "x * x + y * y"),
+        ("node_cylinder", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + z * z@))", "z * z"),
+        ("node_below", "decision/cover_pairs.cpp", "take(out.node_bound_.data() + @below@ * columns", "(n + 1)"),
+        ("node_skip", "decision/cover_pairs.cpp", "below = @out.nodes_[below].skip@)", "node.skip"),
         # Pairs of bodies that stay.
         ("still_box", "evaluate/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
         ("still_answer", "evaluate/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
@@ -260,6 +266,7 @@ DECISION_MUTANTS = [
             "0.5 * half",
         ),
         ("span_roots", "decision/decide_kernel.h", "bound = bound + @placed_.root_ways(begin)@", "Eight(0.0f)"),
+        ("span_nodes", "decision/placed_balls.h", "bound = bound + @root_ways(begin)@", "Eight(0.0f)"),
         ("span_packet", "decision/decide_kernel.h", "bound = bound + @Eight::load(c.way)@", "Eight(0.0f)"),
         (
             "span_roots_of_pair",

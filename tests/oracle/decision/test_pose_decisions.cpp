@@ -64,6 +64,40 @@ TEST(PoseDecisions, LeastDistancesAreThoseWithout) {
   }
 }
 
+// So many obstacles that a tree finds the near ones, and more pairs than a job that is kept may have.
+TEST(PoseDecisions, RowsAmongManyObstaclesHaveTheBitsThatTheyHaveWithout) {
+  Scene scene = made_cell();
+  Random random(10);
+  std::vector<std::string> names;
+  for (int i = 0; i < 900; ++i) {
+    const Options options{.is_static = true, .pose = random.rotation(random.direction() * random.uniform(3, 12))};
+    names.push_back("thing" + std::to_string(i));
+    if (i % 4 == 0) scene.add_box(names.back(), {0.2, 0.1, random.log_uniform(0.05, 5)}, options);
+    if (i % 4 == 1) scene.add_capsule(names.back(), 0.05, random.uniform(0.1, 2), options);
+    if (i % 4 == 2) scene.add_cylinder(names.back(), random.uniform(0.05, 0.5), 0.3, options);
+    if (i % 4 == 3) scene.add_hull(names.back(), cloud(random, 12, 0.3), options);
+  }
+  const Engines engines(scene);
+  Counts all{};
+  for (const double margin : {0.0, 0.02}) {
+    PoseStates states(scene);
+    for (int i = 0; i < 300; ++i)
+      states.add(engines.without, static_cast<std::size_t>(i % 4),
+                 scene.bodies()[states.bodies[static_cast<std::size_t>(i % 4)]].name.c_str(),
+                 names[static_cast<std::size_t>(random.integer(0, 899))].c_str(), margin, 0.05, 5, random);
+    QueryView query = states.of();
+    query.margin = margin;
+    const Counts counts = expect_same(engines, query);
+    for (std::size_t s = 0; s < all.size(); ++s) all[s] += counts[s];
+    query.reduce = Reduce::kAny;
+    query.fields = kFieldVerdict;
+    const std::uint64_t with = test::evaluate(engines.with, query).info.pairs_evaluated;
+    EXPECT_LT(with, test::evaluate(engines.without, query).info.pairs_evaluated / 2);
+  }
+  EXPECT_GT(all[static_cast<std::size_t>(Status::kBeyond)], 300u);
+  EXPECT_GT(all[static_cast<std::size_t>(Status::kOk)] + all[static_cast<std::size_t>(Status::kOverlap)], 300u);
+}
+
 // A pair just beyond its margin and one just within it: covers leave both open.
 TEST(PoseDecisions, EveryOpenPairIsEvaluated) {
   const Scene scene = made_cell();
