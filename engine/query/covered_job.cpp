@@ -34,9 +34,11 @@ std::span<const std::span<const std::uint64_t>> LeftStates::pairs() {
 
 CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
     : ParallelJob(context, std::move(plan), reply),
-      near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
+      near_pairs_(scene(), plan_, boxes(), *context.trees,
+                  CoverPlan::pays_at_once(plan_) ? NearBy::kBrute : context.near_by) {
   columns_.assign(boxes());
-  block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
+  block_ = std::min(kMostStates,
+                    ConfigurationBlock::most(scene(), plan_, near_pairs_.by_tree(), !boxes().empty(), workers()));
   if (CoverPlan::pays_at_once(plan_)) prepare_covers();
 }
 
