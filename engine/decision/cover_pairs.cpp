@@ -1,6 +1,10 @@
 // The pairs of a CoverPlan: obstacles, and radii with slack and margin.
+#include <algorithm>
+#include <array>
 #include <cmath>
+#include <numeric>
 #include <optional>
+#include <span>
 #include <utility>
 
 #include "engine/decision/cover_plan_builder.h"
@@ -8,6 +12,33 @@
 namespace clearance {
 
 using namespace cover_plan;
+
+namespace {
+
+constexpr std::size_t kFewObstacles = 32;  // all in one leaf
+constexpr std::size_t kMostInLeaf = 4;
+
+// Bound on the distance of an obstacle's points from its centre, in metres.
+double reach_of(const Obstacle& o) {
+  const double x = o.half[0], y = o.half[1], z = o.half[2];
+  const auto longer = [&](double core) { return (core + o.radius + o.error) * (1 + 0x1p-40); };
+  switch (o.kind) {
+    case Obstacle::Kind::kSegment:
+      return longer(z);
+    case Obstacle::Kind::kBox:
+      return longer(std::sqrt(x * x + y * y + z * z));
+    case Obstacle::Kind::kCylinder:
+      return longer(std::sqrt(x * x + z * z));
+    case Obstacle::Kind::kPlanes:
+      return longer(o.outer_radius);
+    case Obstacle::Kind::kHalfSpace:
+    case Obstacle::Kind::kCloud:
+      break;
+  }
+  return kNever;
+}
+
+}  // namespace
 
 // Whether a body is a cloud without points, which is beyond every distance.
 bool CoverPlanBuilder::is_nowhere(std::uint32_t b) const {
@@ -67,9 +98,76 @@ void CoverPlanBuilder::take_moved(std::uint64_t position, std::uint32_t a, std::
                                 down(margin - (slack.outer + error) * (1 + 0x1p-40)), out_->tables_.at(position)});
 }
 
+// Puts obstacles into the order of their tree.
+void CoverPlanBuilder::sort_obstacles() {
+  std::vector<Obstacle>& obstacles = out_->obstacles_;
+  std::vector<std::uint32_t> order(obstacles.size()), rank(obstacles.size());
+  std::iota(order.begin(), order.end(), 0u);
+  const auto near = std::stable_partition(
+      order.begin(), order.end(), [&](std::uint32_t o) { return obstacles[o].kind == Obstacle::Kind::kHalfSpace; });
+  const auto unbounded = static_cast<std::uint32_t>(near - order.begin());
+  if (unbounded > 0) out_->nodes_.push_back({{0, 0, 0}, 0, unbounded, 1});
+  divide_obstacles(std::span(order).subspan(unbounded), unbounded);
+  std::vector<Obstacle> sorted;
+  for (const std::uint32_t o : order) {
+    rank[o] = static_cast<std::uint32_t>(sorted.size());
+    sorted.push_back(std::move(obstacles[o]));
+  }
+  obstacles = std::move(sorted);
+  for (ObstaclePair& pair : obstacle_pairs_) pair.obstacle = rank[pair.obstacle];
+}
+
+// Adds a node for some obstacles, and those below.
+// \param first their number in the order of the tree
+void CoverPlanBuilder::divide_obstacles(std::span<std::uint32_t> order, std::uint32_t first) {
+  if (order.empty()) return;
+  const auto at = [&](std::uint32_t o) -> const std::array<float, 3>& { return out_->obstacles_[o].at; };
+  std::array<float, 3> low = at(order[0]), high = low, middle{};
+  for (const std::uint32_t o : order)
+    for (std::size_t k = 0; k < 3; ++k) low[k] = std::min(low[k], at(o)[k]), high[k] = std::max(high[k], at(o)[k]);
+  std::size_t axis = 0;
+  for (std::size_t k = 0; k < 3; ++k) {
+    middle[k] = 0.5f * low[k] + 0.5f * high[k];
+    if (high[k] - low[k] > high[axis] - low[axis]) axis = k;
+  }
+  const std::size_t node = out_->nodes_.size(), half = order.size() / 2;
+  const bool is_leaf = order.size() <= (out_->obstacles_.size() <= kFewObstacles ? kFewObstacles : kMostInLeaf);
+  out_->nodes_.push_back({middle, first, is_leaf ? first + static_cast<std::uint32_t>(order.size()) : first, 0});
+  if (!is_leaf) {
+    std::nth_element(
+        order.begin(), order.begin() + static_cast<std::ptrdiff_t>(half), order.end(),
+        [&](std::uint32_t a, std::uint32_t b) { return std::pair(at(a)[axis], a) < std::pair(at(b)[axis], b); });
+    divide_obstacles(order.first(half), first);
+    divide_obstacles(order.subspan(half), first + static_cast<std::uint32_t>(half));
+  }
+  out_->nodes_[node].skip = static_cast<std::uint32_t>(out_->nodes_.size());
+}
+
+// From the leaves up.
+void CoverPlanBuilder::bound_nodes() {
+  CoverPlan& out = *out_;
+  const std::size_t columns = out.root_x_.size();
+  out.node_bound_.assign(out.nodes_.size() * columns, -kNever);
+  for (std::size_t n = out.nodes_.size(); n-- > 0;) {
+    const ObstacleNode& node = out.nodes_[n];
+    float* const bound = out.node_bound_.data() + n * columns;
+    const auto take = [&](const float* radii, const std::array<float, 3>& at, double reach) {
+      const double more = norm(Vec3d{at[0], at[1], at[2]} - Vec3d{node.at[0], node.at[1], node.at[2]}) + reach;
+      for (std::size_t c = 0; c < columns; ++c)
+        if (radii[c] > -kNever) bound[c] = std::max(bound[c], up((radii[c] + more) * (1 + 0x1p-20)));
+    };
+    for (std::uint32_t o = node.first; o < node.last; ++o)
+      take(out.root_outer_.data() + o * columns, out.obstacles_[o].at, reach_of(out.obstacles_[o]));
+    if (node.first < node.last) continue;
+    for (std::size_t below = n + 1; below < node.skip; below = out.nodes_[below].skip)
+      take(out.node_bound_.data() + below * columns, out.nodes_[below].at, 0);
+  }
+}
+
 // Columns of the kernel.
 void CoverPlanBuilder::finish() {
   CoverPlan& out = *out_;
+  sort_obstacles();
   const std::size_t columns = (out.bodies_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
                     cells = columns * out.obstacles_.size();
   for (auto* of_columns : {&out.root_x_, &out.root_y_, &out.root_z_}) of_columns->assign(columns, 0);
@@ -106,6 +204,7 @@ void CoverPlanBuilder::finish() {
     out.position_[at] = p.position;
     out.table_of_cell_[at] = out.tables_.at(p.position);
   }
+  bound_nodes();
   out.view_ = {out.bodies_.data(),
                static_cast<std::uint32_t>(out.bodies_.size()),
                static_cast<std::uint32_t>(columns),
@@ -128,7 +227,10 @@ void CoverPlanBuilder::finish() {
                static_cast<std::uint32_t>(out.moved_pairs_.size()),
                out.table_of_cell_.data(),
                out.tables_.pairs().data(),
-               static_cast<std::uint32_t>(out.tables_.pairs().size())};
+               static_cast<std::uint32_t>(out.tables_.pairs().size()),
+               out.nodes_.data(),
+               static_cast<std::uint32_t>(out.nodes_.size()),
+               out.node_bound_.data()};
 }
 
 }  // namespace clearance

@@ -12,7 +12,10 @@ using namespace cover_plan;
 
 namespace {
 
-constexpr std::uint64_t kMostPairs = 4096;  // more have a tree of boxes, which finds the near ones sooner
+// Limits on pairs. Jobs of many are not kept for other configurations, and have a tree of boxes.
+constexpr std::uint64_t kFewPairs = 4096, kMostPairs = 1u << 17;
+// A plan takes 0.1 us a pair, and saves 1 to 5 us a state.
+constexpr std::uint64_t kPairsPerState = 16, kManyPairsPerState = 4;
 
 /// Bound on the distance of a ball's centre, placed in float32, from its place. A rounded quaternion turns by 2 units
 /// and stretches by 2; each entry of its rotation has 5 more, so that the rotation is off by less than 22 units in the
@@ -22,6 +25,7 @@ double centre_error(double reach, double farthest) {
   return kUnit * (40 * reach + 8 * farthest);
 }
 
+// Makes the quaternion a unit, but for 2^-51 of its length.
 void normalize(Pose& X) {
   if (const double length = detail::quaternion_norm(X); length > 0)
     for (double* q : {&X.qw, &X.qx, &X.qy, &X.qz}) *q /= length;
@@ -30,11 +34,12 @@ void normalize(Pose& X) {
 }  // namespace
 
 std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
-  if (!take_slides() || !take_bodies()) return nullptr;
+  if (!take_slides() || !take_frame() || !take_bodies()) return nullptr;
   find_reach();
   take_errors();
   if (plan_.query.max_evaluations > 0 && !take_sources()) return nullptr;
-  for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) take(p);
+  for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p)
+    if (!is_beyond(p)) take(p);
   if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
   if (obstacle_pairs_.empty() && out_->moved_pairs_.empty()) return nullptr;
   if (plan_.query.max_evaluations > 0)
@@ -65,12 +70,31 @@ bool CoverPlanBuilder::take_slides() {
   return true;
 }
 
+// The common frame is that of the body, not moved itself, that carries the first link, or the first body without links.
+bool CoverPlanBuilder::take_frame() {
+  const auto moves = [&](std::uint32_t b) {
+    return std::find(plan_.moved.begin(), plan_.moved.end(), b) != plan_.moved.end();
+  };
+  frame_body_ = snapshot_.parent[plan_.bodies[plan_.motions.empty() ? 0 : plan_.given_bodies]];
+  while (frame_body_ != kNone && moves(frame_body_)) frame_body_ = snapshot_.parent[frame_body_];
+  if (frame_body_ == kNone) return true;
+  if (snapshot_.placed[frame_body_].status != Status::kOk) return false;
+  frame_inverse_ = inverse(snapshot_.placed[frame_body_].pose.X_wb);
+  return true;
+}
+
+bool CoverPlanBuilder::has_pose(std::uint32_t b, const DecidedBody& decided) const {
+  const std::uint32_t parent = snapshot_.parent[b];
+  if (decided.carrier != kNone ? !has_pose_[decided.carrier]
+                               : parent != kNone && snapshot_.placed[parent].status != Status::kOk)
+    return false;
+  return snapshot_.placed[b].status != Status::kStalePose &&
+         (decided.pose != kNone || (snapshot_.given[b] && check(snapshot_.local[b]) != PoseQuality::kBad));
+}
+
 bool CoverPlanBuilder::take_bodies() {
-  frame_body_ = snapshot_.parent[plan_.bodies[0]];
-  if (frame_body_ != kNone) {
-    if (snapshot_.placed[frame_body_].status != Status::kOk) return false;
-    frame_inverse_ = inverse(snapshot_.placed[frame_body_].pose.X_wb);
-  }
+  for (const std::uint32_t b : std::span(plan_.bodies).first(plan_.given_bodies))
+    out_->most_distance_.push_back(SlackBounds::most_distance(snapshot_.local[b]));
   bool any = false;
   for (const std::uint32_t b : plan_.moved) {
     const Body& body = scene_.bodies()[b];
@@ -79,8 +103,8 @@ bool CoverPlanBuilder::take_bodies() {
     decided.pose = given == plan_.bodies.end() ? kNone : static_cast<std::uint32_t>(given - plan_.bodies.begin());
     slot_[b] = static_cast<std::uint32_t>(out_->bodies_.size());
     take_link(b, decided);
-    const bool is_usable = snapshot_.placed[b].status != Status::kStalePose && !is_cloud(body) && !body.parts.empty() &&
-                           (decided.pose != kNone || snapshot_.given[b]);
+    has_pose_.push_back(has_pose(b, decided));
+    const bool is_usable = has_pose_.back() && !is_cloud(body) && !body.parts.empty();
     out_->covers_.push_back(is_usable ? store_.find(body.parts) : nullptr);
     any |= out_->covers_.back() != nullptr;
     add(decided);
@@ -100,6 +124,7 @@ void CoverPlanBuilder::add(DecidedBody& decided) {
 // Meshes that stay where they are are bodies with covers, too. They are no obstacles, which are convex.
 void CoverPlanBuilder::take_still_meshes() {
   for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) {
+    if (is_beyond(p)) continue;
     const BodyPair pair = plan_.pairs.at(p);
     for (const std::uint32_t b : {pair.a, pair.b})
       if (b < slot_.size() && slot_[b] == kNone && out_->bodies_.size() < kMostDecidedBodies) take_still_mesh(b);
@@ -189,13 +214,29 @@ bool CoverPlanBuilder::take_sources() {
 }
 
 std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
-                                                 const JointTableStore* tables) {
-  return CoverPlanBuilder(scene, plan, covers, tables).build();
+                                                 const JointTableStore* tables, std::span<const std::uint64_t> beyond) {
+  return CoverPlanBuilder(scene, plan, covers, tables, beyond).build();
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {
-  return !plan.motions.empty() && plan.given_bodies == 0 && plan.pairs.size() > 0 && plan.pairs.size() <= kMostPairs &&
-         plan.moved.size() <= kMostDecidedBodies;
+  const QueryView& query = plan.query;
+  const std::uint64_t pairs = plan.pairs.size();
+  if (query.configuration_count == 0 || plan.bodies.empty() || pairs == 0) return false;
+  if (plan.moved.size() > kMostDecidedBodies || (query.max_evaluations > 0 && plan.given_bodies > 0)) return false;
+  return pairs <= kFewPairs || (query.reduce == Reduce::kAny && pairs <= kMostPairs &&
+                                pairs <= kManyPairsPerState * query.configuration_count);
+}
+
+bool CoverPlan::pays_at_once(const Plan& plan) {
+  return plan.pairs.size() <= kPairsPerState * plan.query.configuration_count;
+}
+
+bool CoverPlan::take_given(std::span<Pose> poses) const {
+  for (std::size_t m = 0; m < most_distance_.size(); ++m) {
+    if (check(poses[m]) == PoseQuality::kBad || !(norm(poses[m].translation) <= most_distance_[m])) return false;
+    normalize(poses[m]);
+  }
+  return true;
 }
 
 bool CoverPlan::holds_for(std::span<const double> positions) const {

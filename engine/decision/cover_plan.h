@@ -16,15 +16,21 @@
 namespace clearance {
 
 /// Constants for decisions about the states of one plan, as long as its snapshot and its pairs are the same. All
-/// lengths are relative to the frame that carries the first robot moved, so that they are short. Immutable.
+/// lengths are relative to the frame that carries the first robot moved, or else the first body, so that they are short.
+/// Immutable.
 class CoverPlan {
  public:
-  /// Whether covers may decide states or motions of a plan: those of joints alone, without many pairs.
+  /// Whether covers may decide states or motions of a plan: not those of many pairs and few states, nor motions
+  /// of given bodies.
   static bool may_decide(const Plan& plan);
+  /// Whether a plan is made in less time than it saves in one answer.
+  static bool pays_at_once(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
   /// \param tables may be null
+  /// \param beyond positions of pairs, ascending, known to be beyond their margins in every state
   static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
-                                               const JointTableStore* tables = nullptr);
+                                               const JointTableStore* tables = nullptr,
+                                               std::span<const std::uint64_t> beyond = {});
   /// Increases whenever make() may return something else.
   static std::uint64_t revision(const CoverStore& covers, const JointTableStore* tables) {
     return covers.revision() + (tables ? tables->revision() : 0);
@@ -42,6 +48,9 @@ class CoverPlan {
   std::span<const std::uint64_t> unknown() const { return unknown_; }
   /// Whether the bounds hold for a row of the plan's positions. Joints that slide have limits.
   bool holds_for(std::span<const double> positions) const;
+  /// Whether the bounds hold for the poses of the given bodies in a configuration: usable and not too far away. Makes
+  /// their quaternions units, as the kernels expect.
+  bool take_given(std::span<Pose> poses) const;
 
  private:
   friend class CoverPlanBuilder;
@@ -51,11 +60,14 @@ class CoverPlan {
     double most;       // metres
   };
   std::vector<SlideLimit> slides_;
-  std::vector<LinkOf> links_;  // of bodies_
+  std::vector<double> most_distance_;  // by given body, metres
+  std::vector<LinkOf> links_;          // of bodies_
   std::unique_ptr<const SpanRates> rates_;
   std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;
+  std::vector<ObstacleNode> nodes_;
+  std::vector<float> node_bound_;
   std::vector<MovedPair> moved_pairs_;
   std::vector<std::int32_t> moved_a_, moved_b_;
   std::vector<float> moved_reach_;

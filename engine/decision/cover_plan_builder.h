@@ -1,10 +1,12 @@
 // Collects the parts of a CoverPlan. Included by its sources alone.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <limits>
 #include <memory>
+#include <span>
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
@@ -32,10 +34,13 @@ inline float down(double value) {
 
 class CoverPlanBuilder {
  public:
-  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables)
+  /// As of CoverPlan::make().
+  CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables,
+                   std::span<const std::uint64_t> beyond)
       : scene_(scene),
         plan_(plan),
         snapshot_(*plan.snapshot),
+        beyond_(beyond),
         store_(store),
         slack_(scene, plan),
         slot_(scene.bodies().size(), kNone),
@@ -55,7 +60,10 @@ class CoverPlanBuilder {
     Slack slack;
   };
 
+  bool is_beyond(std::uint64_t position) const { return std::binary_search(beyond_.begin(), beyond_.end(), position); }
   bool take_slides();
+  bool take_frame();
+  bool has_pose(std::uint32_t body, const DecidedBody& decided) const;
   bool take_bodies();
   void take_link(std::uint32_t body, DecidedBody& decided);
   void take_still_meshes();
@@ -69,12 +77,16 @@ class CoverPlanBuilder {
   std::uint32_t obstacles_of(std::uint32_t body);
   void take(std::uint64_t position);
   void take_moved(std::uint64_t position, std::uint32_t a, std::uint32_t b);
+  void sort_obstacles();
+  void divide_obstacles(std::span<std::uint32_t> order, std::uint32_t first);
+  void bound_nodes();
   void finish();
   const Cover* cover(std::uint32_t slot) const { return out_->covers_[slot].get(); }
 
   const engine::Scene& scene_;
   const Plan& plan_;
   const PoseSnapshot& snapshot_;
+  const std::span<const std::uint64_t> beyond_;
   const CoverStore& store_;
   const SlackBounds slack_;
   std::unique_ptr<CoverPlan> out_{new CoverPlan};
@@ -82,6 +94,7 @@ class CoverPlanBuilder {
   std::vector<std::uint32_t> slot_;         // by body: index in bodies_, or kNone
   std::vector<std::uint32_t> obstacle_of_;  // by body: first obstacle, kNone if it is none
   std::vector<std::uint32_t> parts_of_;     // by obstacle: count of the body's obstacles, at its first one
+  std::vector<std::uint8_t> has_pose_;      // by moved body: in every state whose given poses are usable
   std::vector<double> world_;               // by moved body: lengths in the world that its place is a difference of
   std::vector<double> errors_;              // by moved body: centre_error()
   std::vector<SpanRates::Source> sources_;  // of motions

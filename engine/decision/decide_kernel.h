@@ -38,7 +38,7 @@ class Decider {
     result.is_listed = true;
     result.hit = hit_;
     result.open_end = keep_before_hit();
-    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    result.verdict = verdict();
     return result;
   }
 
@@ -48,15 +48,12 @@ class Decider {
     begin(true, static_cast<std::uint32_t>(batch.capacity));
     span_ = &batch;
     placed_.take_spans(batch.bodies);
-    if (batch.items) {
-      for (std::size_t i = 0; i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
-    } else {
-      decide_obstacles();
-      if (!is_over()) decide_moved_pairs();
-    }
+    for (std::size_t i = 0; batch.items && i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
+    if (!batch.items) decide_obstacles();
+    if (!batch.items && !is_over()) decide_moved_pairs();
     if (overflow_) return result;
     result.open = count_;
-    result.verdict = hit_ != kNoHit ? Verdict::kHit : count_ == 0 ? Verdict::kFree : Verdict::kUnresolved;
+    result.verdict = verdict();
     if (hit_ != kNoHit) result.hit = ball_hit_;
     return result;
   }
@@ -68,12 +65,10 @@ class Decider {
   static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
 
   void begin(bool any_hit, std::uint32_t capacity) {
-    any_hit_ = any_hit;
-    capacity_ = capacity;
-    hit_ = kNoHit;
-    count_ = 0;
-    overflow_ = false;
+    any_hit_ = any_hit, capacity_ = capacity;
+    hit_ = kNoHit, count_ = 0, overflow_ = false;
   }
+  Verdict verdict() const { return hit_ != kNoHit ? Verdict::kHit : count_ ? Verdict::kUnresolved : Verdict::kFree; }
   bool is_over() const { return overflow_ || (any_hit_ && hit_ != kNoHit); }
 
   /// Records the result of a pair.
@@ -96,25 +91,32 @@ class Decider {
   }
 
   void decide_obstacles() {
-    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-        const std::size_t at = std::size_t{o} * v_.columns + begin;
-        const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
-        Eight bound = still;
-        if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
-        const Obstacle& obstacle = v_.obstacles[o];
-        if (obstacle.kind == Obstacle::Kind::kPlanes &&
-            placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
-          continue;
-        PointGaps gaps;
-        placed_.root_gaps(obstacle, begin, {bound, still, inner}, gaps);
-        for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
-          record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
-        for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
-          if (is_over()) return;
-          decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
-        }
+    for (std::uint32_t n = 0; n < v_.node_count && !is_over();) {
+      const ObstacleNode& node = v_.nodes[n];
+      const bool is_beyond = placed_.template are_roots_beyond<kMoves>(n);
+      for (std::uint32_t o = node.first; !is_beyond && o < node.last && !is_over(); ++o) decide_obstacle(o);
+      n = is_beyond ? node.skip : n + 1;
+    }
+  }
+  HWY_INLINE void decide_obstacle(std::uint32_t o) {
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
+      const std::size_t at = std::size_t{o} * v_.columns + begin;
+      const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
+      Eight bound = still;
+      if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+      const Obstacle& obstacle = v_.obstacles[o];
+      if (obstacle.kind == Obstacle::Kind::kPlanes &&
+          placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
+        continue;
+      PointGaps gaps;
+      placed_.root_gaps(obstacle, begin, {bound, still, inner}, gaps);
+      for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
+        record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
+      for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
+        if (is_over()) return;
+        decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
       }
+    }
   }
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
@@ -166,7 +168,8 @@ class Decider {
     for (Bits open = ~greater(Eight::load(gaps.low), bound) & used; open; open &= open - 1) {
       const int i = lowest(open);
       const std::uint32_t child = packet.children[i];
-      if (child == kNone || (kMoves && is_finer_useless(packet, c, i)) || --packets_left_ < 0) {
+      // A shorter span helps more than smaller balls where the movement exceeds the stand-out by far.
+      if (child == kNone || (kMoves && c.way[i] > 2 * stand_out(packet, i)) || --packets_left_ < 0) {
         result |= kOpen;
         if (kMoves && child == kNone && !(gaps.low[i] > packet.outer[i] + grow)) result |= kNear;
         continue;
@@ -179,12 +182,6 @@ class Decider {
     }
     return result;
   }
-  /// Whether a ball's movement exceeds its stand-out by far, so that a shorter span helps more than smaller balls.
-  static bool is_finer_useless(const BallPacket& packet, const Centres& c, int i) {
-    const float inner = packet.inner[i] > 0 ? packet.inner[i] : 0;
-    return c.way[i] > 2 * (packet.outer[i] - inner);
-  }
-
   void decide_moved_pairs() {
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
       const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
@@ -257,7 +254,7 @@ class Decider {
   /// \param near those that are open even without movement
   Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open, Bits near) {
     if (p.children[i] == kNone) return open & near ? kOpen | kNear : kOpen;
-    if (kMoves && pair_span_.way > 4 * (p.outer[i] - (p.inner[i] > 0 ? p.inner[i] : 0))) return kOpen;
+    if (kMoves && pair_span_.way > 4 * stand_out(p, i)) return kOpen;
     const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
     Centres c_p, c_q;
     placed_.template centres<false>(below_p, pair.a, c_p);

@@ -1,6 +1,7 @@
 // Input and output of the kernel of decisions, as plain arrays.
 #pragma once
 
+#include <array>
 #include <cstddef>
 #include <cstdint>
 #include <span>
@@ -51,6 +52,13 @@ struct TabledPair {
 inline constexpr std::uint32_t kMostTabledPairs = 64;
 inline constexpr std::uint8_t kNoTable = 255;
 
+/// A node of the tree of obstacles, in depth-first order.
+struct ObstacleNode {
+  std::array<float, 3> at;    ///< in the common frame
+  std::uint32_t first, last;  ///< obstacles of a leaf; empty for other nodes
+  std::uint32_t skip;         ///< the next node that is not below
+};
+
 /// Constants of a query. Bodies are in columns of a multiple of 8; `grow` and `shrink`, by (obstacle, body), are added
 /// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
 /// ball of a complete cut, and within its margin if a gap is below inner + shrink for one ball.
@@ -71,6 +79,11 @@ struct DecisionView {
   const std::uint8_t* table;  ///< (obstacles, columns) index in `tabled`, or kNoTable
   const TabledPair* tabled;
   std::uint32_t tabled_count;  ///< up to kMostTabledPairs
+  const ObstacleNode* nodes;   ///< every obstacle is in one leaf
+  std::uint32_t node_count;
+  const float*
+      node_bound;  ///< (nodes, columns) the root is beyond its margin from the obstacles below if its centre is
+                   ///< farther than this from the node
 };
 inline constexpr std::uint32_t kMostDecidedBodies = 64;
 

@@ -21,6 +21,11 @@ HWY_INLINE int lowest(Bits bits) {
   return __builtin_ctz(bits);
 }
 
+/// Difference of the bounds that one ball gives of a body's distance, metres.
+HWY_INLINE float stand_out(const BallPacket& packet, int i) {
+  return packet.outer[i] - (packet.inner[i] > 0 ? packet.inner[i] : 0);
+}
+
 /// Balls in the common frame, and how far each can move within half a span.
 struct Centres {
   alignas(32) float x[kBalls], y[kBalls], z[kBalls];
@@ -128,6 +133,16 @@ class PlacedBalls {
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
     return greater(distances_to_roots(begin, centre), bound) == 0xff;
+  }
+  /// Whether the roots of all bodies are beyond their margins from the obstacles below a node.
+  template <bool kMoves>
+  HWY_INLINE bool are_roots_beyond(std::uint32_t node) const {
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
+      Eight bound = Eight::load(v_.node_bound + std::size_t{node} * v_.columns + begin);
+      if constexpr (kMoves) bound = bound + root_ways(begin);
+      if (!are_roots_beyond(begin, v_.nodes[node].at, bound)) return false;
+    }
+    return true;
   }
   /// Distances of the roots of eight pairs of bodies, and how far both move.
   HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {

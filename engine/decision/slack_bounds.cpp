@@ -42,6 +42,11 @@ double most_travel(const RobotColumn& column) {
   return most < SlackBounds::kMostTravel ? most : SlackBounds::kMostTravel;
 }
 
+double SlackBounds::most_distance(const Pose& in_snapshot) {
+  const double twice = 2 * norm(in_snapshot.translation);
+  return twice > kMostTravel && twice < HUGE_VAL ? twice : kMostTravel;
+}
+
 SlackBounds::SlackBounds(const engine::Scene& scene, const Plan& plan)
     : plan_(plan), slot_(scene.bodies().size(), kNone) {
   const PoseSnapshot& snapshot = *plan.snapshot;
@@ -51,14 +56,15 @@ SlackBounds::SlackBounds(const engine::Scene& scene, const Plan& plan)
     const Body& body = scene.bodies()[b];
     const std::uint32_t parent = snapshot.parent[b];
     const bool is_link = body.robot != kNone;
+    const bool is_placed = std::find(plan.bodies.begin(), plan.bodies.end(), b) != plan.bodies.end();
     const double travel = is_link ? travels[body.robot][body.link] : 0;
-    const double own = is_link ? farthest_link(*scene.robots()[body.robot], body.link, travel)
-                               : norm(snapshot.local[b].translation) * kUp;
+    const double own = is_link     ? farthest_link(*scene.robots()[body.robot], body.link, travel)
+                       : is_placed ? most_distance(snapshot.local[b]) * kUp
+                                   : norm(snapshot.local[b].translation) * kUp;
     const bool is_carried = parent != kNone && slot_[parent] != kNone;
     slot_[b] = static_cast<std::uint32_t>(farthest_.size());
     farthest_.push_back((own + (is_carried ? farthest_[slot_[parent]] : 0)) * kUp);
     if (plan.uncertainties.empty()) continue;
-    const bool is_placed = std::find(plan.bodies.begin(), plan.bodies.end(), b) != plan.bodies.end();
     const double age_s = is_placed ? points_age_s(snapshot, b, plan.begun_ns) : pose_age_s(snapshot, b, plan.begun_ns);
     double from_world = farthest_.back();
     for (std::uint32_t on = parent; on != kNone; on = snapshot.parent[on])

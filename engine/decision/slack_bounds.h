@@ -14,6 +14,9 @@ class SlackBounds {
  public:
   /// Limit on the travel of joints that slide without limits of their own, in metres.
   static constexpr double kMostTravel = 16;
+  /// Limit on the distance of a body with given poses from the frame that carries it, in metres: kMostTravel, or twice
+  /// its distance in the snapshot.
+  static double most_distance(const Pose& in_snapshot);
 
   SlackBounds(const engine::Scene& scene, const Plan& plan);
 

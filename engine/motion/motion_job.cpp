@@ -6,6 +6,7 @@
 #include <utility>
 
 #include "engine/decision/motion_decider.h"
+#include "engine/evaluate/still_pairs.h"
 #include "engine/motion/motion_block.h"
 #include "engine/query/parallel_job.h"
 
@@ -29,10 +30,18 @@ class MotionJob final : public ParallelJob {
     for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, options_, boxes(), most);
     block_ = most;
     left_.resize(blocks_.size());
-    take_covers();
+    if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kOfFree) != 0) return;
+    may_use_covers_ = true;
+    still_ = StillPairs::find(scene(), plan_, options_, boxes());
+    if (!still_) take_covers();
   }
 
   bool go_on(WorkMeter& slice) override {
+    if (still_ && !still_->is_done()) {
+      if (!still_->advance(slice)) return false;
+      evaluated_ += still_->evaluated();
+      take_covers();
+    }
     const std::uint64_t count = plan_.size.configurations,
                         at_once = kBlocksAtOnce * static_cast<std::uint64_t>(workers()) * block_;
     while (first_ < count) {
@@ -59,7 +68,7 @@ class MotionJob final : public ParallelJob {
   void rewind() override {
     first_ = next_ = written_ = 0;
     evaluated_ = 0;
-    if (context_.covers && covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
+    if (may_use_covers_ && covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
   }
 
  private:
@@ -111,10 +120,10 @@ class MotionJob final : public ParallelJob {
 
   void take_covers() {
     deciders_.clear();
-    if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kOfFree) != 0) return;
     needs_no_row_ = (plan_.size.fields & ~kOfVerdict) == 0;
     covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
-    covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
+    covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
+                              still_ ? still_->beyond() : std::span<const std::uint64_t>());
     if (!covers_ || !covers_->rates()) return;
     for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
   }
@@ -128,12 +137,13 @@ class MotionJob final : public ParallelJob {
 
   MotionBounds bounds_;
   MotionQuery motion_query_{scene(), plan_, bounds_};
-  std::vector<MotionBlock> blocks_;  // one per worker
+  std::vector<MotionBlock> blocks_;    // one per worker
+  std::unique_ptr<StillPairs> still_;  // null if there are none, or without covers
   std::unique_ptr<const CoverPlan> covers_;
   std::vector<MotionDecider> deciders_;        // one per worker; none without covers
   std::vector<std::vector<OpenMotion>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
-  bool needs_no_row_ = false;
+  bool may_use_covers_ = false, needs_no_row_ = false;
   std::vector<std::vector<MotionRow>> rows_;  // of the units in progress
   std::uint64_t block_ = 1, first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};

@@ -34,10 +34,12 @@ std::span<const std::span<const std::uint64_t>> LeftStates::pairs() {
 
 CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
     : ParallelJob(context, std::move(plan), reply),
-      near_pairs_(scene(), plan_, boxes(), *context.trees, NearBy::kBrute) {
+      near_pairs_(scene(), plan_, boxes(), *context.trees,
+                  CoverPlan::pays_at_once(plan_) ? NearBy::kBrute : context.near_by) {
   columns_.assign(boxes());
-  block_ = std::min(kMostStates, ConfigurationBlock::most(scene(), plan_, false, !boxes().empty(), workers()));
-  take_covers();
+  block_ = std::min(kMostStates,
+                    ConfigurationBlock::most(scene(), plan_, near_pairs_.by_tree(), !boxes().empty(), workers()));
+  if (CoverPlan::pays_at_once(plan_)) prepare_covers();
 }
 
 void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
@@ -48,6 +50,12 @@ void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
 }
 
 bool CoveredJob::go_on(WorkMeter& slice) {
+  if (still_ && !still_->is_done()) {
+    if (!still_->advance(slice)) return false;
+    evaluated_ += still_->evaluated();
+    take_covers();
+    covers_changed();
+  }
   const std::uint64_t count = plan_.size.configurations;
   while (first_ < count) {
     const std::uint64_t here = std::min(batch_, count - first_);
@@ -69,14 +77,25 @@ bool CoveredJob::go_on(WorkMeter& slice) {
 
 void CoveredJob::rewind() {
   first_ = next_ = evaluated_ = 0;
-  if (covers_revision_ == CoverPlan::revision(*context_.covers, context_.tables)) return;
-  take_covers();
+  if (!is_prepared_)
+    prepare_covers();
+  else if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables))
+    take_covers();
+  else
+    return;
   covers_changed();
+}
+
+void CoveredJob::prepare_covers() {
+  is_prepared_ = true;
+  still_ = StillPairs::find(scene(), plan_, options_, boxes());
+  if (!still_) take_covers();
 }
 
 void CoveredJob::take_covers() {
   covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
-  covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables);
+  covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
+                            still_ ? still_->beyond() : std::span<const std::uint64_t>());
 }
 
 // The rows of one block of configurations.
@@ -113,17 +132,24 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
 void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
                                  WorkMeter& meter) {
   const std::size_t stride = plan_.bodies.size(), joints = plan_.joints.size();
-  const ConfigurationPoses::PoseBlock given = worker_poses(worker).given(begin, count);
-  share.usable.resize(count);
-  for (std::uint64_t k = 0; k < count; ++k) {
-    const auto facts = given.facts.subspan(k * stride, stride);
-    share.usable[k] =
-        covers_->holds_for(plan_.positions.subspan((begin + k) * joints, joints)) &&
-        std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+  const ConfigurationPoses::PoseBlock block = worker_poses(worker).given(begin, count);
+  const Pose* poses = block.poses.data();
+  share.usable.assign(count, 1);
+  if (plan_.given_bodies > 0) {
+    share.poses.assign(block.poses.begin(), block.poses.end());
+    poses = share.poses.data();
+    for (std::uint64_t k = 0; k < count; ++k)
+      share.usable[k] = covers_->take_given(std::span(share.poses).subspan(k * stride, plan_.given_bodies));
   }
+  if (!plan_.motions.empty())
+    for (std::uint64_t k = 0; k < count; ++k) {
+      const auto facts = block.facts.subspan(k * stride, stride);
+      share.usable[k] &=
+          covers_->holds_for(plan_.positions.subspan((begin + k) * joints, joints)) &&
+          std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+    }
   const double* const positions = plan_.positions.data() + begin * joints;
-  answer_by_covers({begin, count, given.poses.data(), stride, share.usable.data(), positions, joints, meter}, worker,
-                   share.left);
+  answer_by_covers({begin, count, poses, stride, share.usable.data(), positions, joints, meter}, worker, share.left);
   const std::span<const std::uint64_t> left = share.left.configurations();
   if (left.empty()) return;
   const auto pairs = share.left.pairs();

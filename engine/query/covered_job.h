@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/evaluate/still_pairs.h"
 #include "engine/query/parallel_job.h"
 #include "engine/reduce/configuration_block.h"
 
@@ -81,16 +82,20 @@ class CoveredJob : public ParallelJob {
 
     ConfigurationBlock block;
     std::vector<std::uint8_t> usable;
+    std::vector<Pose> poses;  // of a block, if the query gives some
     LeftStates left;
     std::vector<std::uint64_t> all;  // configurations, without covers
     std::vector<std::vector<Row>> rows;
   };
+  void prepare_covers();
   void take_covers();
   bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
   void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
 
   BoxColumns columns_;
   NearPairs near_pairs_;
+  bool is_prepared_ = false;           // for covers: from the second answer on, unless they pay at once
+  std::unique_ptr<StillPairs> still_;  // null if there are none
   std::unique_ptr<const CoverPlan> covers_;
   std::uint64_t covers_revision_ = 0;
   std::uint64_t block_ = 1, batch_ = ~std::uint64_t{0};  // configurations

@@ -47,6 +47,31 @@ DECISION_MUTANTS = [
             "nullptr",
         ),
         ("decision_farthest", "decision/slack_bounds.cpp", "(@own@ + (is_carried ?", "0.1 * own"),
+        # Poses that the query gives.
+        ("pose_along", "decision/slack_bounds.cpp", "uncertainty_of(body, {{@own@, 0, 0}}", "0.1 * own"),
+        (
+            "pose_far",
+            "decision/cover_plan.cpp",
+            "norm(poses[m].translation) <= @most_distance_[m]@)",
+            "HUGE_VAL",
+        ),
+        ("pose_length", "decision/cover_plan.cpp", "@normalize(poses[m])@", "(void)0"),
+        ("pose_carrier", "decision/cover_plan.cpp", "? @!has_pose_[decided.carrier]@ :", "false"),
+        (
+            "pose_parent",
+            "decision/cover_plan.cpp",
+            "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
+            "false",
+        ),
+        # The tree of obstacles.
+        ("node_reach", "decision/cover_pairs.cpp", "@longer(o.outer_radius)@", "0.5 * longer(o.outer_radius)"),
+        ("node_box", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + y * y + z * z@))", "x * x + y * y"),
+        ("node_cylinder", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + z * z@))", "z * z"),
+        ("node_below", "decision/cover_pairs.cpp", "take(out.node_bound_.data() + @below@ * columns", "(n + 1)"),
+        ("node_skip", "decision/cover_pairs.cpp", "below = @out.nodes_[below].skip@)", "node.skip"),
+        # Pairs of bodies that stay.
+        ("still_box", "evaluate/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
+        ("still_answer", "evaluate/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
         # The search through balls.
         ("decision_open", "decision/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (
@@ -82,7 +107,7 @@ DECISION_MUTANTS = [
         (
             "decision_leaf",
             "decision/decide_kernel.h",
-            "is_finer_useless(packet, c, i)) || --packets_left_ < 0) { result |= @kOpen@;",
+            "stand_out(packet, i)) || --packets_left_ < 0) { result |= @kOpen@;",
             "Bits{0}",
         ),
         (
@@ -151,6 +176,12 @@ DECISION_MUTANTS = [
             "query/decision_job.cpp",
             "open.insert(open.end(), @covers().unknown().begin()@",
             "covers().unknown().end()",
+        ),
+        (
+            "decision_left_open",
+            "query/decision_job.cpp",
+            "room.open.begin() + @decision.open_end@)",
+            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
         ),
         # Distances.
         ("distance_drop_far", "decision/least_bounds.h", "lay_aside(@of[i].lower@, of[i].position)", "1e30f"),
@@ -335,6 +366,7 @@ DECISION_MUTANTS = [
             "0.5 * half",
         ),
         ("span_roots", "decision/decide_kernel.h", "bound = bound + @placed_.root_ways(begin)@", "Eight(0.0f)"),
+        ("span_nodes", "decision/placed_balls.h", "bound = bound + @root_ways(begin)@", "Eight(0.0f)"),
         ("span_packet", "decision/decide_kernel.h", "bound = bound + @Eight::load(c.way)@", "Eight(0.0f)"),
         (
             "span_roots_of_pair",

@@ -161,6 +161,7 @@ MUTANTS = [
         ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
         ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
         ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
+        ("mesh_corners", "cover/mesh/mesh_cells.cpp", "if (@cell.is_inside[i]@) points.push_back", "false"),
         (
             "mesh_cut",
             "cover/mesh/mesh_cells.cpp",

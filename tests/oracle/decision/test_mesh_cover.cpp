@@ -129,6 +129,7 @@ TEST(MeshCover, HoldsPointsOnEveryLevel) {
 
 /// Whether the hull of some points, grown, holds a point.
 bool holds(const std::vector<Vec3d>& points, double growth, const Vec3d& p) {
+  if (points.empty()) return false;
   for (int k = 0; k < 3; ++k) {
     const auto along = [k](const Vec3d& a, const Vec3d& b) { return a[k] < b[k]; };
     const auto [low, high] = std::minmax_element(points.begin(), points.end(), along);
@@ -155,6 +156,31 @@ TEST(MeshCover, CellsHoldTheBody) {
     for (int i = 0; i < 300 && body.solid->is_solid; ++i)
       if (const Vec3d p = near_surface(*body.solid, random); is_within(*body.solid, p)) check(p);
   }
+}
+
+// Corners in a solid hold what no triangle is near.
+TEST(MeshCover, CellsHoldTheInteriorOfADentedBox) {
+  Mesh mesh = exact::box_mesh({0.5, 0.5, 0.5});
+  const auto faces = mesh.triangles;
+  mesh.triangles.clear();
+  for (const auto& [a, b, c] : faces) {
+    const auto m = static_cast<std::uint32_t>(mesh.vertices.size());
+    mesh.vertices.push_back((mesh.vertices[a] + mesh.vertices[b] + mesh.vertices[c]) * (0.8 / 3));
+    for (const Triangle& t : {Triangle{a, b, m}, {b, c, m}, {c, a, m}}) mesh.triangles.push_back(t);
+  }
+  const MeshBody body{"dented", exact::solid(std::move(mesh), true)};
+  const ConvexPartPtr part = body.part();
+  const MeshCells cells = mesh_cells(*part->surface, 300);
+  EXPECT_GT(cells.points.size(), 100u);
+  for (int x = -3; x <= 3; ++x)
+    for (int y = -3; y <= 3; ++y)
+      for (int z = -3; z <= 3; ++z) {
+        const Vec3d p{0.03 * x, 0.03 * y, 0.03 * z};
+        EXPECT_TRUE(is_within(*body.solid, p));
+        EXPECT_TRUE(std::any_of(cells.points.begin(), cells.points.end(),
+                                [&](const auto& points) { return holds(points, cells.growth, p); }))
+            << x << " " << y << " " << z;
+      }
 }
 
 TEST(MeshCover, InnerRadiiHold) {
