@@ -175,7 +175,7 @@ class LeastDistanceJob final : public CoveredJob {
 }  // namespace
 
 bool covers_may_bound(const JobContext& context, const Plan& plan) {
-  return context.covers && !context.reference && context.near_by != NearBy::kTree && !context.scene->has_proxies() &&
+  return context.covers && !context.reference && context.near_by != NearBy::kTree &&
          plan.query.reduce == Reduce::kMin && !plan.query.signed_distance &&
          (plan.query.max_distance == kInf || has_wide_tolerance(plan)) && CoverPlan::may_decide(plan);
 }

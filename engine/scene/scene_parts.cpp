@@ -36,16 +36,6 @@ std::uint64_t point_count(const Body& body) {
   return body.cloud == CloudState::kPoints ? body.parts[0]->surface->size() : 0;
 }
 
-std::string no_exact_convex_part(const engine::Scene& scene, BodyPair pair) {
-  for (const std::uint32_t id : {pair.a, pair.b}) {
-    if (id >= scene.bodies().size()) continue;
-    if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
-    const Surface* surface = surface_of(scene.bodies()[id]);
-    if (surface) return "'" + scene.bodies()[id].name + "' is a " + (surface->is_solid() ? "solid" : "surface");
-  }
-  return "";
-}
-
 std::string placed_by_joints(const Body& body) {
   return "'" + body.name + "' is a link placed by joints: set their positions, or the pose of its robot's base";
 }

@@ -305,20 +305,6 @@ MUTANTS = [
         ),
         ("pieces_failed", "mesh_distance/decomposed_pair.cpp", "has_failed_ = @true@", "false"),
     ),
-    # Meshes modelled by their convex parts alone.
-    *mutants_of(
-        "model",
-        ("model_inner", "scene/scene_by_parts.cpp", "sum_above(body.model_inner, inner)", "body.model_inner"),
-        ("model_outer", "scene/scene_by_parts.cpp", "sum_above(body.model_error, outer)", "body.model_error"),
-        ("model_radius", "scene/scene_by_parts.cpp", "with_radius(*core, part->radius)", "core"),
-        (
-            "model_held",
-            "evaluate/evaluate_containment.cpp",
-            "by_parts ? @search.slack.true_lower(found.lower)@ : found.lower",
-            "0.0",
-        ),
-        ("model_overlap", "evaluate/evaluate.cpp", "std::max(best.bounds.upper, 0.0)", "best.bounds.upper"),
-    ),
     # Obstacles of covers, and the gaps of points from them.
     *mutants_of(
         "obstacles",

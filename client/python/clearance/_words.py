@@ -1,6 +1,6 @@
 """Enumerations and columns of queries and answers.
 
-Mirrors wire/types.h, wire/mesh_as.h and wire/model.h, value by value (tests/python/test_words.py compares them).
+Mirrors wire/types.h and wire/mesh_as.h, value by value (tests/python/test_words.py compares them).
 """
 
 from __future__ import annotations
@@ -43,13 +43,6 @@ class Precision(enum.IntEnum):
 
     F64 = 0
     F32 = 1
-
-
-class Model(enum.IntEnum):
-    """Geometry used to answer a query."""
-
-    TRUTH = 0  #: the exact geometry
-    PIECES = 1  #: a mesh's convex parts, if it has any; bounds widen by their deviation from the mesh
 
 
 class Reduce(enum.IntEnum):
