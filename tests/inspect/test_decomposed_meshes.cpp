@@ -1,4 +1,4 @@
-// Meshes with a file of convex parts next to them, as scenes read and keep them; and the process that proposes parts.
+// Meshes with a file of convex parts next to them, as scenes read and keep them.
 #include <gtest/gtest.h>
 
 #include <filesystem>
@@ -9,7 +9,6 @@
 #include "engine/geometry/mesh_geometry.h"
 #include "engine/hull/decomposition.h"
 #include "engine/scene/mesh_warning.h"
-#include "inspect/decompose.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
@@ -141,52 +140,6 @@ TEST_F(DecomposedMeshes, AreKeptByTheCacheAndProvedAgainFromAFile) {
   ASSERT_TRUE(there);
   EXPECT_GT(there->inner, parts.inner);
   EXPECT_LE(there->inner, parts.inner + 1e-14);
-}
-
-TEST_F(DecomposedMeshes, TheCommandProvesWhatIsThere) {
-  DecomposeOptions options;
-  options.mesh = write("l.obj", kBracket);
-  options.keep = true;
-  const std::atomic<bool> stop{false};
-  EXPECT_NE(error_text<std::runtime_error>([&] { decompose(options, stop); }).find("l.obj.pieces.obj: no such file"),
-            std::string::npos);
-  write("l.obj.pieces.obj", both_boxes());
-  const DecomposedMesh done = decompose(options, stop);
-  EXPECT_EQ(done.parts, 2u);
-  EXPECT_EQ(done.triangles, 20u);
-  EXPECT_LE(done.inner, 1e-12);
-}
-
-// A program that gets the arguments of a Python with CoACD, in its place.
-TEST_F(DecomposedMeshes, TheProcessThatProposesMayFailOrBeStopped) {
-  const auto program = [&](const char* name, const std::string& text) {
-    const std::string path = write(name, "#!/bin/sh\n" + text);
-    fs::permissions(path, fs::perms::owner_all);
-    return path;
-  };
-  DecomposeOptions options;
-  options.mesh = write("l.obj", kBracket);
-  options.quiet = true;
-  std::atomic<bool> stop{false};
-  const auto rejection = [&](const std::string& python) {
-    options.python = python;
-    return error_text<std::runtime_error>([&] { decompose(options, stop); });
-  };
-  const std::string absent = folder_ / "absent";
-  EXPECT_NE(rejection(absent).find(absent + " cannot be run"), std::string::npos);
-  EXPECT_NE(rejection(program("none", "exit 3\n")).find("has no coacd: pip install coacd there"), std::string::npos);
-  EXPECT_NE(rejection(program("fails", "exit 9\n")).find("CoACD failed with exit code 9"), std::string::npos);
-  EXPECT_NE(rejection(program("dies", "kill -9 $$\n")).find("CoACD failed with signal 9"), std::string::npos);
-  EXPECT_NE(rejection(program("silent", "exit 0\n")).find("without pieces that can be read"), std::string::npos);
-  EXPECT_NE(rejection(program("short", "head -c 20 /dev/zero | tr '\\0' '\\1' > \"$4\"\n")).find("can be read"),
-            std::string::npos);
-  EXPECT_NE(rejection(program("zero", "head -c 8 /dev/zero > \"$4\"\n")).find("proposed no piece"), std::string::npos);
-  stop = true;
-  EXPECT_NE(rejection(program("long", "sleep 1000\n")).find("stopped: no pieces were written"), std::string::npos);
-  stop = false;
-  options.seconds = 0.05;
-  EXPECT_NE(rejection(program("slow", "sleep 1000\n")).find("CoACD took longer than"), std::string::npos);
-  EXPECT_FALSE(fs::exists(options.mesh + ".pieces.obj"));
 }
 
 }  // namespace
