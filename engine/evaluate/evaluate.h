@@ -106,9 +106,8 @@ class Evaluator {
   // evaluate_elements.cpp
   void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
   bool gather(PairSearch& search, WorkMeter& meter);
-  bool is_left_to_parts(PairSearch& search);
   bool add_element_tasks(PairSearch& search);
-  bool take_hulls_or_proxies(PairSearch& search, std::span<const NarrowAnswer> answers);
+  bool take_hulls(PairSearch& search, std::span<const NarrowAnswer> answers);
   void end_element_round(PairSearch& search, std::span<const NarrowAnswer> answers);
 
   // evaluate_containment.cpp

@@ -174,7 +174,7 @@ void Evaluator::add_task(PairSearch& search, double cut_off, double stop_below, 
 void Evaluator::take_round(PairSearch& search, double stop_below, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   ElementSearch* const elements = search.elements.get();
-  if (elements && take_hulls_or_proxies(search, answers)) return;
+  if (elements && take_hulls(search, answers)) return;
   PartSearch& state = search.state;
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];

@@ -288,23 +288,6 @@ MUTANTS = [
             "measure_.apart(at, part_) >= 0",
         ),
     ),
-    # Decomposed meshes: distances from convex parts.
-    *mutants_of(
-        "decomposed_bodies",
-        (
-            "pieces_inner",
-            "mesh_distance/decomposed_pair.cpp",
-            "sum_above(decomposition->inner, part->radius)",
-            "part->radius",
-        ),
-        (
-            "pieces_radius",
-            "mesh_distance/decomposed_pair.cpp",
-            "sum_above(decomposition->inner, part->radius)",
-            "decomposition->inner",
-        ),
-        ("pieces_failed", "mesh_distance/decomposed_pair.cpp", "has_failed_ = @true@", "false"),
-    ),
     # Obstacles of covers, and the gaps of points from them.
     *mutants_of(
         "obstacles",

@@ -60,10 +60,9 @@ class MeshAs(enum.IntEnum):
 
     HULL = 0  #: one convex part: the hull of all vertices
     PARTS = 1  #: one convex part for each submesh of the file
-    DECOMPOSE = 2  #: a solid with convex parts as accelerator
+    AUTO = 2  #: the default: the hull of a convex or an open mesh, otherwise a solid
     SURFACE = 3  #: the triangles alone
     SOLID = 4  #: the volume that the triangles enclose
-    AUTO = 5  #: the default: the hull of a convex or an open mesh, otherwise a solid
 
 
 class Field(enum.IntFlag):
@@ -141,7 +140,7 @@ FIELD_MASKS: dict[str, int] = {
 
 # Types of arguments for type checkers; tests compare them with the tables below.
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
-MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
+MeshAsWord = Literal["hull", "parts", "auto", "surface", "solid"]
 GeometryWord = Literal["collision", "visual"]
 ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]
