@@ -252,42 +252,6 @@ MUTANTS = [
         "batches",
         ("remembers", "mesh_distance/element_search.h", "known_ = {}", "known_ = {.are_apart = known_.are_apart}"),
     ),
-    # Bounds on the difference between convex parts and a mesh.
-    *mutants_of(
-        "decompositions",
-        (
-            "inner_corners",
-            "decomposition/inner_bound.cpp",
-            "most = @std::max(most, distance(corner, i).upper)@",
-            "distance(corner, i).upper",
-        ),
-        ("inner_half", "decomposition/inner_bound.cpp", "{@middle@, v, w}", "u", "{middle, @v@, w}", "middle"),
-        (
-            "outer_corners",
-            "decomposition/outer_bound.cpp",
-            "most = @std::max(most, measure_.to(triangle, points_[corner].at).upper)@",
-            "measure_.to(triangle, points_[corner].at).upper",
-        ),
-        ("outer_radius", "decomposition/outer_bound.cpp", "take(@centre.distance + radius@)", "centre.distance"),
-        (
-            "outer_winding",
-            "decomposition/outer_bound.cpp",
-            "winding_number(exact_value_, known.at) != 0",
-            "winding_number(exact_value_, known.at) < 1000",
-        ),
-        (
-            "outer_within",
-            "decomposition/outer_bound.cpp",
-            "if (!(@depth > deepest@)) continue",
-            "depth > 1e9 * deepest",
-        ),
-        (
-            "outer_part",
-            "decomposition/outer_bound.cpp",
-            "measure_.apart(at, part_) > part.off",
-            "measure_.apart(at, part_) >= 0",
-        ),
-    ),
     # Obstacles of covers, and the gaps of points from them.
     *mutants_of(
         "obstacles",
