@@ -88,9 +88,6 @@ SUITES = {
     "surfaces": Suite(
         "Meshes that are not convex, compared with Coal.",
         "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS),
-    "pieces": Suite(
-        "Meshes that are not convex, by their triangles and by convex parts.",
-        "bench/surfaces/bench_pieces.py", "pieces", "--poses 20"),
     "link_meshes": Suite(
         "A robot's links and a concave mesh, compared with Pinocchio and Coal.",
         "bench/robots/bench_link_meshes.py", "link_meshes", "--robots panda --states 10 --rounds 1", python=ROBOTS),

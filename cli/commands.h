@@ -68,8 +68,7 @@ void add_bench(CLI::App& app);              // bench.cpp
 void add_throughput_mode(CLI::App& bench);  // bench_throughput.cpp
 void add_loop_mode(CLI::App& bench);        // bench_loop.cpp
 void add_keygen(CLI::App& app);
-void add_inspect(CLI::App& app);  // these five only with the engine
-void add_decompose(CLI::App& app);
+void add_inspect(CLI::App& app);  // these four only with the engine
 void add_robot(CLI::App& app);
 void add_selftest(CLI::App& app);
 void add_cache(CLI::App& app);

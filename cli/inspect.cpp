@@ -80,11 +80,10 @@ Table warnings_of(const engine::Scene& scene, const SceneReport& report) {
 }
 
 Table choices_of(const engine::Scene& scene, const SceneReport& report) {
-  Table table(
-      {"body", "mesh_as", "now", "vertices", "triangles", "KiB", "hull_excess_m", "pieces", "inner_m", "ns_per_pair"});
+  Table table({"body", "mesh_as", "now", "vertices", "triangles", "KiB", "hull_excess_m", "ns_per_pair"});
   for (const Choice& c : report.choices)
     table.add({scene.bodies()[c.body].name, std::string(word_of(c.what)), c.is_now, c.vertices, c.triangles,
-               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3), c.proxies, Cell(c.inner, 3),
+               Cell(static_cast<double>(c.bytes) / 1024, 3), Cell(c.hull_excess, 3),
                c.ns_per_pair ? Cell(*c.ns_per_pair, 3) : Cell()});
   return table;
 }

@@ -24,7 +24,6 @@ int main(int argc, char** argv) {
 #ifdef CLEARANCE_HAVE_ENGINE
   cli::add_inspect(app);
   cli::add_robot(app);
-  cli::add_decompose(app);
   cli::add_selftest(app);
   cli::add_cache(app);
 #endif
@@ -47,7 +46,7 @@ Exit codes
   constexpr const char* kLeftOut = "";
 #else
   constexpr const char* kLeftOut =
-      "; inspect, robot, decompose, selftest and cache are installed with the daemon, not with a client alone";
+      "; inspect, robot, selftest and cache are installed with the daemon, not with a client alone";
 #endif
   const auto fail = [](int code, const char* what) {
     std::cerr << "clearance: " << what << "\n";

@@ -34,7 +34,7 @@ std::string flag_of(std::string name) {
   return "--" + name;
 }
 
-/// Makes an option take words in place of numbers from 0 on, as in `truth pieces`.
+/// Makes an option take words in place of numbers from 0 on, as in `f64 f32`.
 void take_words(CLI::Option& option, const std::string& words) {
   std::vector<std::pair<std::string, int>> numbers;
   std::istringstream in(words);

@@ -19,10 +19,9 @@
 
 namespace clearance::engine {
 
-Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const {
+Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, bool keep_on_cpu) const {
   Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
   std::string missing = cuda::beyond_the_device(plan);
-  if (missing.empty() && of.has_proxies()) missing = "the model pieces";
   if (!missing.empty() && device && !router && !options.device_fallback)
     throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
   if (keep_on_cpu || !missing.empty()) return route;
@@ -134,7 +133,7 @@ std::uint64_t Engine::pose_revision() const {
 QuerySize Engine::size(const QueryView& query) const {
   const FpEnvironment environment;
   const auto snapshot = impl_->poses.snapshot();
-  return make_plan(query, Impl::scene_of(*snapshot, query.model), snapshot, impl_->options.max_rows, false).size;
+  return make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false).size;
 }
 
 std::vector<BodyPair> Engine::pairs(const QueryView& query) const {
@@ -171,8 +170,7 @@ PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_
       impl_->repeated.fetch_add(1, std::memory_order_relaxed);
       return PreparedQuery(std::move(kept));
     }
-  PreparedQuery prepared(std::make_unique<Planner>(query, Impl::scene_of(*snapshot, query.model), snapshot,
-                                                   impl_->options.max_rows, true));
+  PreparedQuery prepared(std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true));
   prepared.pool_ = pool;
   return prepared;
 }
@@ -222,9 +220,9 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
     return Job(std::move(query.kept_));
   }
   Plan plan = std::move(query.planner_->plan());
-  const JobContext context = impl_->context(Impl::scene_of(*plan.snapshot, plan.query.model));
+  const JobContext context = impl_->context(*plan.snapshot->scene);
   const bool keeps = query.pool_ && JobPool::allows(plan.size);
-  const Impl::Route route = impl_->route_of(plan, *context.scene, query.keep_on_cpu_ || keeps);
+  const Impl::Route route = impl_->route_of(plan, query.keep_on_cpu_ || keeps);
   std::unique_ptr<Job::State> state;
   if (route.to_device) state = cuda::make_device_job(context, plan, reply);
   if (!state) state = make_job_on_cpu(context, std::move(plan), reply);
@@ -240,7 +238,7 @@ std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return cuda::make_device_plan(impl_->context(Impl::scene_of(*snapshot)),
+  return cuda::make_device_plan(impl_->context(*snapshot->scene),
                                 make_plan(query, *snapshot->scene, snapshot, impl_->options.max_rows, false));
 }
 
@@ -248,11 +246,7 @@ CertificateRun Engine::begin_certificate(const QueryView& query, CertificateRows
   const FpEnvironment environment;
   impl_->check_process();
   const auto snapshot = impl_->poses.snapshot();
-  return {impl_->context(Impl::scene_of(*snapshot)),
-          snapshot,
-          query,
-          std::move(rows),
-          impl_->options.max_rows,
+  return {impl_->context(*snapshot->scene), snapshot, query, std::move(rows), impl_->options.max_rows,
           make_motion_certificate};
 }
 
@@ -271,8 +265,7 @@ std::uint64_t Engine::contradictions() const {
 }
 
 QueryCost Engine::cost(const QueryView& query) const {
-  const SceneCost& scene_cost = query.model == Model::kPieces ? impl_->scene_cost_by_parts : impl_->scene_cost;
-  return scene_cost.of(query, *impl_->poses.snapshot());
+  return impl_->scene_cost.of(query, *impl_->poses.snapshot());
 }
 bool Engine::has_cpu() const {
   return !impl_->device || impl_->router;

@@ -23,7 +23,7 @@
 namespace clearance::engine {
 
 struct Engine::Impl {
-  Impl(Scene&& s, const Options& o) : scene(with_proxies(std::move(s))), options(o), poses(scene, o.max_stamp_lead) {}
+  Impl(Scene&& s, const Options& o) : scene(std::move(s)), options(o), poses(scene, o.max_stamp_lead) {}
 
   Scene scene;
   Options options;
@@ -37,7 +37,6 @@ struct Engine::Impl {
   std::unique_ptr<cuda::Router> router;
   PoseStore poses;
   SceneCost scene_cost{scene};
-  SceneCost scene_cost_by_parts{scene.by_parts() ? *scene.by_parts() : scene};
   bool jobs_may_repeat = JobPool::allows(scene);
   mutable std::mutex recent_mutex;
   mutable RecentQueries recent{8};          // jobs of concurrent calls; after `trees`, to which they return theirs
@@ -48,20 +47,8 @@ struct Engine::Impl {
   mutable std::atomic<std::uint64_t> queries{0}, repeated{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
-  static Scene with_proxies(Scene scene) {
-    scene.find_proxies();
-    return scene;
-  }
-
-  // Scene that answers a query. Certificates and devices support only the exact model.
-  static const Scene& scene_of(const PoseSnapshot& snapshot, Model model = Model::kTruth) {
-    const Scene* const by_parts = model == Model::kPieces ? snapshot.scene->by_parts() : nullptr;
-    return by_parts ? *by_parts : *snapshot.scene;
-  }
-
   JobContext context(const Scene& of) const {
-    const bool is_light = light && !of.has_proxies();
-    return {&of,         options.threads, reference,    lanes,  is_light,     &pairs_evaluated, &contradictions,
+    return {&of,         options.threads, reference,    lanes,  light,        &pairs_evaluated, &contradictions,
             trees.get(), near_by,         device.get(), &teams, covers.get(), tables.get()};
   }
 
@@ -89,7 +76,7 @@ struct Engine::Impl {
     cuda::Router* router;  // learns from the answer; null if there was no choice
   };
   // Throws QueryError if the device does not support the query and the CPU may not replace it.
-  Route route_of(const Plan& plan, const Scene& of, bool keep_on_cpu) const;
+  Route route_of(const Plan& plan, bool keep_on_cpu) const;
 
   // OpenMP's threads do not survive a fork, so a child that used them would hang.
   void check_process() const {

@@ -8,7 +8,6 @@
 #include "engine/bvh/enclosure.h"
 #include "engine/bvh/surface.h"
 #include "engine/geometry/make_geometry.h"
-#include "engine/hull/decomposition.h"
 
 namespace clearance {
 
@@ -16,17 +15,15 @@ namespace {
 
 // Returns whether a body was made from one mesh. Its submeshes are no longer known.
 bool is_of_one_mesh(const Body& body) {
-  constexpr std::array kOfOneMesh = {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid, MeshAs::kDecompose};
-  return body.parts.size() == 1 && body.display &&
-         (body.source.ends_with(kNoPiecesYet) || std::ranges::any_of(kOfOneMesh, [&](MeshAs what) {
-            return body.source.ends_with("(" + std::string(word_of(what)) + ")");
-          }));
+  constexpr std::array kOfOneMesh = {MeshAs::kHull, MeshAs::kSurface, MeshAs::kSolid};
+  return body.parts.size() == 1 && body.display && std::ranges::any_of(kOfOneMesh, [&](MeshAs what) {
+           return body.source.ends_with("(" + std::string(word_of(what)) + ")");
+         });
 }
 
 MeshAs what_is(const Body& body) {
   const Surface* surface = surface_of(body);
   if (!surface) return MeshAs::kHull;
-  if (surface->decomposition()) return MeshAs::kDecompose;
   return surface->is_solid() ? MeshAs::kSolid : MeshAs::kSurface;
 }
 
@@ -54,11 +51,6 @@ Choice choice_of(std::uint32_t id, MeshAs what, bool is_now, const Geometry& geo
   if (!part.surface) return choice;
   choice.triangles = part.surface->triangles().size();
   choice.bytes += part.surface->resident_bytes();
-  if (const Decomposition* parts = part.surface->decomposition()) {
-    choice.proxies = parts->parts.size();
-    choice.inner = parts->inner;
-    for (const ConvexPartPtr& stands : parts->parts) choice.bytes += resident_bytes(*stands);
-  }
   return choice;
 }
 
@@ -101,14 +93,10 @@ std::vector<Choice> choices_of(const engine::Scene& scene, const PairTimes* time
     const DisplayMesh& mesh = *body.display;
     std::vector<MeshAs> kinds{MeshAs::kHull, MeshAs::kSurface};
     if (why_not_solid(mesh.vertices, mesh.triangles).empty()) kinds.push_back(MeshAs::kSolid);
-    if (what_is(body) == MeshAs::kDecompose) kinds.push_back(MeshAs::kDecompose);
     std::vector<Geometry> geometries;
     std::vector<Choice> choices;
     for (const MeshAs what : kinds) {
-      if (what == MeshAs::kDecompose)
-        geometries.emplace_back().parts = body.parts;
-      else
-        geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
+      geometries.push_back(geometry_of_triangles(mesh.vertices, mesh.triangles, what, radius));
       choices.push_back(choice_of(id, what, what == what_is(body), geometries.back()));
     }
     if (times) measure(scene, id, *times, geometries, choices);

@@ -19,8 +19,6 @@ struct Choice {
   std::uint64_t triangles = 0;        ///< of the exact geometry
   std::uint64_t bytes = 0;            ///< the hull, its columns and tables, the triangles and their tree
   double hull_excess = 0;             ///< bound on the hull's distance from the mesh, metres
-  std::uint64_t proxies = 0;          ///< convex parts that are tested before its triangles
-  double inner = 0;                   ///< bound on the mesh's distance from these parts, metres
   std::optional<double> ns_per_pair;  ///< none if not measured, or without a partner that has a pose
 };
 

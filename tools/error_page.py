@@ -25,7 +25,6 @@ PROGRAMS = [
     "clearanced",
     "clearance inspect",
     "clearance robot",
-    "clearance decompose",
     "clearance cache",
     "clearance selftest",
 ]

@@ -78,7 +78,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "docs/motions.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
     "docs/safety.md": {"make ": LONG + "make test has a part of it"},
-    "docs/shapes.md": {"clearance decompose": NEEDS + "CoACD; tests/inspect/test_decomposed_meshes.cpp"},
     "docs/start.md": {
         "git clone": "the repository is there",
         "make build": "it is built",

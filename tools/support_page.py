@@ -35,7 +35,6 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
     "`verdict`": {"fields": "verdict"},
-    '`model="pieces"`': {"model": "pieces"},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "a certificate": {},
 }

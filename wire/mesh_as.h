@@ -12,17 +12,15 @@ namespace clearance {
 
 /// Body made from a mesh that need not be convex.
 enum class MeshAs : std::uint8_t {
-  kHull = 0,       ///< one convex part: the hull of all vertices
-  kParts = 1,      ///< one convex part for each submesh of the file
-  kDecompose = 2,  ///< a solid with convex parts as accelerator
-  kSurface = 3,    ///< the triangles alone
-  kSolid = 4,      ///< the volume that the triangles enclose
-  kAuto = 5,       ///< the default: the hull of a convex or an open mesh, otherwise a solid
+  kHull = 0,     ///< one convex part: the hull of all vertices
+  kParts = 1,    ///< one convex part for each submesh of the file
+  kAuto = 2,     ///< the default: the hull of a convex or an open mesh, otherwise a solid
+  kSurface = 3,  ///< the triangles alone
+  kSolid = 4,    ///< the volume that the triangles enclose
 };
 
 /// Public names, by value.
-inline constexpr std::array<std::string_view, 6> kMeshAsWords = {"hull",    "parts", "decompose",
-                                                                 "surface", "solid", "auto"};
+inline constexpr std::array<std::string_view, 5> kMeshAsWords = {"hull", "parts", "auto", "surface", "solid"};
 
 /// Value of a public name, or nullopt.
 constexpr std::optional<MeshAs> mesh_as_of(std::string_view word) {

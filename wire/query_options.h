@@ -10,7 +10,6 @@
 // of that tag if it differs from its default. Rows keep the order of their introduction.
 #pragma once
 
-#include <clearance/model.h>
 #include <clearance/types.h>
 
 #include <cstdint>
@@ -50,9 +49,7 @@
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
     "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                   \
   X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
-    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")                           \
-  X(Model, model, Model::kTruth, 12, Legal::word("truth pieces"),                                                      \
-    "", "pieces: use only the convex parts of a mesh, without refinement by its triangles")
+    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")
 // clang-format on
 
 namespace clearance {

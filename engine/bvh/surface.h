@@ -15,8 +15,6 @@
 
 namespace clearance {
 
-struct Decomposition;  // engine/hull/decomposition.h
-
 /// The corners of a convex element: one for a point, three for a triangle, eight for a box. Metres, body frame.
 struct ElementCorners {
   std::array<Vec3d, 8> corner;
@@ -92,12 +90,6 @@ class Surface {
   /// A vertex of each connected component of the triangles.
   std::span<const std::uint32_t> parts() const { return parts_; }
 
-  /// Convex parts that serve as a proxy, with bounds on their deviation, or null. Set before the mesh is shared.
-  const Decomposition* decomposition() const { return decomposition_.get(); }
-  void set_decomposition(std::shared_ptr<const Decomposition> convex_parts) {
-    decomposition_ = std::move(convex_parts);
-  }
-
   /// The root is the first; a child comes after its parent.
   std::span<const Node> nodes() const { return nodes_; }
   /// By node; empty for a cloud.
@@ -123,7 +115,6 @@ class Surface {
   std::vector<Node> nodes_;
   Vec3d centre_{0, 0, 0};
   std::uint64_t digest_ = 0;
-  std::shared_ptr<const Decomposition> decomposition_;
   Kind kind_;
   std::vector<Slab> slabs_;
 };

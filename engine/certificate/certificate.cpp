@@ -31,7 +31,6 @@ class RowCertificateJob final : public CertificateJob {
     const std::uint64_t k = row / plan_.size.pairs;
     if (step_ == Step::kBegin) {
       const BodyPair pair = plan_.pairs.at(row % plan_.size.pairs);
-      reject_proxies(pair);
       here_ = &placement(0, k);
       bodies_ = {pair, here_, plan_.query.max_distance};
       answer_ = {};

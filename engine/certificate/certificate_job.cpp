@@ -6,10 +6,6 @@ namespace {
 
 constexpr std::uint64_t kUnitsPerRow = 64;
 
-[[noreturn]] void reject_kind(const std::string& what) {
-  throw engine::QueryError(QueryErrorCode::kNotSupported, "certificate: " + what);
-}
-
 }  // namespace
 
 CertificateJob::CertificateJob(const JobContext& context, Plan&& plan, const CertificateRows& rows, bool boxes)
@@ -35,13 +31,6 @@ bool CertificateJob::go_on(WorkMeter& slice) {
 const EvaluateOptions& CertificateJob::with_parts() {
   options_.want_points = true;  // identifies the nearest parts
   return options_;
-}
-
-// Concerns `model=pieces` only.
-void CertificateJob::reject_proxies(BodyPair pair) const {
-  if (plan_.query.model != Model::kPieces) return;
-  if (const std::string why = no_exact_convex_part(scene(), pair); !why.empty())
-    reject_kind(why + ", whose rows have no certificate with model: pieces; use model: truth");
 }
 
 SpanPlace CertificateJob::span_at(const BodyPoses& here, BodyPair pair) const {

@@ -27,8 +27,6 @@ class CertificateJob : public ParallelJob {
   virtual bool go_on_with(std::uint64_t row, WorkMeter& slice) = 0;
 
   const EvaluateOptions& with_parts();
-  /// Throws QueryError for pairs that cannot be certified.
-  void reject_proxies(BodyPair pair) const;
   /// Describes bodies with usable poses over a whole motion; the caller may then set begin, end and time.
   SpanPlace span_at(const BodyPoses& here, BodyPair pair) const;
   WitnessProof witness_at(const BodyPoses& here, BodyPair pair, double time, PartProof proof) const;

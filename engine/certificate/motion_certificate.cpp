@@ -124,7 +124,6 @@ class MotionCertificateJob final : public CertificateJob {
   bool begin_pair(BodyPair pair) {
     moment_.move_to(0.5);
     if (is_unusable(scene(), moment_.placed(), pair)) return false;  // the row's status is incomplete
-    reject_proxies(pair);
     const double lower = lower_of(pair_);
     text_.begin_pair(pair, moment_.placed(), plan_.margins.of(pair_), lower);
     // A proof for the whole motion also holds until first contact.

@@ -5,9 +5,9 @@
 #include <limits>
 
 #include "engine/base/fp_environment.h"
+#include "engine/cover/fan.h"
 #include "engine/cover/mesh/mesh_cells.h"
 #include "engine/cover/mesh/mesh_depth.h"
-#include "engine/decomposition/fan.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/shapes.h"
 

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/base/vec.h"
-#include "engine/decomposition/fan.h"
+#include "engine/cover/fan.h"
 
 namespace clearance {
 

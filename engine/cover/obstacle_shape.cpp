@@ -4,8 +4,8 @@
 #include <limits>
 
 #include "engine/base/fp_environment.h"
+#include "engine/cover/fan.h"
 #include "engine/cover/obstacle.h"
-#include "engine/decomposition/fan.h"
 #include "engine/hull/primitive.h"
 
 namespace clearance {

@@ -78,7 +78,8 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(
+        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
@@ -101,7 +102,7 @@ std::size_t most_bodies(const engine::Scene& scene, std::span<const PlacedBodies
 }  // namespace
 
 // The answer holds the flags of the bodies already.
-void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer, Overlap overlap) {
+void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer) {
   NarrowLimits limits = options_.limits;
   limits.max_distance = bodies.max_distance;
   const NarrowAnswer& best = found.best;
@@ -121,18 +122,13 @@ void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, Pa
     if (found.best.rounding > 0) return found.best.rounding;
     return rounding_of(*a.parts[found.a.part], pose_a, *b.parts[found.b.part], pose_b);
   };
-  const Slack slack = overlap == Overlap::kContained ? Slack() : pair_slack(*bodies.placement, bodies.pair);
-  // Overlapping proxies prove only that the bodies are no farther apart than the proxies' deviation.
-  const bool has_no_depth = overlap == Overlap::kOfProxies && !limits.signed_distance;
-  const double upper = has_no_depth ? std::max(best.bounds.upper, 0.0) : best.bounds.upper;
+  const Slack slack = pair_slack(*bodies.placement, bodies.pair);
+  const double upper = best.bounds.upper;
   assert(lower <= upper);
   assert(found.a.part < a.parts.size() && found.b.part < b.parts.size());
   decide(limits, lower, upper, rounding, answer, slack);
   const bool of_several = a.parts.size() > 1 || b.parts.size() > 1;
-  const bool is_of_parts = overlap == Overlap::kOfProxies ? answer.lower < 0
-                           : overlap == Overlap::kExact   ? of_several && upper <= 0
-                                                          : false;
-  if (limits.signed_distance && is_of_parts) answer.flags |= kFlagPieces;
+  if (limits.signed_distance && of_several && upper <= 0) answer.flags |= kFlagPieces;
   if (!options_.want_flags || answer.status == Status::kBeyond) return;
   const ConvexPart &part_a = part_of(a, found.a, scratch_[0]), &part_b = part_of(b, found.b, scratch_[1]);
   if (is_nonsmooth(answer.lower, part_a, pose_a.R_wb, part_b, pose_b.R_wb, best.normal,
@@ -166,7 +162,7 @@ bool Evaluator::advance(WorkMeter& meter) {
         },
         [&](const PartTask& task, const NarrowAnswer& answer) {
           if (is_single(task))
-            finish(pairs_[task.id], {answer, answer.bounds.lower}, answers_[task.id], Overlap::kExact);
+            finish(pairs_[task.id], {answer, answer.bounds.lower}, answers_[task.id]);
           else
             found_[task.id] = answer;
         });
@@ -221,7 +217,7 @@ void Evaluator::take_in(WorkMeter& meter) {
     // A half-space's distance depends on the body's hull alone, which every body but a cloud has.
     const bool by_hulls = (is_half_space(*a[0]) && !is_cloud(scene_.bodies()[pair.b])) ||
                           (is_half_space(*b[0]) && !is_cloud(scene_.bodies()[pair.a]));
-    if (a.size() == 1 && b.size() == 1 && !is_by_parts(pair) && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
+    if (a.size() == 1 && b.size() == 1 && (by_hulls || (!a[0]->surface && !b[0]->surface))) {
       const Slack slack = pair_slack(placement, pair);
       tasks_.push_back({a[0].get(), b[0].get(), &placement[pair.a].pose, &placement[pair.b].pose,
                         slack.cut_off(pairs_[i].max_distance), i, slack.outer, stop_below(pairs_[i], slack)});

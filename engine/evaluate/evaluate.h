@@ -83,9 +83,6 @@ class Evaluator {
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
   };
-  // Geometry that an overlap proves: the bodies themselves, their proxies, or containment of one body in the other.
-  enum class Overlap : std::uint8_t { kExact, kOfProxies, kContained };
-
   // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
   static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options) {
     options.want_points |= scene.has_surfaces();
@@ -93,7 +90,7 @@ class Evaluator {
   }
   bool begin_round(WorkMeter& meter);
   void take_in(WorkMeter& meter);
-  void finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer, Overlap overlap);
+  void finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer);
 
   // evaluate_search.cpp
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
@@ -109,23 +106,15 @@ class Evaluator {
   // evaluate_elements.cpp
   void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
   bool gather(PairSearch& search, WorkMeter& meter);
-  bool is_left_to_parts(PairSearch& search);
   bool add_element_tasks(PairSearch& search);
-  bool take_hulls_or_proxies(PairSearch& search, std::span<const NarrowAnswer> answers);
+  bool take_hulls(PairSearch& search, std::span<const NarrowAnswer> answers);
   void end_element_round(PairSearch& search, std::span<const NarrowAnswer> answers);
 
   // evaluate_containment.cpp
-  bool finds_containment(PairSearch& search, WorkMeter& meter);
-  void take_contained(PairSearch& search, double apart, const Vec3d (&shared)[2]);
-  // Whether a body of the pair consists of proxies, so that an overlap of parts proves no overlap of bodies. Not for a
-  // half-space, whose distance depends on the body's hull alone.
-  bool is_by_parts(BodyPair pair) const;
-  // Upper bound on the distance of the parts at which a search may stop, in metres; -inf if it may not. For proxies it
-  // is not negative, since the depth of their overlap does not show how near the meshes are.
-  double stop_below(const PlacedBodies& bodies, const Slack& slack) const {
-    if (std::isinf(bodies.stop_below)) return bodies.stop_below;
-    const double near = slack.near_enough(bodies.stop_below);
-    return near < 0 && is_by_parts(bodies.pair) ? 0 : near;
+  void take_containment(PairSearch& search, WorkMeter& meter);
+  // Upper bound on the distance of the parts at which a search may stop, in metres; -inf if it may not.
+  static double stop_below(const PlacedBodies& bodies, const Slack& slack) {
+    return std::isinf(bodies.stop_below) ? bodies.stop_below : slack.near_enough(bodies.stop_below);
   }
 
   const engine::Scene& scene_;

@@ -37,7 +37,7 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
       elements.begin_hulls(options_.limits.signed_distance);
       return true;
     }
-    if (is_left_to_parts(search) || elements.begin_near(user)) return true;
+    if (elements.begin_near(user)) return true;
     search.state.round = 2;
   }
   double cut_off = search.state.cut_off(user);
@@ -49,30 +49,9 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
   return elements.gather(std::min(search.state.round, ElementSearch::kMostOfRound), cut_off, meter);
 }
 
-// Whether proxies of the triangles come next, or have proved that no pair is near enough.
-bool Evaluator::is_left_to_parts(PairSearch& search) {
-  const PlacedBodies& bodies = pairs_[search.index];
-  const BodyPoses& placement = *bodies.placement;
-  ElementSearch& elements = *search.elements;
-  if (options_.reference ||
-      elements.go_on_by_parts(placement[bodies.pair.a].pose, placement[bodies.pair.b].pose,
-                              search.slack.cut_off(bodies.max_distance)) != ElementSearch::ByParts::kGoesOn)
-    return false;
-  if (elements.parts().round().empty()) {
-    search.state.leave_out(elements.parts().lower());
-    search.next = search.end;
-  }
-  return true;
-}
-
 bool Evaluator::add_element_tasks(PairSearch& search) {
   if (search.next == search.end) return false;
   const ElementSearch& elements = *search.elements;
-  if (elements.is_by_parts()) {  // whether the proxies are beyond the cut-off is all that is needed
-    for (const DecomposedPair::PartTest& p : search.elements->parts().round())
-      add_task(search, p.cut_off, p.cut_off, *p.a, *p.b);
-    return search.task_count > 0;
-  }
   const double cut_off = cut_off_of(search), near_enough = stop_below(pairs_[search.index], search.slack);
   for (std::size_t i = 0; i < elements.round().size(); ++i)
     add_task(search, cut_off, near_enough, search.elements->part_a(i), search.elements->part_b(i));
@@ -80,17 +59,12 @@ bool Evaluator::add_element_tasks(PairSearch& search) {
   return search.task_count > 0;
 }
 
-// Takes the answers of hulls or proxies. Returns false if they are those of elements.
-bool Evaluator::take_hulls_or_proxies(PairSearch& search, std::span<const NarrowAnswer> answers) {
+// Takes the answers of hulls. Returns false if they are those of elements.
+bool Evaluator::take_hulls(PairSearch& search, std::span<const NarrowAnswer> answers) {
   ElementSearch& elements = *search.elements;
-  if (elements.in_hulls() && !answers.empty()) {
-    for (const NarrowAnswer& hulls : answers) elements.see_hulls(hulls.bounds.lower, hulls.normal);
-    elements.take_hulls(answers[0].bounds.lower, answers[0].normal);
-    return true;
-  }
-  if (!elements.is_by_parts()) return false;
-  for (std::size_t k = 0; k < answers.size(); ++k) elements.parts().take(k, answers[k].bounds.lower);
-  elements.parts().end_round();
+  if (!elements.in_hulls() || answers.empty()) return false;
+  for (const NarrowAnswer& hulls : answers) elements.see_hulls(hulls.bounds.lower, hulls.normal);
+  elements.take_hulls(answers[0].bounds.lower, answers[0].normal);
   return true;
 }
 

@@ -47,8 +47,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   if (part_pairs_.size() > begin) {
     left = far.gap;
     std::swap(part_pairs_[begin], part_pairs_[nearest]);
-  } else if (drops(far.gap, bodies) &&
-             !(is_by_parts(bodies.pair) && box_gap(scene_, *bodies.placement, bodies.pair) <= 0)) {
+  } else if (drops(far.gap, bodies)) {
     return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
     part_pairs_.push_back(far);
@@ -64,13 +63,13 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   const PlacedBodies& bodies = pairs_[search.index];
   BodiesAnswer& found = search.found;
   found.lower = search.state.lower;
-  const bool by_elements = search.elements != nullptr, by_parts = is_by_parts(bodies.pair);
-  const bool held = (by_elements || by_parts) && finds_containment(search, meter);
+  const bool by_elements = search.elements != nullptr;
   if (by_elements) {
+    take_containment(search, meter);
     const ElementSearch::HullsGap hulls = search.elements->hulls_gap();
     unused_.push_back(std::move(search.elements));
     // A shift that separates the hulls separates the bodies within.
-    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0 && !(held && by_parts)) {
+    if (options_.limits.signed_distance && search.slack.true_lower(found.lower) <= 0) {
       found.lower = hulls.lower;
       found.best.normal = hulls.normal;
     }
@@ -80,7 +79,7 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   const bool has_upper = found.best.bounds.upper < kInf;
   if (by_elements && !has_upper && true_lower > bodies.max_distance)
     return replace_answer(answer, beyond_answer(true_lower));
-  finish(bodies, found, answer, !by_parts ? Overlap::kExact : held ? Overlap::kContained : Overlap::kOfProxies);
+  finish(bodies, found, answer);
 }
 
 // Whether the gap of its boxes suffices to answer a pair.
@@ -113,7 +112,7 @@ void Evaluator::sort_ahead(PairSearch& search, double cut_off) {
 bool Evaluator::add_tasks(PairSearch& search) {
   const PlacedBodies& bodies = pairs_[search.index];
   search.task_count = 0;
-  search.min_penetration = is_by_parts(bodies.pair) ? 0 : search.slack.outer;
+  search.min_penetration = search.slack.outer;
   if (search.elements) return add_element_tasks(search);
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
   PartSearch& state = search.state;
@@ -175,9 +174,8 @@ void Evaluator::add_task(PairSearch& search, double cut_off, double stop_below, 
 void Evaluator::take_round(PairSearch& search, double stop_below, std::span<const NarrowAnswer> answers) {
   assert(search.next + answers.size() <= search.end);
   ElementSearch* const elements = search.elements.get();
-  if (elements && take_hulls_or_proxies(search, answers)) return;
+  if (elements && take_hulls(search, answers)) return;
   PartSearch& state = search.state;
-  const bool by_parts = is_by_parts(pairs_[search.index].pair);
   const auto pair_at = [&](std::size_t k) -> ElementPair {
     if (elements) return elements->round()[k];
     const PartPair& p = part_pairs_[search.next + k];
@@ -197,7 +195,7 @@ void Evaluator::take_round(PairSearch& search, double stop_below, std::span<cons
       search.found.b = p.b;
     }
     const bool wants_depth = options_.limits.signed_distance && !elements;
-    const double upper = by_parts ? state.upper : search.slack.true_upper(state.upper);
+    const double upper = search.slack.true_upper(state.upper);
     if (!wants_depth && upper <= 0) {  // the bodies overlap, and no depth is requested
       search.next = search.end;
       return;

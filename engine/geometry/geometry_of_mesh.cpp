@@ -9,7 +9,6 @@
 #include "engine/bvh/enclosure.h"
 #include "engine/bvh/surface.h"
 #include "engine/geometry/make_geometry.h"
-#include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/hull_excess.h"
 
@@ -76,7 +75,6 @@ struct MeshInput {
   const MeshRecipe& recipe;
   const DisplayMesh& whole;
   std::uint64_t loaded_vertices;
-  const Mesh* proxies;  // proposed for kDecompose; may be null
 };
 
 enum class MeshKind : std::uint8_t { kHulls, kConvex, kExact };
@@ -130,7 +128,7 @@ void build_convex(const MeshClass& found, Geometry& out) {
   out.model_error = (out.model_error + found.excess) * (1 + 0x1p-52);
 }
 
-// Builds the surface or solid that a recipe names, with the proxies that are proposed.
+// Builds the surface or solid that a recipe names.
 ConvexPartPtr exact_part(const MeshInput& mesh) {
   const MeshRecipe& recipe = mesh.recipe;
   const auto& [vertices, triangles] = mesh.whole;
@@ -140,10 +138,7 @@ ConvexPartPtr exact_part(const MeshInput& mesh) {
   if (!is_solid) return convex_part;
   if (const std::string why = hollow_place(*convex_part->surface); !why.empty())
     throw std::invalid_argument("the mesh does not enclose all that its faces go around: " + why);
-  if (!mesh.proxies) return convex_part;
-  std::vector<std::vector<Vec3d>> proposed;
-  for (const Submesh& proxy : mesh.proxies->submeshes) proposed.push_back(joined({proxy}, recipe).vertices);
-  return make_decomposed_part(vertices, triangles, proposed, recipe.radius, mesh.loaded_vertices);
+  return convex_part;
 }
 
 void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
@@ -156,7 +151,7 @@ void build_exact(const MeshInput& mesh, const MeshClass& found, Geometry& out) {
 
 }  // namespace
 
-Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source, const Mesh* parts) {
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source) {
   const Vec3d& scale = recipe.scale;
   for (int k = 0; k < 3; ++k)
     if (!(std::abs(scale[k]) > 0 && std::abs(scale[k]) <= kMaxCoordinate))
@@ -164,7 +159,7 @@ Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std:
   std::uint64_t loaded = 0;
   for (const Submesh& submesh : mesh.submeshes) loaded += submesh.loaded_vertices;
   const auto whole = std::make_shared<const DisplayMesh>(joined(mesh.submeshes, recipe));
-  const MeshInput input{mesh.submeshes, recipe, *whole, loaded, parts};
+  const MeshInput input{mesh.submeshes, recipe, *whole, loaded};
   const MeshClass found = classify(input);
   Geometry out;
   out.model_error = out.model_inner = rounding_of(mesh.submeshes, scale);
@@ -186,10 +181,6 @@ Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std:
 
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, MeshAs mesh_as,
                                double radius) {
-  if (mesh_as == MeshAs::kDecompose)
-    throw std::invalid_argument(
-        "mesh_as: decompose: only for a mesh file with a file of convex parts next to it (clearance decompose "
-        "FILE)");
   check_vertices(vertices);
   UniquePositions<double> unique = unique_positions<double>(vertices);
   Mesh mesh;
@@ -210,9 +201,6 @@ Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const 
 
 std::string mesh_source(const std::string& file, MeshAs mesh_as, const Geometry& made) {
   if (mesh_as == MeshAs::kAuto) mesh_as = made.parts[0]->surface ? MeshAs::kSolid : MeshAs::kHull;
-  const Surface* surface = made.parts[0]->surface.get();
-  if (mesh_as == MeshAs::kDecompose && surface && !surface->decomposition())
-    return file + " " + std::string(kNoPiecesYet);
   return file + " (" + std::string(word_of(mesh_as)) + ")";
 }
 

@@ -8,7 +8,6 @@
 #include "engine/bvh/surface.h"
 #include "engine/geometry/cloud_geometry.h"
 #include "engine/geometry/mesh_geometry.h"
-#include "engine/hull/decomposition.h"
 #include "engine/hull/direction_table.h"
 #include "engine/hull/primitive.h"
 
@@ -96,49 +95,20 @@ std::vector<T> get_list(Reader& in, const std::vector<T>* displayed) {
   return *displayed;
 }
 
-enum class ExactKind : std::uint64_t { kConvexPart, kSurface, kSolid, kPrimitive, kCloud, kDecomposed };
+enum class ExactKind : std::uint64_t { kConvexPart, kSurface, kSolid, kPrimitive, kCloud };
 
 // The exact geometry of the part: vertices and triangles, from which the rest is computed again.
 void add_surface(Writer& out, const Surface* surface, const DisplayMesh* display) {
-  const Decomposition* const parts = surface ? surface->decomposition() : nullptr;
-  out.add(parts                 ? ExactKind::kDecomposed
-          : !surface            ? ExactKind::kConvexPart
-          : surface->is_solid() ? ExactKind::kSolid
-                                : ExactKind::kSurface);
+  out.add(!surface ? ExactKind::kConvexPart : surface->is_solid() ? ExactKind::kSolid : ExactKind::kSurface);
   if (!surface) return;
   add_list(out, {surface->vertices().begin(), surface->vertices().end()}, display ? &display->vertices : nullptr);
   add_list(out, triangles_as_loaded(*surface), display ? &display->triangles : nullptr);
-  if (!parts) return;
-  out.add(std::uint64_t{parts->parts.size()});
-  for (const ConvexPartPtr& part : parts->parts) out.add(part->vertices);
-  out.add(parts->inner);
-  out.add(parts->outer);
-}
-
-// Proxies of a solid. The cache is trusted with their proved deviation; elsewhere it is proved again.
-ConvexPartPtr get_decomposed_part(Reader& in, std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                  double radius, std::uint64_t loaded, Tables tables) {
-  std::vector<std::vector<Vec3d>> proposed;
-  for (auto count = in.get<std::uint64_t>(); count > 0; --count) proposed.push_back(in.list<Vec3d>());
-  auto kept = std::make_shared<Decomposition>();
-  kept->inner = in.get<double>();
-  kept->outer = in.list<double>();
-  if (tables != Tables::kKept)
-    return make_decomposed_part(std::move(vertices), std::move(triangles), proposed, radius, loaded);
-  const auto is_length = [](double x) { return x >= 0 && x <= kMaxCoordinate; };
-  if (proposed.empty() || kept->outer.size() != proposed.size() || !is_length(kept->inner) ||
-      !std::all_of(kept->outer.begin(), kept->outer.end(), is_length))
-    throw Damaged();
-  for (std::vector<Vec3d>& part : proposed) kept->parts.push_back(make_convex_part(std::move(part)));
-  return make_surface_part(std::move(vertices), std::move(triangles), true, radius, loaded, std::move(kept));
 }
 
 ConvexPartPtr get_surface_part(Reader& in, ExactKind exact_value, double radius, std::uint64_t loaded,
-                               const DisplayMesh* display, Tables tables) {
+                               const DisplayMesh* display) {
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::vector<Triangle> triangles = get_list(in, display ? &display->triangles : nullptr);
-  if (exact_value == ExactKind::kDecomposed)
-    return get_decomposed_part(in, std::move(vertices), std::move(triangles), radius, loaded, tables);
   return make_surface_part(std::move(vertices), std::move(triangles), exact_value == ExactKind::kSolid, radius, loaded);
 }
 
@@ -180,13 +150,13 @@ ConvexPartPtr get_part(Reader& in, const DisplayMesh* display, Tables tables) {
   const auto radius = in.get<double>();
   const auto loaded = in.get<std::uint64_t>();
   const auto exact_value = in.get<ExactKind>();
-  if (exact_value > ExactKind::kDecomposed) throw Damaged();
+  if (exact_value > ExactKind::kCloud) throw Damaged();
   if (exact_value == ExactKind::kPrimitive) return get_primitive(in, radius);
   if (exact_value == ExactKind::kCloud) {
     const auto edge = in.get<float>();
     return make_cloud_part(in.list<CloudPoint>(), edge, radius);
   }
-  if (exact_value != ExactKind::kConvexPart) return get_surface_part(in, exact_value, radius, loaded, display, tables);
+  if (exact_value != ExactKind::kConvexPart) return get_surface_part(in, exact_value, radius, loaded, display);
   const auto digest = in.get<std::uint64_t>();
   std::vector<Vec3d> vertices = get_list(in, display ? &display->vertices : nullptr);
   std::shared_ptr<DirectionTable> table;

@@ -6,7 +6,6 @@
 #include "engine/base/slack.h"
 #include "engine/bvh/surface.h"
 #include "engine/geometry/make_geometry.h"
-#include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 #include "engine/robot/exact_frame.h"
 
@@ -48,20 +47,10 @@ Geometry moved(const Geometry& geometry, const Origin& X) {
     for (const Vec3d& p : points) there.push_back(mover(p));
     return there;
   };
-  // Proxies of a surface, with the deviation of both after the move.
-  const auto convex_parts_of = [&](const Surface& surface) -> std::shared_ptr<const Decomposition> {
-    if (!surface.decomposition()) return nullptr;
-    auto there = std::make_shared<Decomposition>(*surface.decomposition());
-    for (ConvexPartPtr& core : there->parts) core = make_convex_part(all_of(core->vertices));
-    for (const Vec3d& v : surface.vertices()) mover(v);
-    there->inner = sum_above(there->inner, 2 * mover.worst());
-    for (double& outer : there->outer) outer = sum_above(outer, 2 * mover.worst());
-    return there;
-  };
   for (ConvexPartPtr& convex_part : out.parts)
     if (const Surface* surface = convex_part->surface.get())  // a new hull: rounding may have moved inner vertices out
       convex_part = make_surface_part(all_of(surface->vertices()), triangles_as_loaded(*surface), surface->is_solid(),
-                                      convex_part->radius, convex_part->loaded_vertices, convex_parts_of(*surface));
+                                      convex_part->radius, convex_part->loaded_vertices);
     else
       convex_part =
           make_hull_part(all_of(convex_part->vertices), {}, convex_part->radius, convex_part->loaded_vertices);

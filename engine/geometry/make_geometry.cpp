@@ -2,8 +2,6 @@
 
 #include "engine/base/digest.h"
 #include "engine/bvh/surface.h"
-#include "engine/decomposition/prove.h"
-#include "engine/hull/decomposition.h"
 #include "engine/hull/hull.h"
 
 namespace clearance {
@@ -46,39 +44,18 @@ std::uint64_t digest_of(const Surface& surface, double radius) {
   Digest digest;
   digest.add(surface.digest());
   digest.add(radius);
-  if (const Decomposition* parts = surface.decomposition()) {
-    digest.add(parts->inner);
-    for (const ConvexPartPtr& part : parts->parts) digest.add(part->digest);
-  }
   return digest.value();
-}
-
-// \param hull of the surface's vertices
-ConvexPartPtr part_around(const ConvexPart& hull, const std::shared_ptr<const Surface>& surface) {
-  return make_convex_part(hull.vertices, hull.radius, hull.loaded_vertices, digest_of(*surface, hull.radius),
-                          hull.table, surface);
 }
 
 }  // namespace
 
 ConvexPartPtr make_surface_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
-                                double radius, std::uint64_t loaded_vertices,
-                                std::shared_ptr<const Decomposition> decomposition) {
+                                double radius, std::uint64_t loaded_vertices) {
   // The hull first, because it checks the coordinates.
   const ConvexPartPtr hull = make_hull_part(vertices, {}, radius, loaded_vertices);
-  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), is_solid);
-  surface->set_decomposition(std::move(decomposition));
-  return part_around(*hull, surface);
-}
-
-ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                   std::span<const std::vector<Vec3d>> proposed, double radius,
-                                   std::uint64_t loaded_vertices) {
-  const ConvexPartPtr hull = make_hull_part(vertices, {}, radius, loaded_vertices);
-  auto surface = std::make_shared<Surface>(std::move(vertices), std::move(triangles), true);
-  surface->set_decomposition(
-      std::make_shared<const Decomposition>(prove_decomposition(*surface, proposed).decomposition));
-  return part_around(*hull, surface);
+  const auto surface = std::make_shared<const Surface>(std::move(vertices), std::move(triangles), is_solid);
+  return make_convex_part(hull->vertices, radius, hull->loaded_vertices, digest_of(*surface, radius), hull->table,
+                          surface);
 }
 
 ConvexPartPtr with_radius(const ConvexPart& part, double radius) {

@@ -16,8 +16,6 @@
 
 namespace clearance {
 
-struct Decomposition;  // engine/hull/decomposition.h
-
 /// All of these throw std::invalid_argument for bad numbers.
 /// \param radius added to the parts' radius, in metres
 Geometry geometry_of_shape(const Shape& shape, double radius, const std::string& source);
@@ -33,13 +31,7 @@ ConvexPartPtr with_prism(const ConvexPartPtr& part);
 /// Throws std::invalid_argument as Surface and make_convex_part() do.
 /// \param loaded_vertices of the mesh file; 0 for the number given
 ConvexPartPtr make_surface_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles, bool is_solid,
-                                double radius, std::uint64_t loaded_vertices = 0,
-                                std::shared_ptr<const Decomposition> decomposition = nullptr);
-/// Makes a solid with convex parts as proxies, and proves how far these deviate from it.
-/// \param proposed vertices of each proxy
-ConvexPartPtr make_decomposed_part(std::vector<Vec3d> vertices, std::vector<Triangle> triangles,
-                                   std::span<const std::vector<Vec3d>> proposed, double radius,
-                                   std::uint64_t loaded_vertices = 0);
+                                double radius, std::uint64_t loaded_vertices = 0);
 /// Returns the same part, with its exact geometry, grown by another radius.
 ConvexPartPtr with_radius(const ConvexPart& part, double radius);
 /// A surface's triangles in the order of its mesh.
@@ -54,14 +46,10 @@ struct MeshRecipe {
 };
 /// Geometry of a mesh; that of a surface or solid is exact. Throws std::invalid_argument.
 /// \param source the file's name
-/// \param parts proposed for kDecompose, one submesh for each, in the file's frame; null for a solid without proxies
-Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source,
-                          const Mesh* parts = nullptr);
+Geometry geometry_of_mesh(const Mesh& mesh, const MeshRecipe& recipe, const std::string& source);
 /// Geometry of a mesh given in the body's frame.
 Geometry geometry_of_triangles(std::span<const Vec3d> vertices, std::span<const Triangle> triangles, MeshAs mesh_as,
                                double radius);
-/// End of Geometry::source for kDecompose without proxies.
-inline constexpr std::string_view kNoPiecesYet = "(solid: no pieces yet)";
 /// Geometry::source of a mesh file.
 /// \param made of it, which resolves kAuto
 std::string mesh_source(const std::string& file, MeshAs mesh_as, const Geometry& made);

@@ -7,20 +7,6 @@
 
 namespace clearance {
 
-namespace {
-
-// Reads a file of convex parts, whose name is added to errors.
-template <class Evaluate>
-decltype(auto) of_parts(MeshFile& parts, const Evaluate& evaluate) {
-  try {
-    return evaluate(parts);
-  } catch (const MeshError& error) {
-    throw MeshError("its pieces, " + std::filesystem::path(parts.path()).filename().string() + ": " + error.what());
-  }
-}
-
-}  // namespace
-
 Sha256Digest MeshFile::digest() {
   const std::lock_guard lock(mutex_);
   if (!digest_) digest_ = mesh_file_digest(path_);
@@ -38,18 +24,7 @@ const Mesh& MeshFile::mesh() {
   return *mesh_;
 }
 
-MeshFile* MeshFile::parts() {
-  const std::lock_guard lock(mutex_);
-  if (parts_) return parts_.get();
-  const std::string path = path_ + std::string(kPiecesExtension);
-  std::error_code ignored;
-  if (std::filesystem::symlink_status(path, ignored).type() ==
-      std::filesystem::file_type::regular)  // follows no symbolic link
-    parts_ = std::make_unique<MeshFile>(path);
-  return parts_.get();
-}
-
-// Key of all inputs of a geometry: the engine's code, the mesh loader, the files and the recipe.
+// Key of all inputs of a geometry: the engine's code, the mesh loader, the file and the recipe.
 std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
   CacheKey key("mesh", kAlgorithmVersion);
   {
@@ -58,8 +33,6 @@ std::string MeshGeometries::name_of(MeshFile& file, const MeshRecipe& recipe) {
     key.add(*loader_);
   }
   key.add(file.digest()).add(std::filesystem::path(file.path()).extension().string());
-  if (recipe.mesh_as == MeshAs::kDecompose)
-    if (MeshFile* parts = file.parts()) key.add(of_parts(*parts, [](MeshFile& f) { return f.digest(); }));
   for (int k = 0; k < 3; ++k) key.add(recipe.scale[k]);
   key.add(static_cast<std::uint64_t>(recipe.up));
   return key.add(static_cast<std::uint64_t>(recipe.mesh_as)).add(recipe.radius).name();
@@ -96,11 +69,8 @@ Geometry MeshGeometries::made(MeshFile& file, const MeshRecipe& recipe, const st
       return std::move(*kept);
     }
   const Mesh& mesh = file.mesh();
-  MeshFile* const parts = recipe.mesh_as == MeshAs::kDecompose ? file.parts() : nullptr;
-  const auto is_as_named = [](MeshFile& f) { return f.mesh().alone && f.mesh().digest == f.digest(); };
-  Geometry geometry = geometry_of_mesh(
-      mesh, recipe, "", parts ? &of_parts(*parts, [](MeshFile& f) -> const Mesh& { return f.mesh(); }) : nullptr);
-  *shared = is_as_named(file) && (!parts || is_as_named(*parts));
+  Geometry geometry = geometry_of_mesh(mesh, recipe, "");
+  *shared = mesh.alone && mesh.digest == file.digest();
   if (*shared && cache_.is_on()) cache_.write(name, geometry_record(geometry));
   return geometry;
 }

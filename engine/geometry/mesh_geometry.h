@@ -26,8 +26,6 @@ class MeshFile {
   Sha256Digest digest();
   /// Its mesh. Throws the same MeshError each time.
   const Mesh& mesh();
-  /// The file of its proposed convex parts, which `clearance decompose` writes, or null.
-  MeshFile* parts();
 
  private:
   const std::string path_;
@@ -35,11 +33,7 @@ class MeshFile {
   std::optional<Sha256Digest> digest_;
   std::optional<Mesh> mesh_;
   std::string error_;
-  std::unique_ptr<MeshFile> parts_;
 };
-
-/// Extension of the file of proposed convex parts, after the path of the mesh.
-inline constexpr std::string_view kPiecesExtension = ".pieces.obj";
 
 /// Makes each geometry of a scene's mesh files once, by content and recipe, and keeps it in the cache. Thread-safe.
 class MeshGeometries {

@@ -8,7 +8,6 @@
 #include <span>
 #include <vector>
 
-#include "engine/mesh_distance/decomposed_pair.h"
 #include "engine/mesh_distance/nearest_elements.h"
 
 namespace clearance {
@@ -66,17 +65,6 @@ class ElementSearch {
   /// Skips hulls that are most likely not apart.
   bool leave_hulls() { return known_.are_hulls_taken = nearest_.is_one_within(); }
   bool hulls_are_apart() const { return known_.are_apart; }
-  /// Step between hulls and triangles: the convex parts of decompositions. kGoesOn while they are evaluated, or if all
-  /// are proved beyond the cut-off (DecomposedPair::round() is empty); kOver if triangles have to be evaluated.
-  enum class ByParts : std::uint8_t { kNotYet, kGoesOn, kOver };
-  ByParts go_on_by_parts(const PoseMatrix& pose_a, const PoseMatrix& pose_b, double cut_off) {
-    if (known_.by_parts == ByParts::kNotYet)
-      known_.by_parts = parts_.begin(*a_, pose_a, *b_, pose_b, cut_off) ? ByParts::kGoesOn : ByParts::kOver;
-    if (parts_.has_failed()) known_.by_parts = ByParts::kOver;
-    return known_.by_parts;
-  }
-  bool is_by_parts() const { return known_.by_parts == ByParts::kGoesOn; }
-  DecomposedPair& parts() { return parts_; }
   /// Begins a round with one near pair. Returns false if all pairs tried for it are beyond the cut-off.
   bool begin_near(double cut_off) {
     if (!round_.empty()) return true;  // from before the end of a slice
@@ -103,12 +91,10 @@ class ElementSearch {
   const Body *a_ = nullptr, *b_ = nullptr;
   NearestElements nearest_;
   std::vector<ElementPair> round_;
-  DecomposedPair parts_;
   // Progress for these bodies. A search is reused for many pairs: begin() resets all of it at once, so that an answer
   // depends on its bodies alone.
   struct Known {
     bool in_hulls = false, are_hulls_taken = false, are_apart = false;  // hulls: in progress, done, apart
-    ByParts by_parts = ByParts::kNotYet;
     HullsGap hulls_gap;
   } known_;
   std::deque<ConvexPart> triangle_parts_;

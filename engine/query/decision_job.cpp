@@ -78,7 +78,7 @@ class DecisionJob final : public CoveredJob {
 
 bool covers_may_decide(const JobContext& context, const Plan& plan) {
   constexpr std::uint32_t kOfExactRows = kFieldFreeScale | kFieldGradientJoints;
-  return context.covers && !context.reference && context.near_by != NearBy::kTree && !context.scene->has_proxies() &&
+  return context.covers && !context.reference && context.near_by != NearBy::kTree &&
          plan.query.reduce == Reduce::kAny && !(plan.size.fields & kOfExactRows) && CoverPlan::may_decide(plan);
 }
 

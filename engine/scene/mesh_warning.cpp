@@ -14,11 +14,6 @@ namespace clearance {
 
 namespace {
 
-// Whether the file of convex parts is missing, as mesh_source() notes.
-bool lacks_parts(const Body& body) {
-  return body.source.ends_with(kNoPiecesYet);
-}
-
 bool is_mesh(const Body& body) {
   return body.source.ends_with(')');  // mesh_source()
 }
@@ -58,10 +53,6 @@ std::string units_warning(const Body& body) {
 }
 
 std::string hull_warning(const Body& body) {
-  if (lacks_parts(body))
-    return "mesh_as: decompose finds no convex parts next to its mesh, and only triangles are used; `clearance "
-           "decompose FILE` "
-           "makes some";
   if (!stands_out(body)) return "";
   char text[200];
   const bool is_hull = body.parts.size() == 1;
@@ -97,7 +88,7 @@ std::vector<MeshWarning> mesh_warnings(const engine::Scene& scene, std::uint32_t
   std::map<std::pair<const DisplayMesh*, const ConvexPart*>, std::string> known;
   for (std::uint32_t id = first; id < scene.bodies().size(); ++id) {
     const Body& body = scene.bodies()[id];
-    if (!stands_out(body) && !lacks_parts(body) && !is_large(body)) continue;
+    if (!stands_out(body) && !is_large(body)) continue;
     const auto [at, fresh] = known.try_emplace({body.display.get(), body.parts[0].get()});
     if (fresh) at->second = mesh_warning(body);
     warnings.push_back({id, at->second});

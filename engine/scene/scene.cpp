@@ -57,7 +57,6 @@ std::uint32_t Scene::insert_body(Body body) {
   if (!body.pose && (body.is_static || parent != kNone)) body.pose = Pose{};
   body.parent = parent;
   grow(body);
-  by_parts_ = nullptr;
   has_uncertainties_ |= has_uncertainty(body);
   has_surfaces_ |= has_surface(body);
   const auto id = static_cast<std::uint32_t>(bodies_.size());
@@ -84,7 +83,6 @@ void Scene::replace_shape(const std::string& name, const Geometry& shape) {
   next.reach = 0;
   grow(next);
   bodies_[id] = std::move(next);
-  by_parts_ = nullptr;
   has_uncertainties_ = std::any_of(bodies_.begin(), bodies_.end(), has_uncertainty);
   has_surfaces_ = std::any_of(bodies_.begin(), bodies_.end(), has_surface);
 }

@@ -40,9 +40,6 @@ struct Body : Geometry {
   bool is_grown = false;  ///< the parts include `padding` and the uncertainty of position already; set by Scene
   double max_speed = 0;   ///< bound on the speed of its points and of bodies that follow it, in metres per second
   double reach = 0;       ///< bound on the distance of the parts from the origin, in metres; set by Scene
-  /// The exact body, if convex parts are proxies for its meshes (Scene::by_parts()), else null. `model_inner` and
-  /// `model_error` bound their distance from it.
-  std::shared_ptr<const Body> exact_body;
 };
 
 /// Whether the body's shape or place is uncertain.
@@ -73,7 +70,7 @@ namespace engine {
 class SceneContent {
  protected:
   std::vector<Body> bodies_;
-  bool has_uncertainties_ = false, has_surfaces_ = false, has_proxies_ = false;
+  bool has_uncertainties_ = false, has_surfaces_ = false;
   std::vector<Group> groups_;
   std::vector<std::pair<std::uint32_t, std::uint32_t>> ignored_;
   std::vector<std::shared_ptr<const SceneRobot>> robots_;
@@ -175,14 +172,6 @@ class Scene : SceneContent {
   /// Whether any body is a cloud, surface or solid: has_surface().
   bool has_surfaces() const { return has_surfaces_; }
 
-  /// The same scene with convex proxies in place of meshes that have them (Decomposition), for queries of the model
-  /// `pieces`. Null before find_proxies(), or if no body has proxies.
-  const Scene* by_parts() const { return by_parts_.get(); }
-  /// Makes by_parts(). Call it again after adding bodies.
-  void find_proxies();
-  /// Whether a body of this scene consists of proxies.
-  bool has_proxies() const { return has_proxies_; }
-
   /// Id of a body, or kNone.
   std::uint32_t find_body(std::string_view name) const;
   /// Index of a group, or kNone.
@@ -219,12 +208,8 @@ class Scene : SceneContent {
   /// Geometries made before: meshes by file and options, shapes by their vertices.
   std::unordered_map<std::string, std::shared_ptr<const Geometry>> geometries_;
   std::shared_ptr<MeshGeometries> meshes_;  ///< null until there is a mesh
-  std::shared_ptr<const Scene> by_parts_;
 };
 
 }  // namespace engine
-
-/// Names the body of a pair that is a cloud, surface or solid, as in "'shelf' is a solid". Empty if neither is.
-std::string no_exact_convex_part(const engine::Scene& scene, BodyPair pair);
 
 }  // namespace clearance

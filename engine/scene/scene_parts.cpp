@@ -4,7 +4,6 @@
 #include "engine/base/slack.h"
 #include "engine/bvh/surface.h"
 #include "engine/geometry/make_geometry.h"
-#include "engine/hull/decomposition.h"
 #include "engine/hull/primitive.h"
 #include "engine/scene/scene.h"
 
@@ -36,30 +35,11 @@ std::uint64_t point_count(const Body& body) {
   return body.cloud == CloudState::kPoints ? body.parts[0]->surface->size() : 0;
 }
 
-std::string no_exact_convex_part(const engine::Scene& scene, BodyPair pair) {
-  for (const std::uint32_t id : {pair.a, pair.b}) {
-    if (id >= scene.bodies().size()) continue;
-    if (is_cloud(scene.bodies()[id])) return "'" + scene.bodies()[id].name + "' is a cloud of points";
-    const Surface* surface = surface_of(scene.bodies()[id]);
-    if (surface) return "'" + scene.bodies()[id].name + "' is a " + (surface->is_solid() ? "solid" : "surface");
-  }
-  return "";
-}
-
 std::string placed_by_joints(const Body& body) {
   return "'" + body.name + "' is a link placed by joints: set their positions, or the pose of its robot's base";
 }
 
 namespace {
-
-// Whether two surfaces have the same proxies, or none.
-bool same_decomposition(const Decomposition* a, const Decomposition* b) {
-  if (!a || !b) return a == b;
-  return a->inner == b->inner && a->outer == b->outer &&
-         std::ranges::equal(
-             a->parts, b->parts, {}, [](const ConvexPartPtr& p) { return p->digest; },
-             [](const ConvexPartPtr& p) { return p->digest; });
-}
 
 // Whether two parts have the same exact geometry: themselves, or equal surfaces.
 bool same_exact_value(const ConvexPart& a, const ConvexPart& b) {
@@ -68,8 +48,7 @@ bool same_exact_value(const ConvexPart& a, const ConvexPart& b) {
   const Surface &s = *a.surface, &t = *b.surface;
   return s.kind() == t.kind() && s.edge() == t.edge() && std::ranges::equal(s.points(), t.points()) &&
          std::ranges::equal(s.vertices(), t.vertices(), same_vertex) &&
-         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places()) &&
-         same_decomposition(s.decomposition(), t.decomposition());
+         std::ranges::equal(s.triangles(), t.triangles()) && std::ranges::equal(s.places(), t.places());
 }
 
 }  // namespace

@@ -47,7 +47,7 @@ void read_robot_mesh_as(const YamlValue& value, engine::RobotOptions& options) {
 }  // namespace
 
 MeshAs read_mesh_as(const YamlValue& value) {
-  constexpr const char* kExpected = "auto, hull, parts, surface, solid or decompose";
+  constexpr const char* kExpected = "auto, hull, parts, surface or solid";
   const std::optional<MeshAs> mesh_as = mesh_as_of(value.text(kExpected));
   if (!mesh_as) value.fail_expected(kExpected);
   return *mesh_as;

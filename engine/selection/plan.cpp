@@ -25,7 +25,6 @@ void check_numbers(const QueryView& q) {
   if (std::isnan(q.rel_tol) || q.rel_tol >= 1)
     reject("rel_tol: expected a ratio below 1, got " + std::to_string(q.rel_tol));
   if (q.precision > Precision::kF32) reject("precision: unknown value " + std::to_string(int(q.precision)));
-  if (q.model > Model::kPieces) reject("model: unknown value " + std::to_string(int(q.model)));
   if (q.reduce > Reduce::kAny) reject("reduce: unknown value " + std::to_string(int(q.reduce)));
   if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)

@@ -9,7 +9,6 @@
 #include "engine/base/body_pair.h"
 #include "engine/base/query_error.h"
 #include "engine/pose/pose.h"
-#include "wire/model.h"
 #include "wire/types.h"
 
 namespace clearance {
@@ -46,7 +45,6 @@ struct QueryView {
   double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
   bool signed_distance = false;  ///< computes the penetration depth of overlapping pairs
-  Model model = Model::kTruth;   ///< kPieces replaces bodies by their convex proxies (Scene::by_parts())
   Reduce reduce = Reduce::kNone;
   std::uint32_t fields = kDefaultFields;  ///< Field bits
   std::uint64_t max_results = 1u << 20;   ///< limit on rows of Reduce::kWithin

@@ -39,8 +39,7 @@ Forecast::Work Forecast::work_of(const QueryOptions& query, const QueryCost& cos
                                                    : reduce * 8 + (query.signed_distance ? 4u : 0u) +
                                                       (query.precision == Precision::kF32 ? 2u : 0u) +
                                                       (std::isfinite(query.max_distance) ? 1u : 0u);
-  const auto of_model = query.model == Model::kPieces ? kKinds / 2 : 0u;
-  return {of_model + kind, std::max<std::uint64_t>(cost.part_pairs, 1)};
+  return {kind, std::max<std::uint64_t>(cost.part_pairs, 1)};
 }
 
 /// Groups queries by size in steps of a factor of four, as the start dominates small ones.

@@ -35,7 +35,7 @@ class Forecast {
   void check(const Work& work, std::chrono::nanoseconds left, std::chrono::nanoseconds deadline);
 
  private:
-  static constexpr std::uint32_t kKinds = 96, kSizes = 32;
+  static constexpr std::uint32_t kKinds = 48, kSizes = 32;
   static std::uint32_t index(const Work& work);
 
   std::array<double, std::size_t{kKinds} * kSizes> ns_per_part_pair_{};  // 0 if unknown

@@ -120,29 +120,6 @@ TEST_P(EngineTest, AnAnswerLargerThanItsBuffersIsRejected) {
   EXPECT_THROW(engine.start({}, room), engine::QueryError);
 }
 
-TEST(Engine, CertificatesOfTheModelPiecesAreRejectedByTheirNames) {
-  const std::vector<Vec3d> corners{{0, 0, 0}, {1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
-  const std::vector<Triangle> faces{{0, 2, 1}, {0, 1, 3}, {1, 2, 3}, {0, 3, 2}};
-  engine::Scene scene;
-  for (const double x : {3.0, 6.0}) scene.add_sphere("ball" + std::to_string(x), 1, {.pose = Pose{{x, 0, 0}}});
-  scene.add_mesh("shelf", corners, faces, MeshAs::kSolid, {.pose = Pose{}});
-  const engine::Engine engine(std::move(scene), {.threads = 1});
-  const std::uint64_t between[] = {0}, other[] = {0, 2};
-  QueryView by_parts;
-  by_parts.model = Model::kPieces;
-  EXPECT_NE(engine.certificate(by_parts, between).find("\"rows\""), std::string::npos);
-  EXPECT_NE(engine.certificate({}, other).find("\"elements\""), std::string::npos);
-  try {
-    engine.certificate(by_parts, other);
-    FAIL() << "accepted";
-  } catch (const engine::QueryError& error) {
-    EXPECT_EQ(error.code, QueryErrorCode::kNotSupported);
-    EXPECT_STREQ(error.what(),
-                 "certificate: 'shelf' is a solid, whose rows have no certificate with model: pieces; "
-                 "use model: truth");
-  }
-}
-
 TEST(Engine, UnknownBackendsAreRejectedByName) {
   EXPECT_THROW(engine::Engine(mixed_scene(4, 3, 1), {"gpu"}), std::invalid_argument);
   const std::vector<std::string> there = engine::Engine::backends();

@@ -127,35 +127,6 @@ void save_cache_entries() {
   save("cache_entry", "bad_zeros", raw);
 }
 
-// Their first bytes are those of fuzz_decomposition.cpp.
-void save_decompositions() {
-  const Shape box = make_box({1, 2, 3});
-  Geometry solid;
-  solid.parts = {make_decomposed_part(box.vertices, box.triangles, std::array{box.vertices}, 0.25)};
-  const Data record = geometry_record(solid);
-  Data input;
-  add(input, std::uint8_t{0});
-  wire::append_bytes(input, record.data(), record.size());
-  save("decomposition", "good_record", input);
-  input.resize(input.size() - 8);
-  save("decomposition", "bad_record", input);
-  Data claims;
-  add(claims, std::uint8_t{1}, 0.0, 0.0);
-  save("decomposition", "good_claims", claims);
-  claims.clear();
-  add(claims, std::uint8_t{1}, -1.0, 0.0);
-  save("decomposition", "bad_claims", claims);
-  Data corners;
-  add(corners, std::uint8_t{2}, std::uint8_t{2});
-  for (const int side : {-1, 1}) {  // two boxes, shrunk to little more than half a cube
-    add(corners, std::uint8_t{8}, std::int8_t{-12});
-    for (int i = 0; i < 8; ++i)
-      add(corners, static_cast<std::int8_t>(i & 1 ? side * 64 : 0), static_cast<std::int8_t>(i & 2 ? 64 : -64),
-          static_cast<std::int8_t>(i & 4 ? 70 : -64));
-  }
-  save("decomposition", "good_corners", corners);
-}
-
 }  // namespace
 
 void save(const std::string& target, const std::string& name, const Data& data) {
@@ -170,7 +141,6 @@ void save_files() {
   save_robots();
   save_scenes();
   save_cache_entries();
-  save_decompositions();
 }
 
 }  // namespace clearance::fuzz

@@ -93,7 +93,6 @@ PREPARED = {
     "precision": WORDS,
     "max_results": COUNTS,
     "max_pose_age_ns": INTEGERS,
-    "model": WORDS,
 }
 #: Of such options of a client.
 PREPARED_BY_A_CLIENT = {"copy": BOOLS, "deadline_ns": INTEGERS}
@@ -320,7 +319,7 @@ def test_what_is_as_good_is_taken(engine):
 
 
 @pytest.mark.parametrize("argument, word, meant", [
-    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"), ("model", "piece", "pieces"),
+    ("reduce", "nearst", "nearest"), ("reduce", "MIN", "min"),
     ("precision", "F32", "f32"), ("fields", "distnce", "distance"), ("pairs", [("lnk1", "*")], "link1"),
     ("call", "distnces", "distances"),
 ])  # fmt: skip

@@ -81,10 +81,10 @@ def test_a_suite_builds_measures_and_rewrites_pages(checkout):
 
 
 def test_pages_are_written_where_a_suite_has_some(checkout):
-    done, calls = bench(checkout, "pieces", "pages")
+    done, calls = bench(checkout, "classes", "pages")
     assert done.returncode == 0, done.stderr
     assert calls[2:] == [
-        ".venv/bin/python bench/surfaces/bench_pieces.py --csv docs/results/pieces.csv",
+        ".venv/bin/python bench/latency/bench_classes.py --csv docs/results/classes.csv",
         "tools/setup.sh ",
         ".venv/bin/python bench/write_pages.py",
     ]
@@ -101,8 +101,8 @@ def test_a_quick_run_leaves_results_and_pages(checkout):
 
 
 def test_suites_that_fail_are_named(checkout):
-    done, calls = bench(checkout, "broad", "pieces", "--fail")
-    assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad pieces\n"), done.stderr
+    done, calls = bench(checkout, "broad", "classes", "--fail")
+    assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad classes\n"), done.stderr
     assert not [call for call in calls if "write_pages" in call]
     shutil.rmtree(checkout / "build/bin")
     done, _ = bench(checkout, "broad")

@@ -160,6 +160,7 @@ def test_wrong_inputs_are_named(front, arguments, inputs, error, text):
     ({"call": "check", "fields": "lower"}, TypeError, r"prepare\('check'\) got an unexpected argument 'fields'"),
     ({"call": "check", "max_evaluations": 8}, TypeError, r"prepare\('check'\) got an unexpected argument 'max_eval"),
     ({"warm": True}, TypeError, "unexpected argument 'warm'"),
+    ({"model": "pieces"}, TypeError, "unexpected argument 'model'; set abs_tol or rel_tol"),
     ({"format": "compact"}, TypeError, "unexpected argument 'format'"),
     ({"min_pose_stamp_ns": 1}, TypeError, "unexpected argument 'min_pose_stamp_ns'"),
     ({"call": "free_scale"}, ValueError, "joints: expected some, that move"),
@@ -279,7 +280,7 @@ def test_every_row_of_the_options_is_an_argument(front):
         result = front.prepare(**{"fields": "default", name: value}).run()
         assert same_bits(result, front.distances(fields="default")), name
         taken.append(name)
-    assert {"max_distance", "precision", "model", "max_results", "fields", "reduce", "margin"} <= set(taken)
+    assert {"max_distance", "precision", "max_results", "fields", "reduce", "margin"} <= set(taken)
 
 
 def test_parameters():

@@ -168,7 +168,7 @@ def test_matrix_as_pose_and_options_by_keyword():
     (lambda s: s.add_box("x", [1, 1, 1], parent=9), ValueError, r"parent: no body has the id 9; the scene has 5"),
     (lambda s: s.add_sphere("x", 0), clearance.SceneError, r"x"),
     (lambda s: s.add_mesh("x", "a.obj", mesh_as="hul"), ValueError,
-     r"mesh_as: expected 'hull' or 'parts' or 'decompose' or 'surface' or 'solid' or 'auto', got 'hul'"),
+     r"mesh_as: expected 'hull' or 'parts' or 'auto' or 'surface' or 'solid', got 'hul'"),
     (lambda s: s.add_mesh("x", "a.obj", scale=[1, 2]), ValueError,
      r"scale: expected one number or three, got \[1, 2\]"),
     (lambda s: s.add_mesh("x", "/dev/null/a.obj"), clearance.SceneError, r"/dev/null/a.obj"),

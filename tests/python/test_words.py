@@ -17,7 +17,7 @@ def upper_snake(name):
 
 @pytest.fixture(scope="module")
 def header(root):
-    return "".join((root / "wire" / name).read_text() for name in ("types.h", "mesh_as.h", "model.h"))
+    return "".join((root / "wire" / name).read_text() for name in ("types.h", "mesh_as.h"))
 
 
 def enum_values(header, name):
@@ -31,7 +31,7 @@ def enum_values(header, name):
 
 @pytest.mark.parametrize("name, prefix", [
     ("Status", "k"), ("Flag", "kFlag"), ("Precision", "k"), ("Reduce", "k"), ("Field", "kField"),
-    ("MeshAs", "k"), ("Model", "k"),
+    ("MeshAs", "k"),
 ])  # fmt: skip
 def test_enum_mirrors_header(header, name, prefix):
     values = enum_values(header, name)
@@ -44,7 +44,7 @@ def test_enum_mirrors_header(header, name, prefix):
 
 def test_every_enum_of_the_header_is_mirrored(header):
     names = re.findall(r"\benum (?:class )?(\w+) :", header)
-    assert len(names) == 7
+    assert len(names) == 6
     assert all(issubclass(getattr(_words, name), enum.Enum) for name in names)
 
 

@@ -1,6 +1,6 @@
 """Enumerations and columns of queries and answers.
 
-Mirrors wire/types.h, wire/mesh_as.h and wire/model.h, value by value (tests/python/test_words.py compares them).
+Mirrors wire/types.h and wire/mesh_as.h, value by value (tests/python/test_words.py compares them).
 """
 
 from __future__ import annotations
@@ -45,13 +45,6 @@ class Precision(enum.IntEnum):
     F32 = 1
 
 
-class Model(enum.IntEnum):
-    """Geometry used to answer a query."""
-
-    TRUTH = 0  #: the exact geometry
-    PIECES = 1  #: a mesh's convex parts, if it has any; bounds widen by their deviation from the mesh
-
-
 class Reduce(enum.IntEnum):
     """Rows of an answer."""
 
@@ -67,10 +60,9 @@ class MeshAs(enum.IntEnum):
 
     HULL = 0  #: one convex part: the hull of all vertices
     PARTS = 1  #: one convex part for each submesh of the file
-    DECOMPOSE = 2  #: a solid with convex parts as accelerator
+    AUTO = 2  #: the default: the hull of a convex or an open mesh, otherwise a solid
     SURFACE = 3  #: the triangles alone
     SOLID = 4  #: the volume that the triangles enclose
-    AUTO = 5  #: the default: the hull of a convex or an open mesh, otherwise a solid
 
 
 class Field(enum.IntFlag):
@@ -148,7 +140,7 @@ FIELD_MASKS: dict[str, int] = {
 
 # Types of arguments for type checkers; tests compare them with the tables below.
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]
-MeshAsWord = Literal["hull", "parts", "decompose", "surface", "solid", "auto"]
+MeshAsWord = Literal["hull", "parts", "auto", "surface", "solid"]
 GeometryWord = Literal["collision", "visual"]
 ServiceWord = Literal["control", "planning"]
 BackendWord = Literal["auto", "cpu", "cuda", "reference"]

@@ -225,7 +225,7 @@ bool has_cloud(const engine::Scene& scene, const Plan& plan) {
 }  // namespace
 
 bool covers_may_bound(const JobContext& context, const Plan& plan) {
-  return context.covers && !context.reference && context.near_by != NearBy::kTree && !context.scene->has_proxies() &&
+  return context.covers && !context.reference && context.near_by != NearBy::kTree &&
          (plan.query.reduce != Reduce::kNearest || context.scene->bodies().size() <= kMostGroups) &&
          CoverBounds::may_bound(plan, answers_fast(context)) && CoverPlan::may_decide(plan) &&
          (CoverBounds::is_wide(plan, answers_fast(context)) || !has_cloud(*context.scene, plan));

@@ -374,7 +374,6 @@ TEST(TrueMesh, WhatIsWrongWithAMeshIsReported) {
       {"vertex 3 has the coordinate", MeshAs::kSurface, [](Source& m) { m.vertices[3].y = NAN; }},
       {"vertex 3 has the coordinate", MeshAs::kSurface, [](Source& m) { m.vertices[3].y = 1e61; }},
       {"at least one vertex", MeshAs::kSolid, [](Source& m) { m.vertices.clear(); }},
-      {"mesh_as: decompose: only for a mesh file", MeshAs::kDecompose, [](Source&) {}},
   };
   for (const BadMesh& bad : cases) {
     Source mesh = cup();
@@ -424,7 +423,9 @@ TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   }
   const std::string open =
       folder.write("open.off", "OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n");
-  EXPECT_EQ(error_text<engine::SceneError>([&] { scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {}); }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] {
+              scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {});
+            }),
             "body \"c\": " + open +
                 ": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0 "
                 "belongs to no other triangle: the mesh is open there");

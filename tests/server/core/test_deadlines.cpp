@@ -145,9 +145,6 @@ TEST(Forecast, LearnsWhatLikeQueriesTook) {
   QueryOptions depths;
   depths.signed_distance = true;
   EXPECT_EQ(forecast.of(Forecast::work_of(depths, {.part_pairs = 1'000'000})), std::nullopt) << "another kind";
-  QueryOptions by_parts;
-  by_parts.model = Model::kPieces;
-  EXPECT_EQ(forecast.of(Forecast::work_of(by_parts, {.part_pairs = 1'000'000})), std::nullopt) << "another kind";
   EXPECT_EQ(forecast.of(Forecast::work_of(options, {.part_pairs = 10})), std::nullopt) << "another size";
   for (int i = 0; i < 50; ++i) forecast.note(work, 20ms, true);
   EXPECT_NEAR(static_cast<double>(forecast.of(work)->count()), 20e6, 1e4);

@@ -20,6 +20,9 @@ from .result import Result
 _WRONG_SCENE = 2
 _MOST_RENEWALS = 100  # of one run, while other threads change the scene
 
+#: Hints on arguments that a call does not take, by name.
+_INSTEAD = {"model": "; set abs_tol or rel_tol for faster answers with wider intervals"}
+
 #: Answers a query of joints alone for arrays that need no conversion; None for others.
 AskRows = Callable[..., Any]
 
@@ -204,4 +207,5 @@ def check_arguments(
     known = options.union(everyday, extra)
     for name in arguments:
         if name not in known:
-            raise TypeError(f"prepare({call!r}) got an unexpected argument {name!r}{did_you_mean(name, known)}")
+            hint = _INSTEAD.get(name, did_you_mean(name, known))
+            raise TypeError(f"prepare({call!r}) got an unexpected argument {name!r}{hint}")

@@ -244,10 +244,6 @@ class Queries:
 
             precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
                 iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.
-            model: "truth", or "pieces": a body with convex parts (mesh_as="decompose") is replaced by these, and its
-                triangles are not read. The interval widens by the parts' deviation from the mesh and still contains its
-                distance; containment of one body in another is tested on the mesh. Negative values of
-                signed_distance=True are those of the parts (Flag.PIECES). Other bodies are unaffected.
             max_results: maximum number of rows of reduce="within". Default: 1,048,576, for which memory is reserved.
             max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. Default: 0, any age.
             abs_tol, rel_tol: as in distances(), also for check(), check_path() and free_scale().

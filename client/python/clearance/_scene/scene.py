@@ -87,8 +87,7 @@ class Scene(ShapeScene, RobotScene):
 
         mesh_as: body made from the mesh: "hull" or "parts" (the convex hull of all vertices, or of each submesh),
             "surface" (its triangles) or "solid" (the volume that they enclose; the mesh must be closed and consistently
-            oriented); "decompose" for a solid with convex parts as accelerator, read from FILE.pieces.obj, the output
-            of `clearance decompose FILE`. "auto" is the hull of a convex or an open mesh, otherwise a solid.
+            oriented). "auto" is the hull of a convex or an open mesh, otherwise a solid.
 
         Warns (MeshWarning) if the pieces stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it is at
         least 50 m wide: files in millimetres need scale=0.001.

@@ -1,4 +1,4 @@
-#include "engine/decomposition/fan.h"
+#include "engine/cover/fan.h"
 
 #include <algorithm>
 #include <cmath>
