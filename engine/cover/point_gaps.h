@@ -121,7 +121,7 @@ CLEARANCE_INLINE void point_gaps(const Obstacle& obstacle, const float (&x)[8], 
       return exact_gaps<Kind::kHalfSpace>(obstacle, x, y, z, gaps);
     case Kind::kPlanes:
       return gaps_of_planes(obstacle, x, y, z, gaps);
-    case Kind::kCloud:  // engine/decision/cloud_gaps.h
+    case Kind::kCloud:  // engine/decision/kernel/cloud_gaps.h
       return;
   }
 }

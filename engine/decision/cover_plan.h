@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine/cover/cover_store.h"
-#include "engine/decision/decision_view.h"
+#include "engine/decision/kernel/decision_view.h"
 #include "engine/decision/span_rates.h"
 #include "engine/decision/table_plan.h"
 #include "engine/scene/scene.h"

@@ -7,7 +7,7 @@
 #include <vector>
 
 #include "engine/cover/cover.h"
-#include "engine/decision/decision_view.h"
+#include "engine/decision/kernel/decision_view.h"
 #include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
 #include "engine/selection/plan.h"

@@ -7,7 +7,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/decision/decision_view.h"
+#include "engine/decision/kernel/decision_view.h"
 #include "engine/decision/slack_bounds.h"
 #include "engine/joint_table/joint_table_store.h"
 #include "engine/scene/scene.h"

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
-#include "engine/decision/distance_view.h"
+#include "engine/decision/kernel/distance_view.h"
 #include "engine/narrow/group.h"
 #include "engine/query/distance/pair_groups.h"
 #include "engine/selection/plan.h"

@@ -7,7 +7,7 @@
 #include <tuple>
 
 #include "engine/decision/cover_plan.h"
-#include "engine/decision/distance_view.h"
+#include "engine/decision/kernel/distance_view.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/decision/least_distances.h"
 #include "tests/engine/same_rows.h"

@@ -10,7 +10,7 @@
 #include "tests/oracle/cases/cases.h"
 #include "tests/oracle/exact/exact_round.h"
 #define CLEARANCE_ISA cloud_gaps_test
-#include "engine/decision/cloud_gaps.h"
+#include "engine/decision/kernel/cloud_gaps.h"
 
 namespace clearance::exact {
 namespace {

@@ -3,7 +3,7 @@
 #include "tests/engine/engine_test_util.h"
 #include "tests/oracle/decision/pair_query.h"
 #define CLEARANCE_ISA decision_bounds_test
-#include "engine/decision/placed_balls.h"
+#include "engine/decision/kernel/placed_balls.h"
 
 namespace clearance::exact {
 namespace {

@@ -10,7 +10,7 @@
 #include "tests/oracle/decision/pair_query.h"
 
 #define CLEARANCE_ISA least_bounds_test
-#include "engine/decision/least_bounds.h"
+#include "engine/decision/kernel/least_bounds.h"
 
 namespace clearance::exact {
 namespace {

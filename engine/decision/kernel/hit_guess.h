@@ -1,8 +1,8 @@
 // Guesses where a motion hits an obstacle, from the balls that hit in others. Included by decide_kernel.h.
 #pragma once
 
-#include "engine/decision/cloud_gaps.h"
-#include "engine/decision/placed_balls.h"
+#include "engine/decision/kernel/cloud_gaps.h"
+#include "engine/decision/kernel/placed_balls.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

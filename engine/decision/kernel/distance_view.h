@@ -6,7 +6,7 @@
 #include <limits>
 #include <span>
 
-#include "engine/decision/decision_view.h"
+#include "engine/decision/kernel/decision_view.h"
 
 namespace clearance {
 

@@ -3,7 +3,7 @@
 
 #include <cstdint>
 
-#include "engine/decision/decision_view.h"
+#include "engine/decision/kernel/decision_view.h"
 
 #ifndef CLEARANCE_ISA
 #error "define CLEARANCE_ISA, the instruction set this file is compiled for"

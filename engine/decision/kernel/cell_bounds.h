@@ -5,9 +5,9 @@
 #include <cstdint>
 
 #include "engine/cover/point_gaps.h"
-#include "engine/decision/distance_view.h"
-#include "engine/decision/least_bounds.h"
-#include "engine/decision/placed_balls.h"
+#include "engine/decision/kernel/distance_view.h"
+#include "engine/decision/kernel/least_bounds.h"
+#include "engine/decision/kernel/placed_balls.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

@@ -3,8 +3,8 @@
 
 #include <cstdint>
 
-#include "engine/decision/distance_view.h"
-#include "engine/decision/placed_balls.h"
+#include "engine/decision/kernel/distance_view.h"
+#include "engine/decision/kernel/placed_balls.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

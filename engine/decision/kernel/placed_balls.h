@@ -5,9 +5,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/decision/cloud_gaps.h"
-#include "engine/decision/decision_view.h"
-#include "engine/decision/eight.h"
+#include "engine/decision/kernel/cloud_gaps.h"
+#include "engine/decision/kernel/decision_view.h"
+#include "engine/decision/kernel/eight.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

@@ -8,10 +8,10 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/decision/cell_bounds.h"
-#include "engine/decision/distance_view.h"
-#include "engine/decision/least_bounds.h"
-#include "engine/decision/placed_balls.h"
+#include "engine/decision/kernel/cell_bounds.h"
+#include "engine/decision/kernel/distance_view.h"
+#include "engine/decision/kernel/least_bounds.h"
+#include "engine/decision/kernel/placed_balls.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

@@ -9,9 +9,9 @@
 #include <cstddef>
 #include <cstdint>
 
-#include "engine/decision/hit_guess.h"
-#include "engine/decision/placed_balls.h"
-#include "engine/decision/table_lookup.h"
+#include "engine/decision/kernel/hit_guess.h"
+#include "engine/decision/kernel/placed_balls.h"
+#include "engine/decision/kernel/table_lookup.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {

@@ -1,7 +1,7 @@
 #include <vector>
 
 #include "engine/base/instruction_sets.h"
-#include "engine/decision/distance_view.h"
+#include "engine/decision/kernel/distance_view.h"
 
 namespace clearance {
 

@@ -5,7 +5,7 @@
 #include <cstdint>
 
 #include "engine/cover/point_gaps.h"
-#include "engine/decision/eight.h"
+#include "engine/decision/kernel/eight.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
