@@ -19,7 +19,7 @@ constexpr std::size_t kRememberedVertices = 5'000;  // of shapes whose geometry 
 
 // Key of a file, which changes when the file is replaced or rewritten.
 std::string file_key(const std::string& path) {
-  struct stat info {};
+  struct stat info{};
   if (::stat(path.c_str(), &info) != 0) return path + "|";
   return std::to_string(info.st_dev) + ':' + std::to_string(info.st_ino) + ':' + std::to_string(info.st_size) + ':' +
          std::to_string(info.st_mtim.tv_sec) + '.' + std::to_string(info.st_mtim.tv_nsec) + '|' + path + '|';

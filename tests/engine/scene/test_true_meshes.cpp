@@ -423,9 +423,7 @@ TEST(TrueMesh, OfAFileIsScaledMirroredAndNamed) {
   }
   const std::string open =
       folder.write("open.off", "OFF\n4 3 0\n0 0 0\n1 0 0\n0 1 0\n0 0 1\n3 0 2 1\n3 0 1 3\n3 1 2 3\n");
-  EXPECT_EQ(error_text<engine::SceneError>([&] {
-              scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {});
-            }),
+  EXPECT_EQ(error_text<engine::SceneError>([&] { scene.add_mesh("c", open, {1, 1, 1}, MeshAs::kSolid, {}); }),
             "body \"c\": " + open +
                 ": mesh_as: solid: the mesh encloses no volume: the edge from (0, 0, 0) to (0, 1, 0) of triangle 0 "
                 "belongs to no other triangle: the mesh is open there");

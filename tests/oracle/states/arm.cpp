@@ -11,7 +11,9 @@ std::string text_of(double number) {
   return text;
 }
 
-std::string text_of(const Vec3d& v) { return text_of(v.x) + " " + text_of(v.y) + " " + text_of(v.z); }
+std::string text_of(const Vec3d& v) {
+  return text_of(v.x) + " " + text_of(v.y) + " " + text_of(v.z);
+}
 
 struct LinkPart {
   std::string geometry;
