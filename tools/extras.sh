@@ -10,7 +10,7 @@ set -euo pipefail
 
 # Name, minutes on two cores (after `make build`, without ccache), and the paths that it depends on.
 extras=(
-  "client_install   3  pyproject.toml CMakeLists.txt cmake client wire cli lcmtypes"
+  "client_install   3  pyproject.toml CMakeLists.txt cmake client planner wire cli lcmtypes"
   "wheels          60  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
