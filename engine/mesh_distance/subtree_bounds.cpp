@@ -67,7 +67,7 @@ double reach_of(const Body& body, Subtree subtree, const BoxBounds& box, const V
   if (at != kNone && subtree.is_element()) return of_elements(at & ~Subtree::kElement, (at & ~Subtree::kElement) + 1);
   if (at != kNone && surface->nodes()[at].is_leaf())
     return of_elements(surface->nodes()[at].begin(), surface->nodes()[at].end());
-  const double by_box = dot(n, box.centre) + dot(absolute(n), box.half);
+  const double by_box = dot(n, box.centre) + dot(absolute_of(n), box.half);
   if (at == kNone || surface->is_cloud()) return by_box;
   // The component of n along the slab's normal reaches no farther than its plane, and the rest of n no farther than the
   // box.
@@ -76,7 +76,7 @@ double reach_of(const Body& body, Subtree subtree, const BoxBounds& box, const V
   const double along = dot(n, m);
   const Vec3d rest = n - along * m;
   return std::min(by_box,
-                  dot(rest, box.centre) + dot(absolute(rest), box.half) + reach_across(slab, along, surface->centre()));
+                  dot(rest, box.centre) + dot(absolute_of(rest), box.half) + reach_across(slab, along, surface->centre()));
 }
 
 NodesBelow::NodesBelow(const Surface& surface, std::uint32_t node) {

@@ -25,7 +25,7 @@ struct BoxBounds {
   Vec3d centre{0, 0, 0}, half{0, 0, 0};
 };
 
-inline Vec3d absolute(const Vec3d& v) {
+inline Vec3d absolute_of(const Vec3d& v) {
   return {std::abs(v.x), std::abs(v.y), std::abs(v.z)};
 }
 

@@ -21,7 +21,7 @@ constexpr int kLevels = 12, kLevelsOfCloud = 6;
 // The box in other axes.
 BoxBounds converted(const BoxBounds& box, const Mat3d& R, const Vec3d& D) {
   BoxBounds result{R * box.centre + D, {}};
-  for (int k = 0; k < 3; ++k) result.half[k] = dot(absolute(R.row[k]), box.half);
+  for (int k = 0; k < 3; ++k) result.half[k] = dot(absolute_of(R.row[k]), box.half);
   return result;
 }
 
