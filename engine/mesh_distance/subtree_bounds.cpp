@@ -75,8 +75,8 @@ double reach_of(const Body& body, Subtree subtree, const BoxBounds& box, const V
   const Vec3d m = slab.normal();
   const double along = dot(n, m);
   const Vec3d rest = n - along * m;
-  return std::min(by_box,
-                  dot(rest, box.centre) + dot(absolute_of(rest), box.half) + reach_across(slab, along, surface->centre()));
+  return std::min(
+      by_box, dot(rest, box.centre) + dot(absolute_of(rest), box.half) + reach_across(slab, along, surface->centre()));
 }
 
 NodesBelow::NodesBelow(const Surface& surface, std::uint32_t node) {

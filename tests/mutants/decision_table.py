@@ -135,7 +135,12 @@ DECISION_MUTANTS = [
             "return open & near ? kOpen | kNear : @kOpen@;",
             "Bits{0}",
         ),
-        ("decision_moved_outer", "decision/kernel/decide_kernel.h", "still = outer_q + @Eight(p.outer[i])@", "Eight(0.0f)"),
+        (
+            "decision_moved_outer",
+            "decision/kernel/decide_kernel.h",
+            "still = outer_q + @Eight(p.outer[i])@",
+            "Eight(0.0f)",
+        ),
         (
             "decision_moved_inner",
             "decision/kernel/decide_kernel.h",
@@ -162,8 +167,18 @@ DECISION_MUTANTS = [
             "[&](const auto& m) { return @m.column == column@; }",
             "m.column + 1 == column",
         ),
-        ("decision_table_free", "decision/kernel/table_lookup.h", "is_free_[t] = @cell.low@ > pair.free_above", "cell.high"),
-        ("decision_table_hit_above", "decision/kernel/table_lookup.h", "if (@cell.high@ < pair.hit_below) hit", "cell.low"),
+        (
+            "decision_table_free",
+            "decision/kernel/table_lookup.h",
+            "is_free_[t] = @cell.low@ > pair.free_above",
+            "cell.high",
+        ),
+        (
+            "decision_table_hit_above",
+            "decision/kernel/table_lookup.h",
+            "if (@cell.high@ < pair.hit_below) hit",
+            "cell.low",
+        ),
         # Pairs that the exact engine decides.
         (
             "decision_unknown",
@@ -191,7 +206,12 @@ DECISION_MUTANTS = [
             "known->lower = @lower < known->lower@ ? lower : known->lower",
             "false",
         ),
-        ("distance_sift", "decision/kernel/least_bounds.h", "greater(lower, Eight(@threshold_@)) & used", "0.9f * threshold_"),
+        (
+            "distance_sift",
+            "decision/kernel/least_bounds.h",
+            "greater(lower, Eight(@threshold_@)) & used",
+            "0.9f * threshold_",
+        ),
         (
             "distance_root_low",
             "decision/kernel/cell_bounds.h",
@@ -271,8 +291,18 @@ DECISION_MUTANTS = [
         ("cloud_half", "cover/obstacle_shape.cpp", "half = @0.5@ * double{cloud->edge()}", "0.499"),
         ("cloud_radius", "decision/kernel/cloud_gaps.h", "gap = found_ - @radius_@; lesser(gap", "Eight(0.0f)"),
         ("cloud_searched_radius", "decision/kernel/cloud_gaps.h", "narrow(far_ + @radius_@)", "Eight(0.0f)"),
-        ("cloud_far", "decision/kernel/cloud_gaps.h", "lesser(@far_ + radius_@, found_)", "Eight(0.9f) * far_ + radius_"),
-        ("cloud_hit", "decision/kernel/cloud_gaps.h", "lesser(within, @limits_.hit + radius_@)", "Eight(0.9f) * limits_.hit"),
+        (
+            "cloud_far",
+            "decision/kernel/cloud_gaps.h",
+            "lesser(@far_ + radius_@, found_)",
+            "Eight(0.9f) * far_ + radius_",
+        ),
+        (
+            "cloud_hit",
+            "decision/kernel/cloud_gaps.h",
+            "lesser(within, @limits_.hit + radius_@)",
+            "Eight(0.9f) * limits_.hit",
+        ),
         ("cloud_open", "decision/kernel/cloud_gaps.h", "if_greater(gap, @limits_.open@, within", "far_"),
         ("cloud_box", "decision/kernel/cloud_gaps.h", "c - Eight(@high[k]@)", "low[k]"),
         ("cloud_order", "decision/kernel/cloud_gaps.h", "count > 0 && @!near(open[count - 1].squared)@", "true"),

@@ -28,7 +28,10 @@ SOURCES_OF_HEADERS = {
     "decision/kernel/placed_balls.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/cloud_gaps.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/table_lookup.h": ["decision/kernel/decide_baseline.cpp"],
-    "decision/kernel/distance_kernel.h": ["decision/kernel/decide_baseline.cpp", "decision/kernel/decision_kernels.cpp"],
+    "decision/kernel/distance_kernel.h": [
+        "decision/kernel/decide_baseline.cpp",
+        "decision/kernel/decision_kernels.cpp",
+    ],
     "decision/kernel/cell_bounds.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/least_bounds.h": ["decision/kernel/decide_baseline.cpp"],
     "motion/motion_step.h": [
