@@ -101,32 +101,6 @@ Vec3d near_surface(const exact::Solid& body, Random& random) {
   return p + n * (random.sign() * size * random.log_uniform(1e-12, 0.1) / norm(n));
 }
 
-TEST(MeshCover, HoldsPointsOnEveryLevel) {
-  Random random(49);
-  for (const MeshBody& body : bodies()) {
-    SCOPED_TRACE(body.kind);
-    const ConvexPartPtr part = body.part();
-    const std::optional<Cover> cover = make_cover(std::span(&part, 1), nullptr, kEffort);
-    ASSERT_TRUE(cover);
-    const mpq_class radius(body.solid->radius);
-    const auto check = [&](const Vec3q& p) {
-      ASSERT_TRUE(has_path(*cover, p)) << p.x.get_d() << " " << p.y.get_d() << " " << p.z.get_d();
-      EXPECT_LE(squared(p), mpq_class(cover->reach) * mpq_class(cover->reach));
-    };
-    for (std::size_t i = 0; i < body.solid->vertices.size(); i += 1 + body.solid->vertices.size() / 200)
-      check(rational(body.solid->vertices[i]));
-    for (int i = 0; i < 300; ++i) check(on_triangle(*body.solid, random) + times(unit(random), radius));
-    int within = 0;
-    for (int i = 0; i < 400 && body.solid->is_solid; ++i) {
-      const Vec3d p = near_surface(*body.solid, random);
-      if (!is_within(*body.solid, p)) continue;
-      ++within;
-      check(rational(p) + times(unit(random), radius));
-    }
-    EXPECT_TRUE(within > 50 || !body.solid->is_solid) << within;
-  }
-}
-
 /// Whether the hull of some points, grown, holds a point.
 bool holds(const std::vector<Vec3d>& points, double growth, const Vec3d& p) {
   if (points.empty()) return false;
@@ -181,6 +155,32 @@ TEST(MeshCover, CellsHoldTheInteriorOfADentedBox) {
                                 [&](const auto& points) { return holds(points, cells.growth, p); }))
             << x << " " << y << " " << z;
       }
+}
+
+TEST(MeshCover, HoldsPointsOnEveryLevel) {
+  Random random(49);
+  for (const MeshBody& body : bodies()) {
+    SCOPED_TRACE(body.kind);
+    const ConvexPartPtr part = body.part();
+    const std::optional<Cover> cover = make_cover(std::span(&part, 1), nullptr, kEffort);
+    ASSERT_TRUE(cover);
+    const mpq_class radius(body.solid->radius);
+    const auto check = [&](const Vec3q& p) {
+      ASSERT_TRUE(has_path(*cover, p)) << p.x.get_d() << " " << p.y.get_d() << " " << p.z.get_d();
+      EXPECT_LE(squared(p), mpq_class(cover->reach) * mpq_class(cover->reach));
+    };
+    for (std::size_t i = 0; i < body.solid->vertices.size(); i += 1 + body.solid->vertices.size() / 200)
+      check(rational(body.solid->vertices[i]));
+    for (int i = 0; i < 300; ++i) check(on_triangle(*body.solid, random) + times(unit(random), radius));
+    int within = 0;
+    for (int i = 0; i < 400 && body.solid->is_solid; ++i) {
+      const Vec3d p = near_surface(*body.solid, random);
+      if (!is_within(*body.solid, p)) continue;
+      ++within;
+      check(rational(p) + times(unit(random), radius));
+    }
+    EXPECT_TRUE(within > 50 || !body.solid->is_solid) << within;
+  }
 }
 
 TEST(MeshCover, InnerRadiiHold) {
