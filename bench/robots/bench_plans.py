@@ -16,20 +16,10 @@ import sys
 import numpy as np
 
 import problems
+from bench_robots import scene_file_of
 from harness import ROOT, shown, stamped, write
 
 PROGRAM = ROOT / "build/bin/clearance-plans"
-
-
-def write_scene(resources, robot):
-    """A scene of the robot alone, its links as hulls."""
-    urdf, srdf = problems.urdf_of(resources, robot)
-    path = resources / f"{robot}_plans.yaml"
-    path.write_text(
-        f"robots:\n  - {{name: {robot}, urdf: {robot}/{urdf.name}, srdf: {robot}/{srdf.name}, "
-        f"packages: {{{robot}: {robot}}}, mesh_as: hull}}\n"
-    )
-    return path
 
 
 def write_problems(path, robot, requested):
@@ -71,7 +61,7 @@ def measure(options):
     resources = problems.fetch()
     for robot in options.robots:
         requested = problems.load(resources, robot, options.problems)
-        scene, listed = write_scene(resources, robot), resources / f"{robot}_plans.txt"
+        scene, listed = scene_file_of(robot, resources), resources / f"{robot}_plans.txt"
         write_problems(listed, robot, requested)
         command = [str(PROGRAM), str(scene), str(listed), str(options.margin), str(options.rounds)]
         printed = subprocess.run(command, check=True, text=True, stdout=subprocess.PIPE).stdout
