@@ -76,7 +76,8 @@ void compare(const engine::Engine& device, const engine::Engine& cpu, const Quer
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
   for (const double box : {3.0, 20.0}) {
-    const engine::Engine device(grouped_scene(300, box, 1), {"cuda"}), cpu(grouped_scene(300, box, 1), {"cpu"});
+    const engine::Engine device(grouped_scene(300, box, 1), {"cuda"}),
+        cpu(grouped_scene(300, box, 1), {.backend = "cpu", .covers = engine::Covers::kOff});
     EXPECT_EQ(device.backend(), "cuda");
     for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_GT(counter(device, "cuda.pairs_converged"), 100'000u);
@@ -87,7 +88,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForAllPairsOfAScene) {
 // In several chunks, and in one answered with as few calls as possible.
 TEST_F(CudaBackend, FindsMostDepths) {
   for (const int bodies : {150, 600}) {
-    const engine::Engine device(grouped_scene(bodies, 3, 7), {"cuda"}), cpu(grouped_scene(bodies, 3, 7), {"cpu"});
+    const engine::Engine device(grouped_scene(bodies, 3, 7), {"cuda"}),
+        cpu(grouped_scene(bodies, 3, 7), {.backend = "cpu", .covers = engine::Covers::kOff});
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const std::uint32_t fields : {kAllFields | 0u, kDefaultFields | 0u}) {
         QueryView q;
@@ -107,14 +109,16 @@ TEST_F(CudaBackend, FindsMostDepths) {
 }
 
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuWhereEveryBodyHasItsOwnShape) {
-  const engine::Engine device(mixed_scene(120, 4, 2), {"cuda"}), cpu(mixed_scene(120, 4, 2), {"cpu"});
+  const engine::Engine device(mixed_scene(120, 4, 2), {"cuda"}),
+      cpu(mixed_scene(120, 4, 2), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
 }
 
 // Bodies of 1 to 40 convex parts, at the snapshot's poses and in configurations.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 5.0}) {
-    const engine::Engine device(decomposed_scene(90, box, 41), {"cuda"}), cpu(decomposed_scene(90, box, 41), {"cpu"});
+    const engine::Engine device(decomposed_scene(90, box, 41), {"cuda"}),
+        cpu(decomposed_scene(90, box, 41), {.backend = "cpu", .covers = engine::Covers::kOff});
     Random random(42);
     const std::vector<std::uint32_t> bodies{0, 2, 3, 7, 15, 26, 30};
     for (auto [name, q] : queries()) {
@@ -153,7 +157,8 @@ TEST_F(CudaBackend, LeavesBodiesWithAPartThatTheDeviceCannotHoldToTheCpu) {
     scene.add_body(std::move(body));
     return scene;
   };
-  const engine::Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
+  const engine::Engine device(with_large(), {"cuda"}),
+      cpu(with_large(), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.fields = kAllFields;
   compare(device, cpu, q, "dense");
@@ -187,7 +192,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForLargeHulls) {
   std::vector<Pose> poses;
   for (std::size_t i = 0; i < 100 * bodies.size(); ++i) poses.push_back(random.pose(4));
   for (const bool with_largest : {false, true}) {
-    const engine::Engine device(large(with_largest), {"cuda"}), cpu(large(with_largest), {"cpu"});
+    const engine::Engine device(large(with_largest), {"cuda"}),
+        cpu(large(with_largest), {.backend = "cpu", .covers = engine::Covers::kOff});
     const std::string scene = with_largest ? "with the largest" : "large";
     for (auto [name, q] : queries()) {
       compare(device, cpu, q, scene + ", " + name);
@@ -216,7 +222,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
     for (int i : {20, 21, 22}) scene.set_parent("body" + std::to_string(i + 1), "body" + std::to_string(i));
     return scene;
   };
-  const engine::Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  const engine::Engine device(arm(), {"cuda"}), cpu(arm(), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, query] : queries()) compare(device, cpu, query, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
 }
@@ -224,7 +230,7 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForFollowers) {
 // Over several chunks with a smaller last one.
 TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] { return grouped_scene(60, 3, 3); };
-  engine::Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  engine::Engine device(arm(), {"cuda"}), cpu(arm(), {.backend = "cpu", .covers = engine::Covers::kOff});
   const std::vector<std::uint32_t> bodies{2, 21, 23, 40, 30};
   Random random(4);
   for (const std::uint32_t K : {1u, 2u, 130u, 2000u}) {
@@ -246,7 +252,8 @@ TEST_F(CudaBackend, GivesTheBitsOfTheCpuForConfigurations) {
 }
 
 TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {
-  const engine::Engine device(grouped_scene(100, 4, 5), {"cuda"}), cpu(grouped_scene(100, 4, 5), {"cpu"});
+  const engine::Engine device(grouped_scene(100, 4, 5), {"cuda"}),
+      cpu(grouped_scene(100, 4, 5), {.backend = "cpu", .covers = engine::Covers::kOff});
   Random random(6);
   std::vector<BodyPair> pairs;
   while (pairs.size() < 5000) {
@@ -265,7 +272,8 @@ TEST_F(CudaBackend, AnswersExplicitPairsInTheirOrder) {
 TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
   engine::Scene scene = grouped_scene(50, 3, 7), same = grouped_scene(50, 3, 7);
   for (engine::Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
-  engine::Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
+  engine::Engine device(std::move(scene), {"cuda"}),
+      cpu(std::move(same), {.backend = "cpu", .covers = engine::Covers::kOff});
   std::vector<BodyPose> poses{
       {3, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
   for (engine::Engine* e : {&device, &cpu}) e->set_poses(poses);
@@ -282,7 +290,8 @@ TEST_F(CudaBackend, SaysWhichPosesAreBadMissingRenormalisedOrStale) {
 
 // At a tolerance near the limit of float32, some pairs keep its answer and some get float64's.
 TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
-  const engine::Engine device(grouped_scene(300, 3, 15), {"cuda"}), cpu(grouped_scene(300, 3, 15), {"cpu"});
+  const engine::Engine device(grouped_scene(300, 3, 15), {"cuda"}),
+      cpu(grouped_scene(300, 3, 15), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.rel_tol = 1e-5;
   const Answer f64 = evaluate(device, q);
@@ -302,7 +311,8 @@ TEST_F(CudaBackend, LeavesToFloat64WhatFloat32CannotSettle) {
 }
 
 TEST_F(CudaBackend, FollowsPosesAndAttachments) {
-  engine::Engine device(grouped_scene(80, 3, 8), {"cuda"}), cpu(grouped_scene(80, 3, 8), {"cpu"});
+  engine::Engine device(grouped_scene(80, 3, 8), {"cuda"}),
+      cpu(grouped_scene(80, 3, 8), {.backend = "cpu", .covers = engine::Covers::kOff});
   Random random(9);
   QueryView q;
   q.fields = kAllFields;
@@ -318,7 +328,8 @@ TEST_F(CudaBackend, FollowsPosesAndAttachments) {
 }
 
 TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
-  const engine::Engine device(grouped_scene(900, 12, 10), {"cuda"}), cpu(grouped_scene(900, 12, 10), {"cpu"});
+  const engine::Engine device(grouped_scene(900, 12, 10), {"cuda"}),
+      cpu(grouped_scene(900, 12, 10), {.backend = "cpu", .covers = engine::Covers::kOff});
   const Answer expected = evaluate(cpu, {});
   expect_same(evaluate(device, {}, std::chrono::nanoseconds(1)), expected, "in slices");
   const std::uint64_t allocations = counter(device, "cuda.allocations"), bytes = counter(device, "cuda.scene_bytes");
@@ -329,7 +340,8 @@ TEST_F(CudaBackend, WorksInSlicesAndAllocatesNothingOnceWarm) {
 }
 
 TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
-  const engine::Engine device(grouped_scene(800, 12, 11), {"cuda"}), cpu(grouped_scene(800, 12, 11), {"cpu"});
+  const engine::Engine device(grouped_scene(800, 12, 11), {"cuda"}),
+      cpu(grouped_scene(800, 12, 11), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) {
     const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
@@ -348,7 +360,8 @@ TEST_F(CudaBackend, WritesStraightIntoPinnedMemory) {
 }
 
 TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
-  const engine::Engine device(grouped_scene(400, 8, 12), {"cuda"}), cpu(grouped_scene(400, 8, 12), {"cpu"});
+  const engine::Engine device(grouped_scene(400, 8, 12), {"cuda"}),
+      cpu(grouped_scene(400, 8, 12), {.backend = "cpu", .covers = engine::Covers::kOff});
   QueryView q;
   q.fields = kAllFields;
   const Answer expected = evaluate(cpu, q), room = evaluate(cpu, q);
@@ -364,7 +377,8 @@ TEST_F(CudaBackend, AnswersSeveralThreadsAtOnceAndSurvivesJobsThatAreGivenUp) {
 }
 
 TEST_F(CudaBackend, StaysWithinItsMemoryBudget) {
-  const engine::Engine free(grouped_scene(700, 12, 14), {"cuda"}), cpu(grouped_scene(700, 12, 14), {"cpu"});
+  const engine::Engine free(grouped_scene(700, 12, 14), {"cuda"}),
+      cpu(grouped_scene(700, 12, 14), {.backend = "cpu", .covers = engine::Covers::kOff});
   const Answer expected = evaluate(cpu, {});
   expect_same(evaluate(free, {}), expected, "without a budget");
   const std::uint64_t scene = counter(free, "cuda.scene_bytes"), all = scene + counter(free, "cuda.query_bytes");

@@ -54,7 +54,8 @@ TEST_P(CudaClasses, HaveTheBitsOfTheCpuInConfigurations) {
       }
     return scene;
   };
-  const engine::Engine device(make_scene(), {"cuda"}), cpu(make_scene(), {"cpu"});
+  const engine::Engine device(make_scene(), {"cuda"}),
+      cpu(make_scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
   std::vector<std::uint32_t> bodies;
   std::vector<BodyPair> pairs;
   for (std::uint32_t i = 0; i < kCases; ++i) {

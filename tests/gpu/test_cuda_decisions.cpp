@@ -65,7 +65,8 @@ std::uint64_t of(const std::array<std::uint64_t, 16>& statuses, Status status) {
 TEST_F(CudaDecisions, HaveTheBitsOfTheCpu) {
   std::uint64_t beyond = 0, overlap = 0, near = 0, converged = 0;
   for (const double box : {1.0, 5.0, 20.0}) {
-    const engine::Engine device(mixed_scene(80, box, 5), {"cuda"}), cpu(mixed_scene(80, box, 5), {"cpu"});
+    const engine::Engine device(mixed_scene(80, box, 5), {"cuda"}),
+        cpu(mixed_scene(80, box, 5), {.backend = "cpu", .covers = engine::Covers::kOff});
     for (const std::uint32_t K : {0u, 1u, 300u}) {
       Random random(6);
       const std::vector<std::uint32_t> bodies{1, 2, 3, 17};
@@ -97,7 +98,8 @@ TEST_F(CudaDecisions, HaveTheBitsOfTheCpuForUncertainBodies) {
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
     if (K > 5) c.positions[5 * c.joints.size()] = std::numeric_limits<double>::quiet_NaN();
-    const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine device(uncertain_robot_scene(false), {"cuda"}),
+        cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     const std::vector<BodyPair> all = c.pairs;
     for (const std::size_t step : {1u, 9u}) {  // fewer pairs have fewer overlaps
       std::vector<BodyPair> some;
@@ -138,7 +140,7 @@ TEST_F(CudaDecisions, PutLinksWhereTheCpuPutsThem) {
                   .pose = Pose{{0.1 * i, 0, 0.1}}});
     return s;
   };
-  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
   const std::vector<SceneJoint>& all = cpu.scene().joints();
   for (const bool few : {false, true}) {
     std::vector<std::uint32_t> joints;

@@ -67,7 +67,8 @@ TEST_F(CudaElements, HoldWhatTheCpuHolds) {
       for (const double room : {0.6, 1.2, 3.0}) {
         ElementCase c(kind, size, room, 400, 3, room == 1.2, 0.05, room == 0.6);
         c.poses[7].translation.y = std::numeric_limits<double>::quiet_NaN();
-        const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+        const engine::Engine cpu(c.scene, {.backend = "cpu", .covers = engine::Covers::kOff}),
+            device(std::move(c.scene), {"cuda"});
         const std::string name = "size " + std::to_string(size) + ", kind " + std::to_string(static_cast<int>(kind)) +
                                  ", room " + std::to_string(room);
         for (const Precision precision : {Precision::kF64, Precision::kF32}) {
@@ -109,7 +110,8 @@ TEST_F(CudaElements, HoldWhatTheCpuHoldsOfMeshes) {
     for (const double room : {0.6, 1.5}) {
       MeshCase c(300, room, 5);
       c.request_about(all ? c.pairs_of_all() : c.pairs_of_meshes());
-      const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+      const engine::Engine cpu(c.scene, {.backend = "cpu", .covers = engine::Covers::kOff}),
+          device(std::move(c.scene), {"cuda"});
       const std::string name = std::string(all ? "all" : "meshes") + ", room " + std::to_string(room);
       for (const double distance : {kInf, 0.1})
         for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kWithin}) {
@@ -161,7 +163,7 @@ TEST_F(CudaElements, RepeatThemselvesOfMeshes) {
 // Points are replaced, in the memory of the previous ones and during a query of these; bodies are emptied.
 TEST_F(CudaElements, FollowTheirPoints) {
   ElementCase c(ElementKind::kPoints, 3000, 1.2, 200, 3, true);
-  engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  engine::Engine cpu(c.scene, {.backend = "cpu", .covers = engine::Covers::kOff}), device(std::move(c.scene), {"cuda"});
   c.q.reduce = Reduce::kMin;
   Random random(5);
   Found found;
@@ -194,7 +196,8 @@ TEST_F(CudaElements, LeaveToTheCpuWhatTheyDoNotAnswer) {
     for (const std::uint32_t other : {c.cloud, c.nothing, c.several}) pairs.push_back({other, link});
   c.request_about(pairs);
   c.q.reduce = Reduce::kMin;
-  const engine::Engine cpu(c.scene, {"cpu"}), device(std::move(c.scene), {"cuda"});
+  const engine::Engine cpu(c.scene, {.backend = "cpu", .covers = engine::Covers::kOff}),
+      device(std::move(c.scene), {"cuda"});
   expect_same(evaluate(device, c.q), evaluate(cpu, c.q), "clouds before meshes", false);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 1u);
 }

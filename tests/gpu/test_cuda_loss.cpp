@@ -13,7 +13,7 @@ TEST(CudaLoss, LeavesTheQueryAndAllThatFollowToTheCpu) {
     for (int i = 0; i < 900; ++i) s.add_uv_sphere("s" + std::to_string(i), 0.5, 5, {.pose = random.pose(12)});
     return s;
   };
-  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
   engine::Engine::Options strict{"cuda"};
   strict.device_fallback = false;
   const engine::Engine rejecting(scene(), strict);

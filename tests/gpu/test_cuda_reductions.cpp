@@ -55,7 +55,8 @@ void compare(const engine::Engine& device, const engine::Engine& cpu, const Quer
 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForAllPairsOfAScene) {
   for (const double box : {0.7, 3.0, 20.0}) {
-    const engine::Engine device(simple_scene(150, box, 1), {"cuda"}), cpu(simple_scene(150, box, 1), {"cpu"});
+    const engine::Engine device(simple_scene(150, box, 1), {"cuda"}),
+        cpu(simple_scene(150, box, 1), {.backend = "cpu", .covers = engine::Covers::kOff});
     for (const auto& [name, q] : queries()) compare(device, cpu, q, name + ", box " + std::to_string(box));
     EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
     EXPECT_GT(counter(device, "cuda.pairs_converged"), 1000u);
@@ -84,7 +85,7 @@ TEST_F(CudaReductions, FindNearPairsOfLargeScenes) {
         scene.ignore("b" + std::to_string(i), "b" + std::to_string((i + 5) % count));
       return scene;
     };
-    const engine::Engine device(crowd(), {"cuda"}), cpu(crowd(), {"cpu"});
+    const engine::Engine device(crowd(), {"cuda"}), cpu(crowd(), {.backend = "cpu", .covers = engine::Covers::kOff});
     QueryView q;
     q.reduce = Reduce::kWithin;
     q.fields = kAllFields;
@@ -117,7 +118,7 @@ engine::Scene grid(double step) {
 
 // Many distances and box gaps are equal.
 TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
-  const engine::Engine device(grid(2), {"cuda"}), cpu(grid(2), {"cpu"});
+  const engine::Engine device(grid(2), {"cuda"}), cpu(grid(2), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
   QueryView q;
   q.fields = kAllFields;
@@ -132,7 +133,7 @@ TEST_F(CudaReductions, BreakTiesAsTheCpuDoes) {
 // The device cannot resolve touching pairs: every group is left open, in configurations with more pairs than the
 // initial capacity.
 TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
-  const engine::Engine device(grid(1), {"cuda"}), cpu(grid(1), {"cpu"});
+  const engine::Engine device(grid(1), {"cuda"}), cpu(grid(1), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
   constexpr std::uint64_t kTouching = 540 + 900 + 500;  // by faces, by edges, by corners
   EXPECT_GE(counter(device, "cuda.pairs_finished_on_cpu"), queries().size() * kTouching);
@@ -160,7 +161,7 @@ TEST_F(CudaReductions, FinishOnTheCpuWhatTouches) {
 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForConfigurations) {
   const auto arm = [] { return simple_scene(40, 2, 3); };
-  const engine::Engine device(arm(), {"cuda"}), cpu(arm(), {"cpu"});
+  const engine::Engine device(arm(), {"cuda"}), cpu(arm(), {.backend = "cpu", .covers = engine::Covers::kOff});
   const std::vector<std::uint32_t> bodies{2, 21, 23, 39, 30};
   Random random(4);
   for (const std::uint32_t K : {1u, 2u, 130u, 3000u}) {
@@ -185,7 +186,8 @@ TEST_F(CudaReductions, GiveTheBitsOfTheCpuForConfigurations) {
 }
 
 TEST_F(CudaReductions, TakeExplicitPairsAndLeaveUnknownBodiesToTheCpu) {
-  const engine::Engine device(simple_scene(60, 3, 5), {"cuda"}), cpu(simple_scene(60, 3, 5), {"cpu"});
+  const engine::Engine device(simple_scene(60, 3, 5), {"cuda"}),
+      cpu(simple_scene(60, 3, 5), {.backend = "cpu", .covers = engine::Covers::kOff});
   Random random(6);
   std::vector<BodyPair> pairs;
   while (pairs.size() < 5000) {
@@ -216,7 +218,8 @@ TEST_F(CudaReductions, TakeExplicitPairsAndLeaveUnknownBodiesToTheCpu) {
 TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
   engine::Scene scene = simple_scene(50, 3, 7), same = simple_scene(50, 3, 7);
   for (engine::Scene* s : {&scene, &same}) s->add_box("late", {1, 1, 1}, {});
-  engine::Engine device(std::move(scene), {"cuda"}), cpu(std::move(same), {"cpu"});
+  engine::Engine device(std::move(scene), {"cuda"}),
+      cpu(std::move(same), {.backend = "cpu", .covers = engine::Covers::kOff});
   std::vector<BodyPose> poses{
       {2, Pose{{1, 2, 3}, 0, 0, 0, 0}}, {4, Pose{{kInf, 0, 0}}}, {6, Pose{{0, 1, 0}, 2, 0, 0, 0}}};
   for (engine::Engine* e : {&device, &cpu}) e->set_poses(poses);
@@ -239,7 +242,8 @@ TEST_F(CudaReductions, SayWhichGroupsHoldUnusablePoses) {
 }
 
 TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
-  const engine::Engine device(simple_scene(700, 1.0, 8), {"cuda"}), cpu(simple_scene(700, 1.0, 8), {"cpu"});
+  const engine::Engine device(simple_scene(700, 1.0, 8), {"cuda"}),
+      cpu(simple_scene(700, 1.0, 8), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const Reduce reduce : kReductions) {
     QueryView q;
     q.reduce = reduce;
@@ -256,7 +260,8 @@ TEST_F(CudaReductions, GrowWhereAllPairsAreNearAndAllocateNothingOnceWarm) {
 }
 
 TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
-  const engine::Engine device(simple_scene(300, 6, 9), {"cuda"}), cpu(simple_scene(300, 6, 9), {"cpu"});
+  const engine::Engine device(simple_scene(300, 6, 9), {"cuda"}),
+      cpu(simple_scene(300, 6, 9), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) {
     const Answer expected = evaluate(cpu, q);
     std::uint64_t bytes = 0;
@@ -274,7 +279,8 @@ TEST_F(CudaReductions, WriteStraightIntoPinnedMemory) {
 }
 
 TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
-  const engine::Engine device(simple_scene(300, 4, 12), {"cuda"}), cpu(simple_scene(300, 4, 12), {"cpu"});
+  const engine::Engine device(simple_scene(300, 4, 12), {"cuda"}),
+      cpu(simple_scene(300, 4, 12), {.backend = "cpu", .covers = engine::Covers::kOff});
   std::vector<Answer> expected;
   std::vector<QueryView> requested;
   for (const auto& [name, q] : queries()) {
@@ -299,7 +305,8 @@ TEST_F(CudaReductions, AnswerSeveralThreadsAtOnceAndSurviveJobsThatAreGivenUp) {
 
 TEST_F(CudaReductions, GiveTheBitsOfTheCpuForBodiesOfSeveralParts) {
   for (const double box : {0.8, 3.0, 8.0}) {
-    const engine::Engine device(decomposed_scene(90, box, 21), {"cuda"}), cpu(decomposed_scene(90, box, 21), {"cpu"});
+    const engine::Engine device(decomposed_scene(90, box, 21), {"cuda"}),
+        cpu(decomposed_scene(90, box, 21), {.backend = "cpu", .covers = engine::Covers::kOff});
     Random random(22);
     const std::vector<std::uint32_t> bodies{0, 2, 3, 7, 15, 26, 30};
     std::vector<Pose> poses;
@@ -324,14 +331,16 @@ TEST_F(CudaReductions, LeaveScenesThatTheDeviceDoesNotKnowToTheCpu) {
     scene.add_uv_sphere("large", 0.3, 200, {});  // 79,602 vertices
     return scene;
   };
-  const engine::Engine device(with_large(), {"cuda"}), cpu(with_large(), {"cpu"});
+  const engine::Engine device(with_large(), {"cuda"}),
+      cpu(with_large(), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries()) compare(device, cpu, q, name);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), queries().size());
 }
 
 // The pair with the least lower bound, without uncertainty.
 TEST_F(CudaReductions, KnowsThePairOfTheLeastLowerBound) {
-  const engine::Engine device(simple_scene(80, 3, 5), {"cuda"}), cpu(simple_scene(80, 3, 5), {"cpu"});
+  const engine::Engine device(simple_scene(80, 3, 5), {"cuda"}),
+      cpu(simple_scene(80, 3, 5), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (auto [name, q] : queries()) {
     q.fields |= kFieldPairLower;
     expect_same(evaluate(device, q), evaluate(cpu, q), name, true);

@@ -41,7 +41,8 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpu) {
     UncertainCase c(K, 11);
     if (K > 1) c.poses[3].qw = c.poses[3].qx = c.poses[3].qy = c.poses[3].qz = 0;
     if (K > 1) c.positions[1] = 5;  // beyond its limits
-    const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(c.scene), {"cpu"});
+    const engine::Engine device(uncertain_robot_scene(false), {"cuda"}),
+        cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
     for (const auto& [name, query] : queries()) {
       if (K == 3000 && query.signed_distance) continue;  // overlaps are left to the CPU
       QueryView q = query;
@@ -80,7 +81,7 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
     }
     return s;
   };
-  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
   for (const auto& [name, q] : queries())
     expect_same(evaluate(device, q), evaluate(cpu, q), name, q.reduce != Reduce::kNone);
   EXPECT_EQ(counter(device, "cuda.queries_on_cpu"), 0u);
@@ -91,8 +92,9 @@ TEST_F(CudaSlack, GivesTheBitsOfTheCpuForAllPairs) {
 TEST_F(CudaSlack, CountsTheAgeOfPoses) {
   UncertainCase c(20, 12, true);
   c.q.fields = kDefaultFields;
-  const engine::Engine old(uncertain_robot_scene(true), {"cpu"}), device(uncertain_robot_scene(true), {"cuda"}),
-      young(std::move(c.scene), {"cpu"});
+  const engine::Engine old(uncertain_robot_scene(true), {.backend = "cpu", .covers = engine::Covers::kOff}),
+      device(uncertain_robot_scene(true), {"cuda"}),
+      young(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
   const Answer most = evaluate(young, c.q), rows = evaluate(device, c.q), least = evaluate(old, c.q);
   ASSERT_EQ(rows.info.backend, "cuda");
   std::uint64_t grown = 0;

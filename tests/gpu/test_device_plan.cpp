@@ -152,7 +152,8 @@ const std::uint32_t kBounds = kFieldLower | kFieldUpper;
 
 TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
   for (const double box : {2.0, 12.0}) {
-    const engine::Engine device(scene_of_all_kinds(120, box), {"cuda"}), cpu(scene_of_all_kinds(120, box), {"cpu"});
+    const engine::Engine device(scene_of_all_kinds(120, box), {"cuda"}),
+        cpu(scene_of_all_kinds(120, box), {.backend = "cpu", .covers = engine::Covers::kOff});
     for (const std::uint32_t configurations : {0u, 1u, 50u})
       for (const Precision precision : {Precision::kF64, Precision::kF32})
         for (const std::uint32_t fields : {kBounds, kDefaultFields | kFieldBounds, kAllFields | kFloat32, kFloat32})
@@ -174,7 +175,7 @@ TEST_F(DevicePlans, HaveTheBitsOfTheCpuWhereverTheDeviceFinishesARow) {
 
 TEST_F(DevicePlans, GoThroughMoreRowsThanAChunkHolds) {
   const auto scene = [] { return scene_of_all_kinds(60, 6); };
-  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+  const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
   Requested requested(device.scene(), 6000, 6);
   requested.q.fields = kBounds;
   Running running(device, requested.q);
@@ -239,7 +240,8 @@ TEST_F(DevicePlans, TakeThePositionsOfJoints) {
     for (const Precision precision : {Precision::kF64, Precision::kF32})
       for (const double max_distance : {std::numeric_limits<double>::infinity(), 0.2}) {
         JointRequested requested(200, 11);
-        const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+        const engine::Engine device(uncertain_robot_scene(false), {"cuda"}),
+            cpu(std::move(requested.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
         requested.q.fields = fields;
         requested.q.precision = precision;
         requested.q.max_distance = max_distance;
@@ -312,7 +314,8 @@ TEST_F(DevicePlans, ReduceEachConfiguration) {
           std::size_t at = 0;
           std::erase_if(requested.pairs, [&](BodyPair) { return at++ % 12 != first; });
           requested.point();
-          const engine::Engine device(uncertain_robot_scene(false), {"cuda"}), cpu(std::move(requested.scene), {"cpu"});
+          const engine::Engine device(uncertain_robot_scene(false), {"cuda"}),
+              cpu(std::move(requested.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
           std::vector<double> margins(requested.pairs.size());
           Random random(8);
           for (double& margin : margins) margin = random.uniform(0, 0.05);
@@ -346,7 +349,8 @@ TEST_F(DevicePlans, ReduceWhatIsKnownToo) {
       // With single and with several convex parts.
       for (const bool several : {false, true}) {
         const auto scene = [&] { return several ? scene_of_all_kinds(60, 9) : mixed_scene(60, 9, 5); };
-        const engine::Engine device(scene(), {"cuda"}), cpu(scene(), {"cpu"});
+        const engine::Engine device(scene(), {"cuda"}),
+            cpu(scene(), {.backend = "cpu", .covers = engine::Covers::kOff});
         Requested requested(device.scene(), configurations, 9);
         requested.q.fields = kDefaultFields | kFieldPoints;
         requested.q.reduce = reduce;
@@ -447,7 +451,7 @@ TEST_F(DevicePlans, RejectByNameWhatOnlyTheCpuAnswers) {
 }
 
 TEST(DevicePlansWithoutADevice, AreRejected) {
-  const engine::Engine cpu(scene_of_all_kinds(6, 4), {"cpu"});
+  const engine::Engine cpu(scene_of_all_kinds(6, 4), {.backend = "cpu", .covers = engine::Covers::kOff});
   EXPECT_NE(rejection(cpu, {}).find("no device"), std::string::npos) << rejection(cpu, {});
 }
 
