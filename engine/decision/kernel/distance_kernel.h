@@ -138,9 +138,6 @@ class DistanceBounder {
     return item.obstacle == kNone ? v_.moved_pairs[item.at].position
                                   : v_.position[std::size_t{item.obstacle} * v_.columns + item.at];
   }
-  static float stand_out(const BallPacket& packet, int i) {
-    return packet.outer[i] - (packet.inner[i] > 0 ? packet.inner[i] : 0);
-  }
   /// Whether the children of balls, and theirs, may be small enough for the width that is permitted. A level's balls
   /// stand out by a third of those of the level above, or less.
   /// \param width stand-out of the balls

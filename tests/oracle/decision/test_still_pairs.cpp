@@ -11,8 +11,8 @@ constexpr double kGap = 0.006;  // of the wall and the shelf, metres
 Scene made_shelves() {
   Scene scene = made_cell();
   scene.add_box("wall", {0.1, 1, 1}, {.is_static = true, .pose = Pose{{4, 0, 0}, 0.8, 0, 0, 0.6}});
-  const Vec3d beside = rotation_of(Pose{{0, 0, 0}, 0.8, 0, 0, 0.6}) * Vec3d{0.1 + kGap, 0, 0};
-  scene.add_box("shelf", {0.1, 0.5, 0.5}, {.is_static = true, .pose = Pose{Vec3d{4, 0, 0} + beside, 0.8, 0, 0, 0.6}});
+  const Vec3d offset = rotation_of(Pose{{0, 0, 0}, 0.8, 0, 0, 0.6}) * Vec3d{0.1 + kGap, 0, 0};
+  scene.add_box("shelf", {0.1, 0.5, 0.5}, {.is_static = true, .pose = Pose{Vec3d{4, 0, 0} + offset, 0.8, 0, 0, 0.6}});
   const std::vector<Vec3d> corners{{0, 0, 0}, {0.3, 0, 0}, {0, 0.3, 0}, {0, 0, 0.3}};
   const std::vector<std::array<std::uint32_t, 3>> faces{{0, 2, 1}, {0, 1, 3}, {0, 3, 2}, {1, 2, 3}};
   scene.add_mesh("wedge", corners, faces, MeshAs::kSolid, {.is_static = true, .pose = Pose{{3, 1, 0}}});
