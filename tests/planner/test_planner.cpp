@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/api/engine.h"
+#include "planner/path_report.h"
 #include "planner/planner.h"
 #include "planner/state_tree.h"
 
@@ -195,6 +196,53 @@ TEST(Planner, SaysWhyThereIsNoPath) {
   const PathPlan few = plan(cell.engine, cell.joints, cell.start, goal, query, {.max_iterations = 1});
   EXPECT_EQ(few.outcome, PlanOutcome::kOutOfIterations);
   EXPECT_TRUE(few.path.empty());
+}
+
+TEST(PathReport, BoundsTheLeastDistanceOfAFreePath) {
+  Cell cell;
+  States path = cell.turned(-0.4);
+  const States middle = cell.turned(-0.2), end = cell.turned(0);
+  path.insert(path.end(), middle.begin(), middle.end());
+  path.insert(path.end(), end.begin(), end.end());
+  const PathReport report = explain_path(cell.engine, {.joints = cell.joints.ids, .positions = path, .margin = 0.02});
+  ASSERT_TRUE(report.check.free);
+  EXPECT_FALSE(report.contact || report.proved_until);
+  EXPECT_LT(0.02, report.least->lower);
+  EXPECT_LE(report.least->lower, report.least->upper);
+  EXPECT_EQ(report.nearest.upper, report.least->upper);
+  EXPECT_LE(report.nearest.index, 1u);
+  for (int k = 0; k <= 100; ++k) {
+    const States state = cell.turned(-0.4 + 0.004 * k);
+    const Result at = cell.engine.distances({.joints = cell.joints.ids, .positions = state, .reduce = Reduce::kMin});
+    EXPECT_LE(report.least->lower, at.upper()[0]) << k;
+  }
+}
+
+TEST(PathReport, FindsTheFirstContactAndTheDepth) {
+  Cell cell;
+  for (const double from : {0.0, 0.75}) {
+    States path = cell.turned(from);
+    const States end = cell.turned(0.9);
+    path.insert(path.end(), end.begin(), end.end());
+    const Query query{.joints = cell.joints.ids, .positions = path, .margin = 0.02};
+    const PathReport report = explain_path(cell.engine, query);
+    ASSERT_TRUE(report.check.hit());
+    ASSERT_TRUE(report.contact && report.proved_until);
+    EXPECT_LE(report.contact->upper, 0.02);
+    EXPECT_LE(report.proved_until->second, report.contact->t);
+    EXPECT_LE(report.contact->t, report.nearest.t);
+    EXPECT_LT(report.nearest.upper, 0) << "of the depth";
+    EXPECT_EQ(from == 0.75, report.contact->t == 0) << "a path that begins in contact";
+    Query contact = query;
+    contact.pairs = {&report.contact->pair, 1};
+    contact.positions = report.contact->positions;
+    EXPECT_FALSE(cell.engine.check(contact).free[0]);
+  }
+}
+
+TEST(PathReport, RejectsBodies) {
+  Cell cell;
+  EXPECT_THROW(explain_path(cell.engine, {}), std::invalid_argument);
 }
 
 TEST(Planner, RejectsWhatIsNoProblem) {

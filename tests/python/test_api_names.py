@@ -52,6 +52,7 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
         "plan": "a function of planner.h, for clients, too",
+        "explain_path": "a function of path_report.h",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
     },
     "Client": {
@@ -59,6 +60,7 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "backend": "in scene()",
         "close": "the destructor",
+        "explain_path": "as of an Engine",
         "replace": "remove_body() and add_body()",
     },
     "Scene": {

@@ -42,6 +42,7 @@ from ._query.certificate import Certificate
 from ._query.check import Check
 from ._query.future import Future
 from ._query.path import PathCheck
+from ._query.path_report import PathPoint, PathReport
 from ._query.plan import PathPlan
 from ._query.prepared import Prepared
 from ._query.result import Result
@@ -86,6 +87,8 @@ __all__ = [
     "Precision",
     "PathCheck",
     "PathPlan",
+    "PathPoint",
+    "PathReport",
     "Prepared",
     "QueryError",
     "Reduce",

@@ -1,0 +1,116 @@
+"""Where a path is closest to an obstacle, and why it is not free."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Optional
+
+import numpy as np
+
+from .._joints import JointsRef
+from .._names import Margin, Pairs
+from .path import PathCheck
+from .result import Result
+
+_POINT_FIELDS = ("default", "points", "pair")
+_MOTION_FIELDS = (*_POINT_FIELDS, "time", "first_contact")
+_MOST_MOTIONS = 1024  # of a path in one query
+_STATES = 33  # of a motion, among which the deepest is searched
+
+
+@dataclass(frozen=True)
+class PathPoint:
+    """A state of a path with one of its pairs. The bounds hold at `positions`, which are rounded."""
+
+    index: int  #: the motion, from waypoint `index` to the next
+    t: float  #: 0 to 1 in that motion
+    positions: np.ndarray  #: (J,) radians and metres
+    pair: tuple[int, int]  #: ids of the bodies
+    pair_names: tuple[str, str]
+    lower: float  #: metres: certified bounds of the pair's distance, below zero for a penetration depth
+    upper: float
+    segment: np.ndarray  #: (2, 3) witness points on the bodies, metres, world; NaN where there are none
+
+
+@dataclass(frozen=True)
+class PathReport:
+    """What explain_path() returns. As a bool, as its check."""
+
+    check: PathCheck  #: the verdict, as check_path() returns it
+    proved_until: Optional[tuple[int, float]]  #: motion, and time in it, until which the path is proved free; None: all
+    contact: Optional[PathPoint]  #: the first state found within the margin; None without one
+    #: Free path: the state where the distance is least. Otherwise the deepest of 33 states of the motion from the
+    #: contact on, or without a proved contact the state of the least distance.
+    nearest: PathPoint
+    least: Optional[tuple[float, float]]  #: metres: certified bounds of the path's least distance; None after a contact
+
+    def __bool__(self) -> bool:
+        return bool(self.check)
+
+
+def explain_path(
+    front: Any, path: Any, joints: JointsRef, pairs: Pairs, margin: Margin, max_evaluations: int
+) -> PathReport:
+    """Implements Front.explain_path(), of `front`."""
+    if joints is None:
+        raise ValueError("joints: expected some, that move")
+    common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
+    check = front.check_path(path, max_evaluations=max_evaluations, **common)
+    states = np.asarray(path, dtype=np.float64)
+    common["max_evaluations"] = max_evaluations
+    if check.free or not check.hit:
+        nearest, least = _nearest(front, states, common)
+        until = None if check.free else (check.index, _contact_times(front, states, check.index, common)[0])
+        return PathReport(check, until, None, nearest, least)
+    return _of_hit(front, states, check, common)
+
+
+def _of_hit(front: Any, states: np.ndarray, check: PathCheck, common: dict[str, Any]) -> PathReport:
+    """Reports a path with a proved contact."""
+    index = check.index
+    proved, within = _contact_times(front, states, index, common)
+    if math.isinf(within):
+        within = check.t  # the search for the first one ended before
+    at = {name: common[name] for name in ("joints", "pairs", "margin")}
+    if proved == 0.0 and front.check(states[index : index + 1], **at).hit[0]:
+        within = 0.0
+    times = np.linspace(within, 1.0, _STATES)
+    rows = states[index] + times[:, None] * (states[index + 1] - states[index])
+    of: dict[str, Any] = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
+    deep = front.distances(configurations=rows, reduce="min", pairs=common["pairs"], **of)
+    found = front.check(rows[:1], **at)
+    pair = check.pair if found.free[0] else tuple(found.pair[0].tolist())
+    first = front.distances(configurations=rows[:1], pairs=[pair], **of)
+    k = int(np.argmin(deep.upper))
+    contact = _point(first, (0, 0), index, within, rows[0])
+    return PathReport(check, (index, proved), contact, _point(deep, k, index, float(times[k]), rows[k]), None)
+
+
+def _contact_times(front: Any, states: np.ndarray, index: int, common: dict[str, Any]) -> tuple[float, float]:
+    """Returns the times of a motion until which it is proved free, and at which a pair is within its margin."""
+    r = front.motions(states[index : index + 1], states[index + 1 : index + 2], fields=_MOTION_FIELDS, **common)
+    proved, within = r.first_contact[0].tolist()
+    return (0.0 if math.isinf(proved) else proved), within
+
+
+def _nearest(front: Any, states: np.ndarray, common: dict[str, Any]) -> tuple[PathPoint, tuple[float, float]]:
+    """Returns the state of the least distance of all motions, and its bounds."""
+    lower, nearest = math.inf, None
+    for first in range(0, len(states) - 1, _MOST_MOTIONS):
+        part = states[first : first + _MOST_MOTIONS + 1]
+        r = front.motions(part[:-1], part[1:], fields=_MOTION_FIELDS, **common)
+        lower = min(lower, float(r.lower.min()))
+        k = int(np.argmin(r.upper))
+        if nearest is None or r.upper[k] < nearest.upper:
+            time = float(r.time[k])
+            nearest = _point(r, k, first + k, time, part[k] + time * (part[k + 1] - part[k]))
+    assert nearest is not None  # a path has a motion
+    return nearest, (lower, nearest.upper)
+
+
+def _point(r: Result, k: Any, index: int, t: float, positions: np.ndarray) -> PathPoint:
+    a, b = r.pair[k].tolist()
+    segment = np.stack((r.point_a[k], r.point_b[k]))
+    names = (r.names[a], r.names[b])
+    return PathPoint(index, t, positions, (a, b), names, float(r.lower[k]), float(r.upper[k]), segment)
