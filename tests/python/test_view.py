@@ -220,6 +220,10 @@ def test_spans_say_what_sampling_finds(robot):
     assert (edge.whole.lower, edge.whole.upper) == (r.lower[0], r.upper[0])
     text = edge_table(edge, [body.name for body in robot.bodies])
     assert text.count("data-span") == 25 and text.count(">free<") == sum(s.verdict is Verdict.FREE for s in edge.spans)
+    contact, deepest = edge.report.contact, edge.report.nearest
+    assert contact.t == pytest.approx(next(s.begin for s in edge.spans if s.verdict is not Verdict.FREE), abs=1 / 24)
+    assert f"first contact at {contact.t:.3f}: {contact.pair_names[0]} &ndash; {contact.pair_names[1]}" in text
+    assert f"{'deepest' if deepest.upper <= 0 else 'nearest'} at {deepest.t:.3f}: " in text
     with pytest.raises(ValueError, match="spans: expected 1 or more, got 0"):
         certified_edge(robot, joints, start, end, spans=0)
 

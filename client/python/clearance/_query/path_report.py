@@ -59,19 +59,18 @@ def explain_path(
     check = front.check_path(path, max_evaluations=max_evaluations, **common)
     states = np.asarray(path, dtype=np.float64)
     common["max_evaluations"] = max_evaluations
-    if check.free or not check.hit:
-        nearest, least = _nearest(front, states, common)
-        until = None if check.free else (check.index, _contact_times(front, states, check.index, common)[0])
-        return PathReport(check, until, None, nearest, least)
-    return _of_hit(front, states, check, common)
+    if check.index is not None and check.hit:
+        return _of_hit(front, states, check, check.index, common)
+    nearest, least = _nearest(front, states, common)
+    until = None if check.index is None else (check.index, _contact_times(front, states, check.index, common)[0])
+    return PathReport(check, until, None, nearest, least)
 
 
-def _of_hit(front: Any, states: np.ndarray, check: PathCheck, common: dict[str, Any]) -> PathReport:
-    """Reports a path with a proved contact."""
-    index = check.index
+def _of_hit(front: Any, states: np.ndarray, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
+    """Reports a path with a proved contact in motion `index`."""
     proved, within = _contact_times(front, states, index, common)
     if math.isinf(within):
-        within = check.t  # the search for the first one ended before
+        within = check.t or 0.0  # the search for the first one ended before
     at = {name: common[name] for name in ("joints", "pairs", "margin")}
     if proved == 0.0 and front.check(states[index : index + 1], **at).hit[0]:
         within = 0.0

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._front import Front
 from .._joints import Joints
+from .._query.path_report import PathReport
 from .._query.result import Result
 
 
@@ -46,6 +47,7 @@ class Edge:
     margin: float  #: metres
     whole: Span  #: the whole edge as one motion, as a planner evaluates it
     spans: tuple[Span, ...]  #: its parts, to locate a contact and its pair
+    report: PathReport  #: where it is closest, or where and how deep its contact is
 
     def at(self, t: float) -> np.ndarray:
         """Returns (J,) positions at a time, 0 to 1."""
@@ -64,7 +66,7 @@ def certified_edge(
     spans: int = 16,
     max_evaluations: int = 256,
 ) -> Edge:
-    """Evaluates the edge from (J,) `start` to `end` and equal spans of it, in one query.
+    """Evaluates the edge from (J,) `start` to `end` and equal spans of it.
 
     margin: metres >= 0, of every pair. spans: 1 or more. max_evaluations: maximum evaluations of each motion.
 
@@ -86,7 +88,8 @@ def certified_edge(
         fields=_FIELDS,
     )
     whole, *parts = (_span(r, i, *ends) for i, ends in enumerate([(0.0, 1.0), *zip(times[:-1], times[1:])]))
-    return Edge(joints, start, end, margin, whole, tuple(parts))
+    report = front.explain_path(np.stack((start, end)), joints, margin=margin, max_evaluations=max_evaluations)
+    return Edge(joints, start, end, margin, whole, tuple(parts), report)
 
 
 def _span(r: Result, i: int, begin: float, end: float) -> Span:

@@ -173,7 +173,10 @@ class Page:
             self._segments = _lines(self._scene, "/segments", points, _rgb(BLUE), 2.0)
 
     def draw_edge(self, edge: Optional[Edge], trace: Optional[np.ndarray]) -> None:
-        """Draws the path of the body that moves farthest, and each span's witness points, coloured by its proof."""
+        """Draws the path of the body that moves farthest, and each span's witness points, coloured by its proof.
+
+        The first contact and the nearest or deepest state have thick lines between their witness points.
+        """
         for handle in self._edge:
             handle.remove()
         self._edge = []
@@ -188,6 +191,10 @@ class Page:
                 way = np.stack([trace[:-1], trace[1:]], axis=1)
                 parts = np.repeat(decided, len(way) // len(edge.spans))
                 self._add_to_edge(f"way/{verdict.name}", way[parts], _rgb(colour), 5.0)
+
+        for name, point in (("contact", edge.report.contact), ("nearest", edge.report.nearest)):
+            if point is not None and np.isfinite(point.segment).all():
+                self._add_to_edge(name, point.segment[None], _rgb(COLOURS[edge.whole.verdict]), 6.0)
 
     def _add_to_edge(self, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> None:
         if len(points):

@@ -78,7 +78,21 @@ def edge_table(edge: Edge, names: Sequence[str]) -> str:
     rows = [_span_row(span, names, f"{span.begin:.3f} &ndash; {span.end:.3f}") for span in edge.spans]
     whole = _span_row(edge.whole, names, "all of it")
     head = ["time", "", "lower [m]", "upper [m]", "decided by", "steps"]
-    return _table(head, [whole, *rows])
+    return _where(edge) + _table(head, [whole, *rows])
+
+
+def _where(edge: Edge) -> str:
+    """Returns lines on the nearest state of an edge, or its contact and depth."""
+    report = edge.report
+    where = [("first contact", report.contact), ("nearest" if report.nearest.upper > 0 else "deepest", report.nearest)]
+    return "".join(
+        paragraph(
+            f"{what} at {point.t:.3f}: {html.escape(point.pair_names[0])} &ndash; {html.escape(point.pair_names[1])}, "
+            f"{rounded_down(point.lower)} to {rounded_up(point.upper)} m"
+        )
+        for what, point in where
+        if point is not None
+    )
 
 
 def _span_row(span: Span, names: Sequence[str], times: str) -> str:
