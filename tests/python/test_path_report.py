@@ -85,7 +85,7 @@ def test_a_hit_has_its_contact_and_depth(front, joints, home):
 
 
 def test_neither_free_nor_hit(front, joints, home):
-    # Turning the arm as a whole leaves the distance of two links as it is, and nobody can prove it to be beyond itself.
+    # Turning the arm as a whole does not change the distance of two links, which cannot be proved to be beyond itself.
     path, pair = turned(home, 0.0, 0.3), [("arm/upper_arm", "arm/gripper")]
     margin = float(front.distances(pair, configurations=path[:1], joints=joints).upper[0, 0])
     report = front.explain_path(path, joints, pair, margin)

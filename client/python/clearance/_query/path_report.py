@@ -30,7 +30,7 @@ class PathPoint:
     pair_names: tuple[str, str]
     lower: float  #: metres: certified bounds of the pair's distance, below zero for a penetration depth
     upper: float
-    segment: np.ndarray  #: (2, 3) witness points on the bodies, metres, world; NaN where there are none
+    segment: np.ndarray  #: (2, 3) witness points on the bodies, metres, world, or NaN
 
 
 @dataclass(frozen=True)
@@ -38,7 +38,7 @@ class PathReport:
     """What explain_path() returns. As a bool, as its check."""
 
     check: PathCheck  #: the verdict, as check_path() returns it
-    proved_until: Optional[tuple[int, float]]  #: motion, and time in it, until which the path is proved free; None: all
+    proved_until: Optional[tuple[int, float]]  #: motion, and time in it, until which it is free; None if it is free
     contact: Optional[PathPoint]  #: the first state found within the margin; None without one
     #: Free path: the state where the distance is least. Otherwise the deepest of 33 states of the motion from the
     #: contact on, or without a proved contact the state of the least distance.
