@@ -95,7 +95,6 @@ FORMULAS = {
     "docs/bounds.md",
     "docs/bounds_bodies.md",
     "docs/bounds_robots.md",
-    "docs/bounds_tables.md",
     "docs/architecture.md",
 }
 
