@@ -52,7 +52,9 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "client = clearance": NEEDS + "a GPU; make gpu-test",
     },
     "docs/examples.md": {
+        "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
+        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
     },
@@ -82,11 +84,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "git clone": "the repository is there",
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
-    },
-    "docs/sweeps.md": {
-        "pip install": NEEDS + "a network",
-        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
-        "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
     },
     "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
 }
