@@ -38,8 +38,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "README.md": {
         "make demo": ELSEWHERE + "tests/python/test_demo.py",
         "make test": "it runs this",
-        "build/bin/clearanced": ELSEWHERE + "tests/python/test_docs.py",
-        "import clearance": ELSEWHERE + "tests/python/test_docs.py",
     },
     "docs/accuracy.md": {
         "make ": LONG + "make test has a part of it",
