@@ -59,10 +59,10 @@ std::string name_of(const SceneInfo& scene, std::uint32_t body);
 void add_bodies(CLI::App& app);
 void add_query(CLI::App& app);
 void add_stat(CLI::App& app);
-void add_set_pose(CLI::App& app);
 void add_joints(CLI::App& app);
 void add_path(CLI::App& app);
 void add_scene(CLI::App& app);
+void add_move(CLI::App& scene);             // move.cpp
 void add_points(CLI::App& scene);           // points.cpp
 void add_bench(CLI::App& app);              // bench.cpp
 void add_throughput_mode(CLI::App& bench);  // bench_throughput.cpp

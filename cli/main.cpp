@@ -12,7 +12,6 @@ int main(int argc, char** argv) {
   app.require_subcommand(1);
   cli::add_bodies(app);
   cli::add_query(app);
-  cli::add_set_pose(app);
   cli::add_joints(app);
   cli::add_path(app);
   cli::add_scene(app);

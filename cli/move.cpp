@@ -1,4 +1,4 @@
-// clearance set-pose: places a body, attaches it to another or frees it.
+// clearance scene move: places a body, attaches it to another or frees it.
 #include <iostream>
 #include <memory>
 
@@ -7,7 +7,7 @@
 namespace clearance::cli {
 namespace {
 
-struct SetPoseOptions {
+struct MoveOptions {
   Connection connection;
   std::string body, parent;
   bool free = false;
@@ -16,7 +16,7 @@ struct SetPoseOptions {
 };
 
 // Attaches the body to its parent, or frees it.
-void attach(const SetPoseOptions& o, const Pose7& pose) {
+void attach(const MoveOptions& o, const Pose7& pose) {
   Client client = o.connection.open();
   std::vector<std::uint32_t> allowed;
   for (const std::string& name : o.allow) allowed.push_back(selector_of(client, name));
@@ -25,10 +25,10 @@ void attach(const SetPoseOptions& o, const Pose7& pose) {
   std::cout << "pose revision " << done.revision << "\n";
 }
 
-void set_pose(const SetPoseOptions& o) {
+void move(const MoveOptions& o) {
   const Pose7 wanted = pose_of("POSE", o.pose);
   if (o.free || !o.parent.empty()) return attach(o, wanted);
-  if (o.pose.empty()) throw std::invalid_argument("set-pose: expected POSE, --parent or --free");
+  if (o.pose.empty()) throw std::invalid_argument("move: expected POSE, --parent or --free");
   Client client = o.connection.open();
   const std::pair<std::uint32_t, Pose7> pose{body_of(client, o.body), wanted};
   const UpdateResult done = client.set_poses(std::span(&pose, 1));
@@ -39,10 +39,9 @@ void set_pose(const SetPoseOptions& o) {
 
 }  // namespace
 
-void add_set_pose(CLI::App& app) {
-  auto& command =
-      *app.add_subcommand("set-pose", "set the pose of a body, or make it follow another, such as a gripper");
-  auto options = std::make_shared<SetPoseOptions>();
+void add_move(CLI::App& scene) {
+  auto& command = *scene.add_subcommand("move", "set the pose of a body, or make it follow another, such as a gripper");
+  auto options = std::make_shared<MoveOptions>();
   command.add_option("BODY", options->body, "its name or number")->required();
   command
       .add_option("POSE", options->pose,
@@ -56,7 +55,7 @@ void add_set_pose(CLI::App& app) {
       ->type_name("NAME,...")
       ->needs(parent);
   add_connection_options(command, options->connection);
-  command.callback([options] { set_pose(*options); });
+  command.callback([options] { move(*options); });
 }
 
 }  // namespace clearance::cli

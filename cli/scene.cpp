@@ -197,10 +197,12 @@ void add_reload(CLI::App& scene) {
 }  // namespace
 
 void add_scene(CLI::App& app) {
-  auto& scene = *app.add_subcommand("scene", "change the daemon's scene: add, remove, points, allow, forbid, reload");
+  auto& scene =
+      *app.add_subcommand("scene", "change the daemon's scene: add, remove, move, points, allow, forbid, reload");
   scene.require_subcommand(1);
   add_add(scene);
   add_remove(scene);
+  add_move(scene);
   add_points(scene);
   add_allow(scene, true);
   add_allow(scene, false);

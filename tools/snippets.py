@@ -38,8 +38,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "README.md": {
         "make demo": ELSEWHERE + "tests/python/test_demo.py",
         "make test": "it runs this",
-        "build/bin/clearanced": ELSEWHERE + "tests/python/test_docs.py",
-        "import clearance": ELSEWHERE + "tests/python/test_docs.py",
     },
     "docs/accuracy.md": {
         "make ": LONG + "make test has a part of it",
@@ -52,18 +50,11 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "client = clearance": NEEDS + "a GPU; make gpu-test",
     },
     "docs/examples.md": {
+        "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
+        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
-    },
-    "docs/install.md": {
-        "mkdir -p /run/clearance": NEEDS + "Docker",
-        "docker run": NEEDS + "Docker",
-        "clearance bodies": NEEDS + "Docker",
-        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros_bridge.py has the package",
-        "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
-        "cd ~/ws": NEEDS + "ROS 2",
-        "ros2 launch": NEEDS + "ROS 2",
     },
     "docs/latency.md": {
         "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
@@ -82,11 +73,13 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "git clone": "the repository is there",
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
-    },
-    "docs/sweeps.md": {
-        "pip install": NEEDS + "a network",
-        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
-        "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
+        "mkdir -p /run/clearance": NEEDS + "Docker",
+        "docker run": NEEDS + "Docker",
+        "clearance bodies": NEEDS + "Docker",
+        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros_bridge.py has the package",
+        "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
+        "cd ~/ws": NEEDS + "ROS 2",
+        "ros2 launch": NEEDS + "ROS 2",
     },
     "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
 }
@@ -95,7 +88,6 @@ FORMULAS = {
     "docs/bounds.md",
     "docs/bounds_bodies.md",
     "docs/bounds_robots.md",
-    "docs/bounds_tables.md",
     "docs/architecture.md",
 }
 

@@ -189,7 +189,7 @@ def test_the_command_line(start_daemon, scene):
     assert code == 0 and "beyond" in text
     code, text = run("scene", "allow", "ball", "nonesuch")
     assert code != 0 and "nonesuch" in text
-    code, text = run("set-pose", "ball", "1.9", "0", "0", "--parent", "cup", "--allow", "rigid")
+    code, text = run("scene", "move", "ball", "1.9", "0", "0", "--parent", "cup", "--allow", "rigid")
     assert code == 0, text
     assert run("query", "--reduce", "any")[1].count("beyond") == 1
 

@@ -58,7 +58,7 @@ def completed(*words):
 def test_the_shell_completes_commands_and_options():
     clearance = str(BUILD / "bin/clearance")
     assert completed("clearance", "") == set(man_page.commands_of(man_page.help_of(clearance)))
-    assert completed("clearance", "set") == {"set-pose"}
+    assert completed("clearance", "sel") == {"selftest"}
     assert completed("clearance", "scene", "for") == {"forbid"}
     assert not completed("clearance", "scene", "forbid", "for")
     assert "--cylinder" in completed("clearance", "scene", "add", "--")

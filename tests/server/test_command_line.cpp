@@ -79,12 +79,12 @@ TEST_F(Clearanced, AQueryPrintsThatUncertaintyLimitsARow) {
 }
 
 TEST_F(CommandLine, PosesAndAttachments) {
-  EXPECT_EQ(evaluate({"set-pose", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
-  EXPECT_EQ(evaluate({"set-pose", "cup", "--parent", "link2"}).code, 0);
+  EXPECT_EQ(evaluate({"scene", "move", "link2", "0.5", "0", "1.5"}).out, "pose revision 1\n");
+  EXPECT_EQ(evaluate({"scene", "move", "cup", "--parent", "link2"}).code, 0);
   const Finished poses = evaluate({"bodies", "--poses", "--csv"});
   EXPECT_TRUE(contains(poses.out, "3,link2,ok,0.5,0,1.5,1,0,0,0,"));
   EXPECT_TRUE(contains(poses.out, ",link2\n2,link1,ok,")) << "the cup follows link2";
-  EXPECT_EQ(evaluate({"set-pose", "cup", "--free"}).code, 0);
+  EXPECT_EQ(evaluate({"scene", "move", "cup", "--free"}).code, 0);
   EXPECT_FALSE(contains(evaluate({"bodies", "--poses", "--csv"}).out, ",link2\n2,link1,ok,"));
 }
 
@@ -180,18 +180,18 @@ TEST_F(CommandLine, ErrorsSayWhatIsWrong) {
       {{"query", "--reduce", "most"}, 2, "clearance: --reduce: most not in {"},
       {{"query", "--fields", "colour"}, 2, "clearance: --fields: colour not in {"},
       {{"query", "--json", "--csv"}, 2, "clearance: --json excludes --csv\n"},
-      {{"set-pose", "table", "1", "2", "3"}, 1, "clearance: \"table\" is static: it does not move\n"},
-      {{"set-pose", "cup", "nan", "2", "3"}, 2, "clearance: POSE: expected finite numbers\n"},
-      {{"set-pose", "cup", "1", "2", "3", "4"},
+      {{"scene", "move", "table", "1", "2", "3"}, 1, "clearance: \"table\" is static: it does not move\n"},
+      {{"scene", "move", "cup", "nan", "2", "3"}, 2, "clearance: POSE: expected finite numbers\n"},
+      {{"scene", "move", "cup", "1", "2", "3", "4"},
        2,
        "clearance: POSE: expected x y z, or x y z qw qx qy qz; got 4 numbers\n"},
-      {{"set-pose", "cup"}, 2, "clearance: set-pose: expected POSE, --parent or --free\n"},
-      {{"set-pose", "cup", "--free", "--parent", "link2"}, 2, "clearance: --parent excludes --free\n"},
-      {{"set-pose", "cup", "--free", "--allow", "link2"}, 2, "clearance: --allow requires --parent\n"},
+      {{"scene", "move", "cup"}, 2, "clearance: move: expected POSE, --parent or --free\n"},
+      {{"scene", "move", "cup", "--free", "--parent", "link2"}, 2, "clearance: --parent excludes --free\n"},
+      {{"scene", "move", "cup", "--free", "--allow", "link2"}, 2, "clearance: --allow requires --parent\n"},
       {{"stat", "--ping", "--json"}, 2, "clearance: --json excludes --ping\n"},
       {{"bench", "--pairs", "3", "throughput"}, 2, "clearance: bench: --pairs belongs behind the mode\n"},
-      {{"set-pose", "cup", "--parent", "cup"}, 1, "clearance: attach: 'cup' would follow itself through 'cup'\n"},
-      {{"set-pose", "table", "--parent", "cup"}, 1, "clearance: attach: 'table' is static\n"},
+      {{"scene", "move", "cup", "--parent", "cup"}, 1, "clearance: attach: 'cup' would follow itself through 'cup'\n"},
+      {{"scene", "move", "table", "--parent", "cup"}, 1, "clearance: attach: 'table' is static\n"},
       {{"frobnicate"}, 2, "clearance: there is no command \"frobnicate\"; clearance --help lists them\n"},
   };
   for (const Case& c : cases) {
@@ -213,8 +213,7 @@ TEST_F(CommandLine, FindsTheDaemonByTheEnvironment) {
 TEST_F(CommandLine, HelpHasAnExample) {
   const Finished help = clearance_cli({"--help"});
   EXPECT_EQ(help.code, 0);
-  for (const char* part :
-       {"bodies", "query", "stat", "set-pose", "scene", "Example\n  clearance query", "CLEARANCE_URL"})
+  for (const char* part : {"bodies", "query", "stat", "joints", "scene", "Example\n  clearance query", "CLEARANCE_URL"})
     EXPECT_TRUE(contains(help.out, part));
   EXPECT_FALSE(contains(clearance_cli({"query", "--help"}).out, "Exit codes"));
 }
