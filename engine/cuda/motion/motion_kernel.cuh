@@ -143,10 +143,38 @@ __device__ inline void add_hit(const MotionsView& m, const SpanPair& item, const
   take_least(m.hit + span.motion, key);
 }
 
+// Evaluates a pair at the middle of its span.
+// \param target distance beyond which it need not be known
+template <bool kLeast>
+__device__ __forceinline__ PairOutcome evaluate_at_middle(const MotionsView& m, const SpanPair& item,
+                                                          const MovingPair& pair, double margin, double target,
+                                                          PairAnswer& answer) {
+  const ChunkView& c = m.chunk;
+  const MotionSpan& span = pair.span;
+  // Whether only the side of the margin is needed.
+  const bool decides = !kLeast || span.required_distance == -__builtin_inf();
+  PairLimits q = c.pair_limits;
+  q.max_distance = sum_above(target, pair.way);
+  // A rough evaluation mostly decides the side of the margin. The tolerances of the least distance are too wide for
+  // that: pairs nearly in contact would go on to the last level.
+  const double wanted = kLeast ? kFineMotion : q.rel_tol;
+  if (decides) q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
+  if (kLeast && decides) q.abs_tol = 0;
+#pragma unroll 1
+  for (bool again = false;; again = true) {
+    const PairOutcome outcome = evaluate_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref,
+                                                          item.span, pair.at_a, pair.at_b, answer);
+    const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin && answer.upper > margin &&
+                           !span.late && (kLeast || q.rel_tol > wanted);
+    if (again || !is_unsure) return outcome;
+    q.rel_tol = wanted;
+    if (kLeast) q.abs_tol = 0;
+  }
+}
+
 // Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
 template <bool kLeast>
 __global__ void __launch_bounds__(kMotionThreads) evaluate_span_pairs(const __grid_constant__ MotionsView m) {
-  const ChunkView& c = m.chunk;
   const std::uint32_t count = listed(count_of(m, kEvaluateCount, m.level), m.pair_capacity);
   for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
     const bool exists = first + threadIdx.x < count;
@@ -161,27 +189,8 @@ __global__ void __launch_bounds__(kMotionThreads) evaluate_span_pairs(const __gr
         const MovingPair pair(m, item, span);
         const double margin = margin_of(m, item.pair),
                      target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
-        // Whether only the side of the margin is needed.
-        const bool decides = !kLeast || span.required_distance == -__builtin_inf();
-        PairLimits q = c.pair_limits;
-        q.max_distance = sum_above(target, pair.way);
         PairAnswer answer = beyond_answer(0);
-        PairOutcome outcome = PairOutcome::kNone;
-        // A rough evaluation mostly decides the side of the margin. The tolerances of the least distance are too wide
-        // for that: pairs nearly in contact would go on to the last level.
-        const double wanted = kLeast ? kFineMotion : q.rel_tol;
-        if (decides) q.rel_tol = wanted < kRoughMotion ? kRoughMotion : wanted;
-        if (kLeast && decides) q.abs_tol = 0;
-#pragma unroll 1
-        for (bool again = false;; again = true) {
-          outcome = evaluate_at_margin<Slack>(c, q, decides ? margin : -__builtin_inf(), pair.ref, item.span, pair.at_a,
-                                              pair.at_b, answer);
-          const bool is_unsure = outcome == PairOutcome::kConverged && answer.lower <= margin &&
-                                 answer.upper > margin && !span.late && (kLeast || q.rel_tol > wanted);
-          if (again || !is_unsure) break;
-          q.rel_tol = wanted;
-          if (kLeast) q.abs_tol = 0;
-        }
+        const PairOutcome outcome = evaluate_at_middle<kLeast>(m, item, pair, margin, target, answer);
         converged = outcome == PairOutcome::kConverged;
         if (outcome == PairOutcome::kUnresolved && kLeast && span.half() == 0) {
           // spans with a length evaluate the pair again
