@@ -1,27 +1,23 @@
 // Possible savings of a scene: unused bodies, copies, inner parts, and hulls that are spheres or boxes.
-#include <Eigen/Eigenvalues>
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
-#include <limits>
 #include <map>
 #include <set>
 #include <tuple>
 
 #include "engine/base/fp_environment.h"
-#include "engine/engine.h"
 #include "engine/hull/hull.h"
 #include "engine/hull/qhull_guess.h"
 #include "inspect/inspect.h"
+#include "inspect/simpler_shapes.h"
 
 namespace clearance {
 
 namespace {
 
 constexpr std::uint64_t kWorthSharing = 4096;  // bytes
-constexpr std::size_t kMostVertices = 20'000;  // limit for Qhull: about a tenth of a second
 constexpr std::size_t kFewVertices = 8;        // no box is cheaper than so many
-constexpr int kBallSteps = 500, kFirstBallStep = 50;
 
 using Piecewise = std::vector<std::uint64_t>;  // digest of each convex part
 using Place = std::tuple<std::uint32_t, double, double, double, double, double, double, double>;  // parent and pose
@@ -102,7 +98,7 @@ class Search {
   // Returns whether part p is proved to lie inside q: reduce_to_hull() drops only inner vertices.
   static bool holds(const ConvexPart& q, const ConvexPart& p) {
     if (q.surface || p.surface) return false;  // hulls of meshes are not solid
-    if (p.radius > q.radius || p.vertices.size() + q.vertices.size() > kMostVertices) return false;
+    if (p.radius > q.radius || p.vertices.size() + q.vertices.size() > kMostQhullVertices) return false;
     for (int k = 0; k < 3; ++k)
       if (std::abs(p.centre[k] - q.centre[k]) > q.half[k] - p.half[k] + 1e-12 * q.spread) return false;
     std::vector<Vec3d> both = q.vertices;
@@ -110,8 +106,9 @@ class Search {
     std::set<std::tuple<double, double, double>> outer;
     for (const Vec3d& v : q.vertices) outer.insert({v.x, v.y, v.z});
     const Hull hull = reduce_to_hull(both);
-    return std::all_of(hull.vertices.begin(), hull.vertices.end(),
-                       [&](const Vec3d& v) { return outer.contains({v.x, v.y, v.z}); });
+    return std::all_of(hull.vertices.begin(), hull.vertices.end(), [&](const Vec3d& v) {
+      return outer.contains({v.x, v.y, v.z});
+    });
   }
 
   void look_inside(std::uint32_t b) {
@@ -129,10 +126,10 @@ class Search {
     // Findings of a part apply to every body that shares it and are reported once.
     if (part->surface || !seen_.insert(part.get()).second || part->vertices.size() <= kFewVertices) return;
     const double allowed = within_ * (part->spread + part->radius);
-    if (look_for_sphere(b, part, allowed)) return;
-    if (part->vertices.size() > kMostVertices) return;
+    if (const auto sphere = find_sphere(part, allowed)) return add_sphere(b, part, *sphere);
+    if (part->vertices.size() > kMostQhullVertices) return;
     const std::vector<Triangle> faces = qhull_triangles(part->vertices);
-    if (look_for_box(b, part, faces, allowed)) return;
+    if (const auto box = find_box(part, faces, allowed)) return add_box(b, part, *box);
     std::set<std::uint32_t> corners;
     for (const Triangle& t : faces) corners.insert(t.begin(), t.end());
     if (const std::size_t flat = part->vertices.size() - corners.size(); !faces.empty() && flat > 0)
@@ -142,149 +139,25 @@ class Search {
               also_for(part));
   }
 
-  // Upper bounds on the (signed) distance between each point and the core of a convex part, in its body's frame.
-  static std::vector<double> upper_distances(const ConvexPartPtr& part, const std::vector<Vec3d>& points, bool depth,
-                                             double abs_tol) {
-    const ConvexPartPtr core = part->radius > 0 ? make_convex_part(part->vertices) : part;
-    engine::Scene scene;
-    std::vector<BodyPair> pairs;
-    for (std::size_t i = 0; i <= points.size(); ++i) {
-      Body body;
-      body.name = std::to_string(i);
-      body.parts = {i == 0 ? core : make_convex_part({points[i - 1]})};
-      body.pose = Pose{};
-      scene.add_body(std::move(body));
-      if (i > 0) pairs.push_back({0, static_cast<std::uint32_t>(i)});
-    }
-    engine::Engine::Options options;
-    options.threads = 1;
-    const engine::Engine engine(std::move(scene), options);
-    QueryView query;
-    query.all_pairs = false;
-    query.pairs = pairs;
-    query.signed_distance = depth;
-    query.rel_tol = 0;
-    query.abs_tol = abs_tol;
-    query.fields = kFieldUpper;
-    std::vector<double> upper(pairs.size());
-    ReplyView reply;
-    reply.rows = pairs.size();
-    reply.upper = upper.data();
-    engine.start(query, reply).advance();
-    return upper;
-  }
-
-  // A small ball around the vertices: Badoiu and Clarkson, "Smaller core-sets for balls" (2003): steps towards the
-  // farthest vertex that grow shorter, short ones from the start since the box's centre is a good one.
-  bool look_for_sphere(std::uint32_t b, const ConvexPartPtr& part, double allowed) {
-    Vec3d centre = part->centre;
-    const auto farthest = [&] {
-      std::pair<double, const Vec3d*> far{-1, nullptr};
-      for (const Vec3d& v : part->vertices)
-        if (const double d = squared_norm(v - centre); d > far.first) far = {d, &v};
-      return far;
-    };
-    // Cheap test first: along the axes a ball reaches as far as the part.
-    for (int k = 0; k < 3; ++k)
-      if (part->spread - part->half[k] > 2 * allowed) return false;
-    const int steps = part->vertices.size() > kMostVertices ? 4 : kBallSteps;
-    Vec3d best = centre;
-    double least = farthest().first;
-    for (int i = 0; i < steps; ++i) {
-      centre += (*farthest().second - centre) * (1.0 / (i + kFirstBallStep));
-      if (const double far = farthest().first; far < least) {
-        least = far;
-        best = centre;
-      }
-    }
-    centre = best;
-    const double radius = std::sqrt(least) * (1 + 1e-15);
-    // The inscribed ball of the same centre has the centre's depth as its radius.
-    const double depth = -upper_distances(part, {centre}, true, 0.1 * allowed)[0];
-    const double error = radius - depth;
-    if (!(error <= allowed)) return false;
+  void add_sphere(std::uint32_t b, const ConvexPartPtr& part, const SphereAround& s) {
     add(Finding::Kind::kSphere, b,
         text("a sphere of radius %.6g m at [%.6g, %.6g, %.6g] holds it and stands out by at most %.2g m: 1 vertex in "
              "place of %zu",
-             radius + part->radius, centre.x, centre.y, centre.z, error, part->vertices.size()) +
+             s.radius + part->radius, s.centre.x, s.centre.y, s.centre.z, s.error, part->vertices.size()) +
             also_for(part))
-        .error = error;
-    return true;
+        .error = s.error;
   }
 
-  struct Frame {
-    Eigen::Matrix3d axes;  // columns
-  };
-
-  // Candidate axes of a box around the part: the body's, the principal ones, and those of its largest faces.
-  static std::vector<Frame> frames(const ConvexPart& part, const std::vector<Triangle>& faces) {
-    std::vector<Frame> all{{Eigen::Matrix3d::Identity()}};
-    Eigen::Matrix3d spread = Eigen::Matrix3d::Zero();
-    for (const Vec3d& v : part.vertices) {
-      const Eigen::Vector3d d(v.x - part.centre.x, v.y - part.centre.y, v.z - part.centre.z);
-      spread += d * d.transpose();
-    }
-    all.push_back({Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d>(spread).eigenvectors()});
-    std::vector<std::pair<double, Eigen::Vector3d>> normals;
-    for (const Triangle& t : faces) {
-      const Vec3d n = cross(part.vertices[t[1]] - part.vertices[t[0]], part.vertices[t[2]] - part.vertices[t[0]]);
-      if (norm(n) > 0) normals.push_back({norm(n), Eigen::Vector3d(n.x, n.y, n.z) / norm(n)});
-    }
-    std::sort(normals.begin(), normals.end(), [](const auto& p, const auto& q) { return p.first > q.first; });
-    for (const auto& [area, n] : normals) {
-      const Eigen::Vector3d first = normals[0].second;
-      if (std::abs(n.dot(first)) > 0.1) continue;
-      Frame f;
-      f.axes.col(0) = first;
-      f.axes.col(1) = (n - n.dot(first) * first).normalized();
-      f.axes.col(2) = f.axes.col(0).cross(f.axes.col(1));
-      all.push_back(f);
-      break;
-    }
-    return all;
-  }
-
-  bool look_for_box(std::uint32_t b, const ConvexPartPtr& part, const std::vector<Triangle>& faces, double allowed) {
-    double least = std::numeric_limits<double>::infinity();
-    Eigen::Vector3d low = Eigen::Vector3d::Zero(), high = low;
-    Frame best{Eigen::Matrix3d::Identity()};
-    for (const Frame& f : frames(*part, faces)) {
-      Eigen::Vector3d l = Eigen::Vector3d::Constant(std::numeric_limits<double>::infinity()), h = -l;
-      for (const Vec3d& v : part->vertices) {
-        const Eigen::Vector3d p = f.axes.transpose() * Eigen::Vector3d(v.x, v.y, v.z);
-        l = l.cwiseMin(p);
-        h = h.cwiseMax(p);
-      }
-      if (const double volume = (h - l).prod(); volume < least * (1 - 1e-9)) {  // of equal ones the first
-        least = volume;
-        low = l;
-        high = h;
-        best = f;
-      }
-    }
-    if (!((high - low).minCoeff() > 0)) return false;  // flat
-    std::vector<Vec3d> corners;
-    for (int i = 0; i < 8; ++i) {
-      const Eigen::Vector3d c =
-          best.axes * Eigen::Vector3d((i & 1 ? high : low).x(), (i & 2 ? high : low).y(), (i & 4 ? high : low).z());
-      corners.push_back({c.x(), c.y(), c.z()});
-    }
-    // The box is the hull of its corners, so a corner is its farthest point from the part.
-    const std::vector<double> distances = upper_distances(part, corners, false, 0.1 * allowed);
-    const double error = *std::max_element(distances.begin(), distances.end());
-    if (!(error <= allowed)) return false;
-    const Eigen::Vector3d size = high - low, centre = best.axes * (0.5 * (low + high));
-    if (best.axes.determinant() < 0) best.axes.col(2) *= -1;
-    const Eigen::Quaterniond q(best.axes);
+  void add_box(std::uint32_t b, const ConvexPartPtr& part, const BoxAround& box) {
+    const Vec3d &size = box.size, &at = box.pose.translation;
     add(Finding::Kind::kBox, b,
         text("a box of %.6g x %.6g x %.6g m at [%.6g, %.6g, %.6g, %.6g, %.6g, %.6g, %.6g] holds it and stands out by "
              "at most "
              "%.2g m%s: 8 vertices in place of %zu",
-             size.x(), size.y(), size.z(), centre.x(), centre.y(), centre.z(), q.w(), q.x(), q.y(), q.z(), error,
+             size.x, size.y, size.z, at.x, at.y, at.z, box.pose.qw, box.pose.qx, box.pose.qy, box.pose.qz, box.error,
              part->radius > 0 ? ", with the radius that it has" : "", part->vertices.size()) +
             also_for(part))
-        .error = error;
-    return true;
+        .error = box.error;
   }
 
   const engine::Scene& scene_;

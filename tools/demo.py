@@ -7,10 +7,8 @@ and leaves nothing behind.
 """
 import argparse
 import csv
-import io
 import itertools
 import os
-import signal
 import subprocess
 import sys
 import time
@@ -23,11 +21,17 @@ sys.path.insert(0, str(ROOT / "build/python"))
 
 import check_certificate  # noqa: E402
 import clearance  # noqa: E402
+from demo_answers import ask_everywhere  # noqa: E402
+from demo_moves import Mover  # noqa: E402
 from edge import STEP, TURN, Edge  # noqa: E402
 from processes import DemoError, Stage  # noqa: E402
 from service import BIN, ROUTE, start_daemon  # noqa: E402
 
-FIELDS = ("default", "points", "pair")
+WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
+
+
+def say(line=""):
+    print(line, flush=True)
 
 
 def main():
@@ -85,173 +89,6 @@ def run(stage, options):
     draw_picture(options, scene, solid, states, answers["shm"])
 
 
-# ---- poses -----------------------------------------------------------------------------------------------------------
-
-
-class Mover:
-    """Moves joints and bodies: by separate processes over LCM or, without multicast, by this one through shared
-    memory."""
-
-    def __init__(self, stage, client, lcm_url):
-        self.stage, self.client, self.processes = stage, client, {}
-        self.swings = swings_of(client)
-        self.free = [(body.id, state.pose) for body, state in zip(client.bodies, client.body_states())
-                     if is_free(client, body) and state.status == clearance.Status.OK]
-        if lcm_url and self.free:
-            self.start("pose_publisher", lcm_url)
-        if lcm_url and self.swings:
-            self.start("joint_publisher", lcm_url,
-                       *(f"--joint={name}={low},{high}" for name, (low, high) in self.swings.items()))
-        self.first = self.revision()
-
-    def start(self, name, lcm_url, *options):
-        command = [sys.executable, ROOT / f"client/examples/{name}.py", "--lcm", lcm_url, "--rate", "100", *options]
-        self.processes[name] = self.stage.start(name, command)
-
-    def revision(self):
-        """The daemon's current pose revision."""
-        return self.client.distances(reduce="min", max_distance=0.0).snapshot_revision
-
-    def describe(self):
-        """A line for each kind of motion."""
-        for title, name, count in (("Joints", "joint_publisher", len(self.swings)),
-                                   ("Poses", "pose_publisher", len(self.free))):
-            if name in self.processes:
-                yield (f"{title:9} {name}.py (process {self.processes[name].pid}) moves {count} of them "
-                       "100 times a second over LCM")
-            elif count:
-                yield f"{title:9} {count} of them are moved by this process through shared memory"
-
-    def move(self, seconds):
-        """Lets everything move for a while; with publishers, at least until their updates have arrived."""
-        deadline = time.monotonic() + seconds
-        if self.processes:
-            self.stage.wait_until(lambda: self.revision() > self.first + 10, "the publishers' updates to arrive")
-            while time.monotonic() < deadline:
-                self.stage.check()
-                time.sleep(0.05)
-            return
-        while (left := deadline - time.monotonic()) > 0:
-            if self.free:
-                self.client.set_poses({i: wandered(i, pose, seconds - left) for i, pose in self.free})
-            if self.swings:
-                share = (1 + np.sin(seconds - left)) / 2
-                self.client.set_joints({name: low + share * (high - low) for name, (low, high) in self.swings.items()})
-            time.sleep(0.01)
-
-    def pause(self):
-        """Stops all motion until resume(). Messages sent before may still arrive."""
-        for process in self.processes.values():
-            os.kill(process.pid, signal.SIGSTOP)
-
-    def resume(self):
-        for process in self.processes.values():
-            os.kill(process.pid, signal.SIGCONT)
-
-
-def is_free(client, body):
-    """Returns whether a body can be moved: it is not static, follows no other body, and is no base of a robot."""
-    return not body.is_static and body.parent is None and body.name not in client.groups
-
-
-def swings_of(client):
-    """{joint: (low, high)}: a quarter of a radian or metre around its position, within its limits."""
-    states = client.joint_states()
-    if not states:
-        return {}
-    joints = client.joints(range(len(states)))
-    at = np.clip([state.position if state.status == clearance.Status.OK else 0.0 for state in states],
-                 joints.lower, joints.upper)
-    lows, highs = np.maximum(at - 0.25, joints.lower), np.minimum(at + 0.25, joints.upper)
-    return {name: (float(low), float(high)) for name, low, high in zip(joints.names, lows, highs)}
-
-
-def wandered(body, pose, t):
-    """A pose slightly off `pose`: a small circle for each body, with its own phase."""
-    moved = np.array(pose)
-    moved[:2] += 0.05 * np.array([np.cos(2 * t + body) - np.cos(body), np.sin(2 * t + body) - np.sin(body)])
-    return moved
-
-
-# ---- the query -------------------------------------------------------------------------------------------------------
-
-
-def ask_everywhere(client, urls, mover):
-    """Queries every body's nearest neighbour through each transport, until all answers belong to one pose revision.
-
-    Returns {transport: Answer}, their poses (as body states), and the number of attempts.
-    """
-    lcm = clearance.connect(urls["lcm"]) if "lcm" in urls else None
-    mover.pause()
-    try:
-        for attempt in range(1, 101):
-            answers = {"shm": ask_python(client), "zmq": ask_cpp(client, urls["zmq"])}
-            if lcm:
-                answers["lcm"] = ask_python(lcm)
-            states = client.body_states()
-            revisions = {answer.revision for answer in answers.values()} | {mover.revision()}
-            if len(revisions) == 1:
-                return answers, states, attempt
-            time.sleep(0.01)
-        raise DemoError("poses kept changing although their publisher was stopped")
-    finally:
-        mover.resume()
-        if lcm:
-            lcm.close()
-
-
-class Answer:
-    """Every body's nearest neighbour: ids (N,) and columns (N,) or (N, 3), row i for body i."""
-
-    def __init__(self, revision, neighbour, status, distance, lower, upper, point, other_point):
-        self.revision = revision
-        self.neighbour = np.asarray(neighbour, dtype=np.uint32)
-        self.status = np.asarray(status, dtype=np.uint8)
-        self.distance, self.lower, self.upper, self.point, self.other_point = (
-            np.ascontiguousarray(column, dtype=np.float64) for column in (distance, lower, upper, point, other_point))
-
-    COLUMNS = ("neighbour", "status", "distance", "lower", "upper", "point", "other_point")
-
-    def differences(self, other):
-        """Names of the columns whose bits differ."""
-        return [name for name in self.COLUMNS if getattr(self, name).tobytes() != getattr(other, name).tobytes()]
-
-
-def ask_python(client):
-    r = client.distances(reduce="nearest", fields=FIELDS)
-    pairs = r.pairs[0]
-    bodies = np.arange(len(pairs))
-    first = pairs[:, 0] == bodies  # otherwise the body is the second of its pair
-    return Answer(
-        r.snapshot_revision,
-        np.where(first, pairs[:, 1], pairs[:, 0]),
-        r.status[0],
-        r.distance[0],
-        r.lower[0],
-        r.upper[0],
-        np.where(first[:, None], r.point_a[0], r.point_b[0]),
-        np.where(first[:, None], r.point_b[0], r.point_a[0]),
-    )
-
-
-def ask_cpp(client, url):
-    """The same through client/examples/nearest.cpp, whose 17 digits reproduce the bits."""
-    done = subprocess.run([ROOT / "build/examples/nearest", url], capture_output=True, text=True, timeout=60)
-    if done.returncode:
-        raise DemoError(done.stderr.strip())
-    first, text = done.stdout.split("\n", 1)
-    rows = list(csv.DictReader(io.StringIO(text)))
-    ids = {body.name: body.id for body in client.bodies}
-
-    def numbers(*names):
-        return np.array([[float(row[name]) for name in names] for row in rows])
-
-    distance, lower, upper = numbers("distance", "lower", "upper").T
-    return Answer(int(first.split()[-1]), [ids.get(row["neighbour"], clearance.NONE) for row in rows],
-                  [int(row["status"]) for row in rows], distance, lower, upper,
-                  numbers("x", "y", "z"), numbers("other_x", "other_y", "other_z"))
-
-
 def compare(answers, attempts):
     """Prints whether the transports agree; raises DemoError if they do not."""
     reference = answers["shm"]
@@ -264,11 +101,6 @@ def compare(answers, attempts):
         say(f"  {WAYS[transport]:24} {len(answer.distance)} rows"
             + ("" if answer is reference else ", the same bits in every column"))
     say()
-
-
-# ---- output ----------------------------------------------------------------------------------------------------------
-
-WAYS = {"shm": "shared memory (Python)", "zmq": "ZeroMQ (C++)", "lcm": "LCM (Python)"}
 
 
 def print_table(names, solid, answer):
@@ -287,24 +119,9 @@ def print_latency(stage, urls, seconds):
     """Runs the command line's benchmark on each transport in turn."""
     file = stage.folder / "latency.csv"
     for transport, url in urls.items():
-        done = subprocess.run(
-            [
-                BIN / "clearance",
-                "bench",
-                "--connect",
-                url,
-                "--pairs",
-                "0",
-                "--rate",
-                "closed",
-                "--seconds",
-                str(seconds),
-                "--csv",
-                file,
-            ],
-            capture_output=True,
-            text=True,
-        )
+        command = [BIN / "clearance", "bench", "--connect", url, "--pairs", "0", "--rate", "closed",
+                   "--seconds", str(seconds), "--csv", file]
+        done = subprocess.run(command, capture_output=True, text=True)
         stage.check()
         if done.returncode:
             raise DemoError(f"clearance bench over {WAYS[transport]}: {done.stderr.strip()}")
@@ -358,13 +175,6 @@ def draw_picture(options, scene, solid, states, answer):
         footnote=f"pose revision {answer.revision}; distances with certified bounds, in metres",
     )
     say(f"Picture   {shown(options.picture)} ({time.monotonic() - started:.0f} s)")
-
-
-# ---- utilities -------------------------------------------------------------------------------------------------------
-
-
-def say(line=""):
-    print(line, flush=True)
 
 
 def shown(path):

@@ -1,19 +1,16 @@
 // A channel over shared memory. shm_layout.h specifies layout and protocol.
 #include <algorithm>
-#include <bit>
 #include <cerrno>
 #include <cstring>
 #include <stdexcept>
 #include <tuple>
 #include <utility>
-#include <vector>
 
 #include "client/channel/channel.h"
 #include "client/channel/connection_errors.h"
 #include "client/channel/reply_wait.h"
-#include "client/channel/shm_client_segment.h"
 #include "client/channel/shm_options.h"
-#include "client/channel/shm_socket.h"
+#include "client/channel/shm_segments.h"
 #include "wire/fork_guard.h"
 #include "wire/shm_layout.h"
 #include "wire/shm_os.h"
@@ -25,7 +22,6 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using namespace std::chrono_literals;
 using shm::UniqueFd;
-using SegmentPtr = std::shared_ptr<ClientSegment>;
 using State = ClientSegment::State;
 
 /// Timeout of begin() for a larger segment, or for a slot with an abandoned reply.
@@ -63,9 +59,9 @@ std::uint64_t bytes_needed(const Frame& frame) {
 class ShmChannel final : public Channel {
  public:
   ShmChannel(const std::string& target, const ShmOptions& options, Deadline deadline)
-      : target_(target), socket_(url(), options), wait_(options.spin) {
+      : target_(target), socket_(url(), options), segments_(socket_, url()), wait_(options.spin) {
     ShmSocket::Fds fds = socket_.open(deadline);
-    current_ = std::make_shared<ClientSegment>(fds[0], url());
+    segments_.open(fds[0]);
     wake_ = std::move(fds[1]);
   }
 
@@ -74,29 +70,29 @@ class ShmChannel final : public Channel {
   bool signs_queue_up() const override { return false; }
 
   std::uint64_t sign_of_life() override {
-    if (current_->daemon_sleeps()) wake_daemon();
-    return current_->turns();
+    if (current().daemon_sleeps()) wake_daemon();
+    return current().turns();
   }
 
   std::byte* begin(std::uint64_t frame_bytes, std::uint64_t reply_bytes) override {
     check_usable();
     abandon_begun();
-    retire_outgrown();
+    segments_.retire_outgrown();
     if (frame_bytes < sizeof(wire::FrameHeader))
       throw std::invalid_argument(url() + ": a frame begins with its header");
-    if (frame_bytes > current_->request_capacity()) {
+    if (frame_bytes > current().request_capacity()) {
       const Deadline deadline = Clock::now() + kBeginTimeout;
       std::string why;
       if (!grow(frame_bytes, reply_bytes, deadline, why) && !grow(frame_bytes, 0, deadline, why))
         throw RequestError(static_cast<std::uint16_t>(wire::ErrorCode::kTooLarge),
                            url() + ": a request of " + std::to_string(frame_bytes) + " bytes does not fit: " + why);
-    } else if (reply_bytes > current_->reply_capacity() && reply_bytes < rejected_reply_) {
+    } else if (reply_bytes > current().reply_capacity() && reply_bytes < rejected_reply_) {
       std::string why;  // the size is an estimate; after a rejection, the reply reports the required size
       if (!grow(frame_bytes, reply_bytes, Clock::now() + kBeginTimeout, why)) rejected_reply_ = reply_bytes;
     }
     begun_.slot = take_slot();
-    begun_.segment = current_;
-    return current_->request_area(static_cast<std::uint32_t>(begun_.slot));
+    begun_.segment = segments_.current();
+    return current().request_area(static_cast<std::uint32_t>(begun_.slot));
   }
 
   void send() override {
@@ -118,7 +114,7 @@ class ShmChannel final : public Channel {
 
   std::unique_ptr<Frame> receive(std::uint64_t request_id, Deadline deadline) override {
     check_fork();
-    auto [segment, index] = find(request_id);
+    auto [segment, index] = segments_.find(request_id);
     if (!segment) throw ConnectionError(url() + ": no request " + std::to_string(request_id) + " is under way");
     Deadline began{};
     for (;;) {
@@ -128,7 +124,7 @@ class ShmChannel final : public Channel {
         if (began != Deadline{}) wait_.replied(segment->slots()[index].request_bytes, began);
         std::unique_ptr<Frame> frame = take_reply(segment, index);
         if (!send_again(segment, index, *frame)) return frame;
-        std::tie(segment, index) = find(request_id);
+        std::tie(segment, index) = segments_.find(request_id);
         continue;
       }
       if (state == State::kDropped) {
@@ -146,7 +142,7 @@ class ShmChannel final : public Channel {
 
   void forget(std::uint64_t request_id) override {
     check_fork();
-    const auto [segment, index] = find(request_id);
+    const auto [segment, index] = segments_.find(request_id);
     if (!segment) return;
     ClientSegment::Slot& slot = segment->slots()[index];
     slot.forgotten = true;  // the reply will return its slot
@@ -177,50 +173,11 @@ class ShmChannel final : public Channel {
 
   // --- segments and slots
 
-  /// Changes to a segment with slots of this size. Returns false and sets `why` if the daemon rejects it.
   bool grow(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
-    // Doubling avoids a new segment for every slightly larger batch; near the limits, sizes are exact.
-    const auto doubled = [](std::uint64_t bytes, std::uint64_t limit) {
-      return bytes > limit / 2 ? bytes : std::bit_ceil(bytes);
-    };
-    return request_segment(doubled(request_bytes, wire::kMaxRequestBytes), doubled(reply_bytes, wire::kMaxFrameBytes),
-                           deadline, why) ||
-           request_segment(request_bytes, reply_bytes, deadline, why);
+    return segments_.grow(
+        request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
   }
-
-  bool request_segment(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
-    request_bytes = std::max(request_bytes, current_->request_capacity());
-    reply_bytes = std::max(reply_bytes, current_->reply_capacity());
-    const UniqueFd fd = socket_.request_segment(request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
-    if (!fd) return false;
-    auto larger = std::make_shared<ClientSegment>(fd, url());
-    if (larger->request_capacity() < request_bytes || larger->reply_capacity() < reply_bytes)
-      socket_.die("the daemon handed over a smaller segment than requested");
-    outgrown_.push_back(std::exchange(current_, std::move(larger)));
-    retire_outgrown();
-    return true;
-  }
-
-  /// Releases outgrown segments without requests, replies or frames.
-  void retire_outgrown() {
-    std::erase_if(outgrown_,
-                  [this](const SegmentPtr& segment) { return segment->all_free() && socket_.retire(segment->id()); });
-  }
-
-  /// Returns segment and slot of a pending request; a null segment if there is none.
-  std::pair<SegmentPtr, std::uint32_t> find(std::uint64_t request_id) const {
-    const auto look = [&](const SegmentPtr& segment) -> int {
-      const auto& slots = segment->slots();
-      for (std::size_t i = 0; i < slots.size(); ++i)
-        if (slots[i].request_id == request_id && slots[i].state != State::kIdle && !slots[i].forgotten)
-          return static_cast<int>(i);
-      return -1;
-    };
-    if (const int slot = look(current_); slot >= 0) return {current_, slot};
-    for (const SegmentPtr& segment : outgrown_)
-      if (const int slot = look(segment); slot >= 0) return {segment, slot};
-    return {nullptr, 0};
-  }
+  ClientSegment& current() const { return *segments_.current(); }
 
   void abandon_begun() {
     if (begun_.segment) begun_.segment->give_slot(static_cast<std::uint32_t>(begun_.slot));
@@ -230,14 +187,14 @@ class ShmChannel final : public Channel {
   int take_slot() {
     for (Deadline deadline{};;) {
       collect();
-      if (const int slot = current_->take_slot(); slot >= 0) return slot;
+      if (const int slot = current().take_slot(); slot >= 0) return slot;
       std::size_t posted = 0, arrived = 0, forgotten = 0;
-      for (const auto& slot : current_->slots()) {
+      for (const auto& slot : current().slots()) {
         posted += slot.state == State::kPosted && !slot.forgotten;
         arrived += slot.state == State::kArrived || slot.state == State::kDropped;
         forgotten += slot.state == State::kPosted && slot.forgotten;
       }
-      const std::size_t count = current_->slots().size();
+      const std::size_t count = current().slots().size();
       if (forgotten == 0)
         throw ConnectionError(url() + ": all " + std::to_string(count) + " slots are taken: " + std::to_string(posted) +
                               " requests under way, " + std::to_string(arrived) + " replies not yet received, " +
@@ -247,7 +204,7 @@ class ShmChannel final : public Channel {
       if (deadline == Deadline{}) deadline = now + kBeginTimeout;
       if (now >= deadline)
         throw TimeoutError(url() + ": the daemon has not given back the slot of an abandoned request");
-      wait(*current_, 0, std::min(deadline, watch()));
+      wait(current(), 0, std::min(deadline, watch()));
     }
   }
 
@@ -264,9 +221,7 @@ class ShmChannel final : public Channel {
   }
 
   void collect() {
-    bool sane = current_->collect();
-    for (const SegmentPtr& segment : outgrown_) sane = segment->collect() && sane;
-    if (!sane) socket_.lose("the shared segment is corrupted");
+    if (!segments_.collect()) socket_.lose("the shared segment is corrupted");
   }
 
   void wait(ClientSegment& segment, std::uint64_t request_bytes, Deadline deadline) {
@@ -293,27 +248,26 @@ class ShmChannel final : public Channel {
     if (needed <= segment->reply_capacity() || needed > wire::kMaxFrameBytes || old.retried || !socket_.lost().empty())
       return false;
     std::string why;
-    if ((needed > current_->reply_capacity() || old.request_bytes > current_->request_capacity()) &&
+    if ((needed > current().reply_capacity() || old.request_bytes > current().request_capacity()) &&
         !grow(old.request_bytes, needed, Clock::now() + kBeginTimeout, why))
       return false;
-    const int slot = current_->take_slot();
+    const int slot = current().take_slot();
     if (slot < 0) return false;
     const auto again = static_cast<std::uint32_t>(slot);
-    std::memcpy(current_->request_area(again), segment->request_area(index), old.request_bytes);
-    ClientSegment::Slot& fresh = current_->slots()[again];
+    std::memcpy(current().request_area(again), segment->request_area(index), old.request_bytes);
+    ClientSegment::Slot& fresh = current().slots()[again];
     fresh.request_id = old.request_id;
     fresh.request_bytes = old.request_bytes;
     fresh.retried = true;
-    post(*current_, again);
+    post(current(), again);
     return true;
   }
 
   std::string target_;
   ForkGuard guard_;
   ShmSocket socket_;
-  UniqueFd wake_;  ///< eventfd that wakes the daemon
-  SegmentPtr current_;
-  std::vector<SegmentPtr> outgrown_;
+  ShmSegments segments_;
+  UniqueFd wake_;                                     ///< eventfd that wakes the daemon
   TakenSlot begun_;                                   ///< memory given by begin(), until send()
   std::uint64_t rejected_reply_ = ~std::uint64_t{0};  ///< a reply capacity that the daemon has rejected
   ReplyWait wait_;

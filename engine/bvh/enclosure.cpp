@@ -5,95 +5,25 @@
 #include <cmath>
 #include <cstdio>
 #include <limits>
-#include <numeric>
 #include <utility>
 #include <vector>
 
-#include "engine/base/dedupe.h"
+#include "engine/bvh/mesh_components.h"
 #include "engine/bvh/surface.h"
 
 namespace clearance {
 
 namespace {
 
-constexpr double kThin = 0x1p-16;       // two faces closer than this share of the size count as one
-constexpr double kHollowVolume = 1e-3;  // of area times size: a component of less has hardly any volume
+constexpr double kThin = 0x1p-16;  // two faces closer than this share of the size count as one
 constexpr std::size_t kFewSamples = 256, kManySamples = 10'000, kMostPerTriangle = 64;
 constexpr std::uint64_t kMostVisits = 20'000'000;  // to nodes: a few seconds at most
 
-// Triangles connected by their vertices.
-struct Part {
-  double volume = 0, area = 0;
-  Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high{-HUGE_VAL, -HUGE_VAL, -HUGE_VAL};
-
-  double size() const { return norm(high - low); }
-  bool is_thin() const { return std::abs(volume) <= kHollowVolume * area * size(); }
-  bool meets(const Part& other) const {
-    for (int k = 0; k < 3; ++k)
-      if (low[k] > other.high[k] || other.low[k] > high[k]) return false;
-    return true;
-  }
-};
-
-struct Parts {
-  std::vector<std::uint32_t> of;  // component of each triangle
-  std::vector<Part> all;
-  bool has_busy_edges = false;  // edges of more than two triangles
-};
-
-bool has_busy_edges(std::span<const std::uint32_t> place, std::span<const Triangle> triangles) {
-  std::vector<std::uint64_t> edges;
-  edges.reserve(3 * triangles.size());
-  for (const Triangle& t : triangles)
-    for (std::size_t k = 0; k < 3; ++k) {
-      const std::uint32_t a = place[t[k]], b = place[t[(k + 1) % 3]];
-      if (a != b) edges.push_back(std::uint64_t{std::min(a, b)} << 32 | std::max(a, b));
-    }
-  std::sort(edges.begin(), edges.end());
-  for (std::size_t i = 2; i < edges.size(); ++i)
-    if (edges[i] == edges[i - 2]) return true;
-  return false;
-}
-
-Parts parts_of(std::span<const Vec3d> vertices, std::span<const Triangle> triangles) {
-  const std::vector<std::uint32_t> place = unique_positions(vertices).index;
-  std::vector<std::uint32_t> above(vertices.size());  // a forest: each vertex's component is that of its root
-  std::iota(above.begin(), above.end(), 0);
-  const auto root = [&](std::uint32_t v) {
-    while (above[v] != v) v = above[v] = above[above[v]];
-    return v;
-  };
-  for (const Triangle& t : triangles)
-    for (std::size_t k = 1; k < 3; ++k) above[root(place[t[k]])] = root(place[t[0]]);
-  constexpr std::uint32_t kNone = 0xFFFFFFFFu;
-  std::vector<std::uint32_t> number(vertices.size(), kNone);
-  Parts parts;
-  parts.has_busy_edges = has_busy_edges(place, triangles);
-  const Vec3d centre = vertices[triangles[0][0]];
-  for (const Triangle& t : triangles) {
-    std::uint32_t& n = number[root(place[t[0]])];
-    if (n == kNone) {
-      n = static_cast<std::uint32_t>(parts.all.size());
-      parts.all.emplace_back();
-    }
-    parts.of.push_back(n);
-    Part& part = parts.all[n];
-    const Vec3d a = vertices[t[0]] - centre, b = vertices[t[1]] - centre, c = vertices[t[2]] - centre;
-    part.volume += dot(a, cross(b, c)) / 6;
-    part.area += norm(cross(b - a, c - a)) / 2;
-    for (const Vec3d& v : {a, b, c})
-      for (int k = 0; k < 3; ++k) {
-        part.low[k] = std::min(part.low[k], v[k]);
-        part.high[k] = std::max(part.high[k], v[k]);
-      }
-  }
-  return parts;
-}
-
-bool may_cancel(const Parts& parts) {
-  const auto any = [&](const auto& is) { return std::any_of(parts.all.begin(), parts.all.end(), is); };
-  return parts.has_busy_edges || any([](const Part& p) { return p.is_thin(); }) ||
-         (any([](const Part& p) { return p.volume > 0; }) && any([](const Part& p) { return p.volume < 0; }));
+bool may_cancel(const MeshComponents& components) {
+  const auto any = [&](const auto& is) { return std::any_of(components.all.begin(), components.all.end(), is); };
+  return components.has_busy_edges || any([](const MeshComponent& p) { return p.is_thin(); }) ||
+         (any([](const MeshComponent& p) { return p.volume > 0; }) &&
+          any([](const MeshComponent& p) { return p.volume < 0; }));
 }
 
 // Whether a ray along an axis meets a triangle, its border and a little more included.
@@ -116,9 +46,9 @@ bool meets_ray(const std::array<Vec3d, 3>& corners, const Vec3d& p, int axis, do
 class HollowSearch {
  public:
   explicit HollowSearch(const Surface& solid)
-      : solid_(solid), parts_(parts_of(solid.vertices(), solid.triangles())), seen_(parts_.all.size()) {
+      : solid_(solid), components_(components_of(solid.vertices(), solid.triangles())), seen_(components_.all.size()) {
     Vec3d low{HUGE_VAL, HUGE_VAL, HUGE_VAL}, high = -low;
-    for (const Part& part : parts_.all)
+    for (const MeshComponent& part : components_.all)
       for (int k = 0; k < 3; ++k) {
         low[k] = std::min(low[k], part.low[k]);
         high[k] = std::max(high[k], part.high[k]);
@@ -128,11 +58,11 @@ class HollowSearch {
 
   std::string run() {
     constexpr std::size_t kCoarse = 16;
-    const bool many = may_cancel(parts_);
+    const bool many = may_cancel(components_);
     const std::size_t n = solid_.size(), budget = many ? kManySamples : kFewSamples;
     const std::size_t stride = (n + budget - 1) / budget;
     const std::size_t each = std::clamp<std::size_t>(budget / n, 1, kMostPerTriangle);
-    std::vector<char> is_met(parts_.all.size(), 0);
+    std::vector<char> is_met(components_.all.size(), 0);
     const auto test = [&](std::uint32_t t) {
       take_triangle(t, each);
       if (many) take_overlaps(t, each > 7);
@@ -140,8 +70,8 @@ class HollowSearch {
     const auto goes_on = [&](std::uint32_t t) { return t < n && why_.empty() && visits_ < kMostVisits; };
     // Some of the whole first, in case that not all can be tested.
     for (std::uint32_t t = 0; goes_on(t); ++t)
-      if (t % (kCoarse * stride) == 0 || (many && !is_met[parts_.of[t]])) {
-        is_met[parts_.of[t]] = 1;
+      if (t % (kCoarse * stride) == 0 || (many && !is_met[components_.of[t]])) {
+        is_met[components_.of[t]] = 1;
         test(t);
       }
     for (std::uint32_t t = 0; goes_on(t); ++t)
@@ -181,10 +111,10 @@ class HollowSearch {
   // Tests points of a triangle within the boxes of components of the opposite orientation, where it may lie in them.
   void take_overlaps(std::uint32_t t, bool corners) {
     constexpr std::size_t kMostParts = 2'000, kMostOthers = 8;
-    if (parts_.all.size() > kMostParts) return;
-    const Part& own = parts_.all[parts_.of[t]];
+    if (components_.all.size() > kMostParts) return;
+    const MeshComponent& own = components_.all[components_.of[t]];
     std::size_t met = 0;
-    for (const Part& other : parts_.all) {
+    for (const MeshComponent& other : components_.all) {
       if ((own.volume > 0) == (other.volume > 0) || !own.meets(other)) continue;
       if (++met > kMostOthers) return;
       const std::vector<Vec3d> inside = clipped(t, other);
@@ -197,7 +127,7 @@ class HollowSearch {
     }
   }
 
-  std::vector<Vec3d> clipped(std::uint32_t t, const Part& box) const {
+  std::vector<Vec3d> clipped(std::uint32_t t, const MeshComponent& box) const {
     const auto c = solid_.corners(t);
     const Vec3d centre = first_corner();
     std::vector<Vec3d> polygon(c.begin(), c.end()), next;
@@ -230,7 +160,7 @@ class HollowSearch {
     const double step = 0.8713 * std::min(kThin * size_, length / longest / 2048);
     const Vec3d out = n * (step / length);
     const int before = winding_number(solid_, p + out, &visits_), behind = winding_number(solid_, p - out, &visits_);
-    Seen& seen = seen_[parts_.of[t]];
+    Seen& seen = seen_[components_.of[t]];
     if (before == 0 && behind == 0 && (is_walled_in(p + out) || is_walled_in(p - out)))
       why_ = "triangle " + place(t, p) + " has no volume on either side: faces are oriented both ways there";
     if (before + behind > 0) seen.behind = t;
@@ -284,7 +214,7 @@ class HollowSearch {
   }
 
   const Surface& solid_;
-  Parts parts_;
+  MeshComponents components_;
   double size_ = 0;
   std::uint64_t visits_ = 0;
   std::vector<Seen> seen_;
@@ -294,7 +224,7 @@ class HollowSearch {
 }  // namespace
 
 bool windings_may_cancel(std::span<const Vec3d> vertices, std::span<const Triangle> triangles) {
-  return !triangles.empty() && may_cancel(parts_of(vertices, triangles));
+  return !triangles.empty() && may_cancel(components_of(vertices, triangles));
 }
 
 std::string hollow_place(const Surface& solid) {

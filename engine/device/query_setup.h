@@ -5,7 +5,7 @@
 #include <functional>
 #include <span>
 
-#include "engine/device/layout.h"
+#include "engine/device/reduced_layout.h"
 #include "engine/narrow/answer.h"
 #include "engine/selection/query.h"
 

@@ -15,6 +15,30 @@ namespace {
 // Pairs of one ignore(). More is a mistake in the scene file.
 constexpr std::size_t kMaxIgnoredPairs = std::size_t{1} << 27;
 
+// Adds all of a body that a revision depends on.
+void add_body_to(Digest& digest, const Body& body) {
+  digest.add(std::string_view(body.name));
+  digest.add(std::uint64_t{body.parent});
+  digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.requires_pose} << 1);
+  digest.add(body.model_error);
+  const double uncertainties[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
+                                  body.max_speed};
+  if (std::any_of(std::begin(uncertainties), std::end(uncertainties),
+                  [](double uncertainty) { return uncertainty > 0; }))
+    for (const double uncertainty : uncertainties) digest.add(uncertainty);
+  digest.add(std::uint64_t{body.pose.has_value()});
+  if (body.pose) {
+    digest.add(body.pose->translation);
+    for (const double q : {body.pose->qw, body.pose->qx, body.pose->qy, body.pose->qz}) digest.add(q);
+  }
+  if (is_cloud(body)) {
+    digest.add(static_cast<std::uint64_t>(body.cloud));
+    digest.add(double{body.voxel});
+  }
+  digest.add(std::uint64_t{body.parts.size()});
+  for (const ConvexPartPtr& part : body.parts) digest.add(part->digest);
+}
+
 }  // namespace
 
 void Scene::check_free(const std::string& name, const char* what) const {
@@ -180,28 +204,7 @@ std::uint64_t Scene::revision() const {
   const FpEnvironment environment;
   Digest digest;
   digest.add(std::uint64_t{bodies_.size()});
-  for (const Body& body : bodies_) {
-    digest.add(std::string_view(body.name));
-    digest.add(std::uint64_t{body.parent});
-    digest.add(std::uint64_t{body.is_static} | std::uint64_t{body.requires_pose} << 1);
-    digest.add(body.model_error);
-    const double uncertainties[] = {body.model_inner, body.uncertainty.position, body.uncertainty.angle, body.padding,
-                                    body.max_speed};
-    if (std::any_of(std::begin(uncertainties), std::end(uncertainties),
-                    [](double uncertainty) { return uncertainty > 0; }))
-      for (const double uncertainty : uncertainties) digest.add(uncertainty);
-    digest.add(std::uint64_t{body.pose.has_value()});
-    if (body.pose) {
-      digest.add(body.pose->translation);
-      for (const double q : {body.pose->qw, body.pose->qx, body.pose->qy, body.pose->qz}) digest.add(q);
-    }
-    if (is_cloud(body)) {
-      digest.add(static_cast<std::uint64_t>(body.cloud));
-      digest.add(double{body.voxel});
-    }
-    digest.add(std::uint64_t{body.parts.size()});
-    for (const ConvexPartPtr& part : body.parts) digest.add(part->digest);
-  }
+  for (const Body& body : bodies_) add_body_to(digest, body);
   digest.add(std::uint64_t{groups_.size()});
   for (const Group& group : groups_) {
     digest.add(std::string_view(group.name));

@@ -54,6 +54,25 @@ std::vector<std::uint32_t> PoseSnapshot::move_links(const SceneRobot& robot, std
   return moved;
 }
 
+namespace {
+
+// Moves the links of joints, which are in order. Returns the moved bodies.
+std::vector<std::uint32_t> move_links_of(PoseSnapshot& next, const engine::Scene& scene,
+                                         const std::vector<std::uint32_t>& changed) {
+  const std::vector<SceneJoint>& joints = scene.joints();
+  std::vector<std::uint32_t> moved;
+  for (auto begin = changed.begin(); begin != changed.end();) {  // joints of one robot are consecutive
+    const std::uint32_t robot = joints[*begin].robot;
+    const auto end = std::find_if(begin, changed.end(), [&](std::uint32_t j) { return joints[j].robot != robot; });
+    const auto links = next.move_links(*scene.robots()[robot], {begin, end});
+    moved.insert(moved.end(), links.begin(), links.end());
+    begin = end;
+  }
+  return moved;
+}
+
+}  // namespace
+
 PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns,
                                        std::int64_t sequence, std::uint64_t publisher) {
   check_stamp(stamp_ns);
@@ -86,15 +105,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
     const RobotColumn& column = scene_.robots()[joint.robot]->model.columns[joint.column];
     ++(position_fact(column, p.position) & kLinkBad ? result.bad : result.applied);
   }
-  std::vector<std::uint32_t> moved;
-  for (auto begin = changed.begin(); begin != changed.end();) {  // joints of one robot are consecutive
-    const std::uint32_t robot = joints[*begin].robot;
-    const auto end = std::find_if(begin, changed.end(), [&](std::uint32_t j) { return joints[j].robot != robot; });
-    const auto links = next->move_links(*scene_.robots()[robot], {begin, end});
-    moved.insert(moved.end(), links.begin(), links.end());
-    begin = end;
-  }
-  if (!changed.empty()) publish_moved(next, moved);
+  if (!changed.empty()) publish_moved(next, move_links_of(*next, scene_, changed));
   result.revision = next->revision;
   result.copied_bytes = std::exchange(copied_bytes_, 0);
   return result;

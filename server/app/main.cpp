@@ -38,7 +38,7 @@ void on_signal(int number) {
 }
 
 void handle_signals() {
-  struct sigaction action{};
+  struct sigaction action {};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   // Ignored, so that writing to a closed socket or beyond RLIMIT_FSIZE (a segment) is an error of the call.
@@ -199,6 +199,24 @@ struct SignalledLoop {
   ~SignalledLoop() { running_loop = nullptr; }
 };
 
+void open_metrics(Loop& loop, const DaemonOptions& options, std::optional<MetricsServer>& metrics) {
+  if (options.metrics.empty()) return;
+  metrics.emplace(options.metrics, [&loop] { return loop.read_metrics(std::chrono::milliseconds(500)); });
+  log::info("event=metrics url={}", log_text(metrics->url()));
+}
+
+// Ends the process at once if requests are still at work.
+void end_service(Loop& loop, Supervisor& supervisor, std::chrono::steady_clock::time_point begin) {
+  supervisor.stopping();
+  log::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
+            loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
+  if (loop.is_reloading() || loop.is_working()) {  // their clients will get no reply
+    loop.close_transports();
+    log::end();
+    std::_Exit(kExitClean);
+  }
+}
+
 int serve(DaemonOptions options) {
   const auto begin = std::chrono::steady_clock::now();
   Supervisor supervisor;
@@ -232,9 +250,7 @@ int serve(DaemonOptions options) {
   std::optional<MetricsServer> metrics;
   or_fail<std::runtime_error>(kExitEndpoint, "", [&] {
     open_endpoints(loop, options, access, lcm_poses);
-    if (options.metrics.empty()) return;
-    metrics.emplace(options.metrics, [&loop] { return loop.read_metrics(std::chrono::milliseconds(500)); });
-    log::info("event=metrics url={}", log_text(metrics->url()));
+    open_metrics(loop, options, metrics);
   });
   if (options.real_time)  // once other threads, which do not get it, have started
     become_real_time(options.loop_cpu >= 0 ? std::optional(options.loop_cpu) : std::nullopt);
@@ -243,14 +259,7 @@ int serve(DaemonOptions options) {
   loop.run();
   metrics.reset();
 
-  supervisor.stopping();
-  log::info("event=end signal={} frames={} queries={} errors={} uptime_seconds={:.1f}", last_signal.load(),
-            loop.counter("frames"), loop.counter("queries"), loop.counter("errors"), seconds_since(begin));
-  if (loop.is_reloading() || loop.is_working()) {  // their clients will get no reply
-    loop.close_transports();
-    log::end();
-    std::_Exit(kExitClean);
-  }
+  end_service(loop, supervisor, begin);
   return kExitClean;
 }
 

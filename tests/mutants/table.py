@@ -56,7 +56,7 @@ MUTANTS = [
         ("lookup", "hull/direction_table.cpp", "table.cells[@v * grid + u@] = at", "u * grid + v"),
         (
             "corners",
-            "hull/direction_table.cpp",
+            "hull/cell_division.cpp",
             "@constexpr int kCorner@[4][4]",
             "=const int kCorner",
             "{{0, @1@, 3, 4},",

@@ -6,7 +6,7 @@
 #include <vector>
 
 #include "engine/bvh/surface.h"
-#include "engine/device/layout.h"
+#include "engine/device/reduced_layout.h"
 
 namespace clearance::cuda {
 

@@ -3,6 +3,7 @@
 #pragma once
 
 #include "engine/cuda/pair/pair_kernel.cuh"
+#include "engine/device/reduced_layout.h"
 #include "engine/hull/measure.h"
 
 namespace clearance::cuda {

@@ -122,9 +122,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     take(parts);
   }
 
-  void reserve(MotionSlot& slot, const ChunkSetup& chunk) {
-    MotionsView& m = slot.view;
-    m = {};
+  // The view of a chunk, without its memory.
+  MotionsView view_of(const ChunkSetup& chunk) const {
+    MotionsView m{};
     m.chunk.hulls = hulls_.view();
     m.chunk.bodies = bodies_;
     m.chunk.pair_limits = pair_limits_;
@@ -145,6 +145,12 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.span_capacity = m.chunk.configurations = capacity.spans;
     m.pair_capacity = capacity.pairs;
     m.hit_capacity = capacity.hits;
+    return m;
+  }
+
+  void reserve(MotionSlot& slot, const ChunkSetup& chunk) {
+    MotionsView& m = slot.view;
+    m = view_of(chunk);
     make_parts(slot.motions, [&](Parts& parts) {
       std::byte* begin = nullptr;
       parts.take(begin, motions_bytes(m.motions));

@@ -6,7 +6,9 @@
 
 #include <type_traits>
 
+#include "engine/cuda/pair/counts.cuh"
 #include "engine/cuda/pair/hull.cuh"
+#include "engine/cuda/pair/pair_rows.cuh"
 #include "engine/cuda/pair/slack.cuh"
 #include "engine/narrow/pair_run.h"
 #include "engine/narrow/witness.h"
@@ -232,52 +234,6 @@ struct SpreadList {
   __device__ std::uint32_t at(std::uint32_t first) const { return place < count ? first + place : count; }
 };
 
-__device__ inline std::uint16_t flags_of(const BodyPoseRef& a, const BodyPoseRef& b) {
-  const std::uint8_t states = a.state | b.state;
-  return (states & kStateRenormalised ? kFlagRenormalised : 0) | (states & kStateBeyondLimits ? kFlagBeyondLimits : 0);
-}
-// As three stores of 8 bytes.
-__device__ inline void write_points32(float* points32, std::uint64_t row, const PairAnswer& answer) {
-  const auto a = cast<float>(answer.point_a), b = cast<float>(answer.point_b);
-  auto* pairs = reinterpret_cast<float2*>(points32 + 6 * row);
-  pairs[0] = {a.x, a.y};
-  pairs[1] = {a.z, b.x};
-  pairs[2] = {b.y, b.z};
-}
-// Writes a row of the column gradient_joints. Not inlined, so that it takes no registers from other columns.
-__device__ __noinline__ inline void write_gradient_joints(const ChunkView& c, std::uint64_t row, std::uint32_t k,
-                                                          const BodyPoseRef& at_a, const BodyPoseRef& at_b,
-                                                          const PairAnswer& answer) {
-  const auto pose_of = [&](std::uint32_t ref) {
-    const BodyPoseRef at(c.bodies, c.configurations, ref, k);
-    return PlacedFrame{at.rotation(), at.translation()};
-  };
-  write_joint_gradient(c.movers.movers, c.movers.of_body[at_a.body], c.movers.of_body[at_b.body], answer,
-                       at_a.translation(), at_b.translation(), pose_of, c.reply.joints,
-                       c.reply.gradient_joints + row * c.reply.joints);
-}
-// Writes a row that belongs to no pair.
-__device__ inline void write_no_pair(const ChunkView& c, std::uint64_t row, std::uint32_t k, BodyPair pair,
-                                     const PairAnswer& answer) {
-  write_row(c.reply, row, pair, static_cast<std::uint32_t>(c.first_configuration + k), answer, {0, 0, 0}, {0, 0, 0});
-  for (std::uint32_t j = 0; c.reply.gradient_joints && j < c.reply.joints; ++j)
-    c.reply.gradient_joints[row * c.reply.joints + j] = __builtin_nan("");
-}
-template <bool kLean = false>
-__device__ inline void write_answer(const ChunkView& c, std::uint64_t row, std::uint32_t k, const BodyPoseRef& at_a,
-                                    const BodyPoseRef& at_b, const PairAnswer& answer) {
-  if (kLean) {
-    write_interval(c.reply, row, answer);
-    if (c.reply.pair) c.reply.pair[row] = {at_a.body, at_b.body};
-    if (c.reply.configuration) c.reply.configuration[row] = static_cast<std::uint32_t>(c.first_configuration + k);
-    if (c.reply.points32) write_points32(c.reply.points32, row, answer);
-    return;
-  }
-  write_row(c.reply, row, {at_a.body, at_b.body}, static_cast<std::uint32_t>(c.first_configuration + k), answer,
-            at_a.translation(), at_b.translation());
-  if (c.reply.gradient_joints) write_gradient_joints(c, row, k, at_a, at_b, answer);
-}
-
 // An item of a group: a pair in a configuration, with the poses of its bodies.
 struct GroupItem {
   std::uint32_t pair, k;
@@ -315,18 +271,6 @@ __device__ inline PairOutcome solve_item(const ChunkView& c, const Hull& a, cons
   return narrow<kLean>(c.pair_limits, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
 }
 
-// Reserves list positions, and counts, with one atomic operation per warp. All threads of the warp call these.
-__device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
-  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
-  if (all == 0) return 0;
-  std::uint32_t first = 0;
-  if (lane == 0) first = atomicAdd(count, __popc(all));
-  return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
-}
-__device__ inline void add_count(std::uint32_t* count, bool wanted) {
-  const unsigned all = __ballot_sync(~0u, wanted);
-  if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
-}
 // \tparam kIsFirst this is the float32 pass: unresolved pairs are listed for float64
 template <bool kIsFirst = false>
 __device__ inline void report(const ChunkView& c, PairOutcome outcome, std::uint64_t row, const Enclosed& enclosed) {
@@ -344,48 +288,6 @@ __device__ inline void report(const ChunkView& c, PairOutcome outcome, std::uint
     if (outcome == PairOutcome::kEnclosed) c.enclosed[at] = enclosed;
   }
   add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
-}
-
-// Device clock, in nanoseconds.
-__device__ inline std::uint64_t clock_ns() {
-#ifdef __CUDA_ARCH__
-  std::uint64_t ns;
-  asm volatile("mov.u64 %0, %%globaltimer;" : "=l"(ns));
-  return ns;
-#else
-  return 1;
-#endif
-}
-// Records the start of a dense chunk. Called by every kernel that may be its first.
-__device__ inline void note_begin(const ChunkView& c) {
-  if (blockIdx.x == 0 && threadIdx.x == 0 && c.begun && *c.begun == 0) *c.begun = clock_ns();
-}
-
-// The last block copies the counts to the host, one thread per count, and clears them for the next chunk. All threads
-// of a block call it.
-__device__ inline void hand_over_counts(const ChunkView& c) {
-  if (!c.host_counts) return;
-  __shared__ bool is_last;
-  __syncthreads();
-  if (threadIdx.x == 0) {
-    if (c.number != 0)
-      __threadfence_system();  // the block's rows are in host memory before it counts as done
-    else
-      __threadfence();
-    is_last = atomicAdd(c.counts + kBlocksDone, 1) == c.blocks - 1;
-  }
-  __syncthreads();
-  if (!is_last || threadIdx.x >= 32) return;
-  __threadfence();
-  if (threadIdx.x < kCounts) c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
-  __syncwarp();
-  if (threadIdx.x > 0 || !c.begun) return;
-  c.finished->begun = *c.begun;
-  c.finished->ended = clock_ns();
-  *c.begun = 0;
-  if (c.number == 0) return;
-  __threadfence_system();
-  *static_cast<volatile std::uint32_t*>(&c.finished->number) = c.number;
 }
 
 }  // namespace clearance::cuda

@@ -1,7 +1,7 @@
 // Device-side lookups of engine/state/pair_table.h.
 #pragma once
 
-#include "engine/device/layout.h"
+#include "engine/device/reduced_layout.h"
 
 namespace clearance::cuda {
 

@@ -77,6 +77,40 @@ __device__ inline LocalPose local_pose(const MovesView& moves, std::uint32_t slo
   return {facts & kLinkBad ? Pose{{bad, bad, bad}, bad, bad, bad, bad} : Pose{t, q.w, q.x, q.y, q.z}, facts};
 }
 
+// Stores three components of a moved body in configuration k, from component c on.
+__device__ __forceinline__ void store_components(const BodiesView& bodies, std::uint32_t slot, std::uint32_t k,
+                                                 std::uint32_t configurations, std::uint32_t c, const Vec3d& v) {
+  double* const out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
+  out[std::size_t{c} * configurations] = v.x;
+  out[std::size_t{c + 1} * configurations] = v.y;
+  out[std::size_t{c + 2} * configurations] = v.z;
+}
+
+// Stores the boxes of a moved body in configuration k, and those of its parts.
+// \param growth of the boxes, in metres
+__device__ __forceinline__ void store_boxes(const HullsView& hulls, const BodiesView& bodies, std::uint32_t slot,
+                                            std::uint32_t k, std::uint32_t configurations, const BodyPlacement& here,
+                                            double growth) {
+  const bool want_box = bodies.components > kPoseComponents;
+  const std::uint32_t body = bodies.moved_body[slot];
+  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
+  if (want_box) *outer = no_outer_box();
+  if (!has_box(hulls, body) || here.status != Status::kOk) return;
+  const auto put_part = [&](std::uint32_t i, const Aabb& of_part) {
+    if (!bodies.moved_part_box) return;
+    double* p = bodies.moved_part_box + std::size_t{bodies.moved_part_begin[slot] + i} * 6 * configurations + k;
+    for (int c = 0; c < 3; ++c) {
+      p[std::size_t(c) * configurations] = of_part.low[c];
+      p[std::size_t(3 + c) * configurations] = of_part.high[c];
+    }
+  };
+  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w, growth, put_part);
+  if (!want_box) return;
+  store_components(bodies, slot, k, configurations, 12, box.low);
+  store_components(bodies, slot, k, configurations, 15, box.high);
+  *outer = outer_box(box);
+}
+
 // Places a moved body in configuration k, with its boxes. `position_error`, in metres, comes in addition to the
 // uncertainty of its frames.
 // \returns its uncertainty, without `position_error`
@@ -108,41 +142,20 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
   bodies.moved_state[std::size_t{slot} * configurations + k] = static_cast<std::uint8_t>(here.status) |
                                                                (here.renormalised ? kStateRenormalised : 0) |
                                                                (here.beyond_limits ? kStateBeyondLimits : 0);
-  double* out = bodies.moved + std::size_t{slot} * bodies.components * configurations + k;
-  const auto put = [&](std::uint32_t c, const Vec3d& v) {
-    out[std::size_t{c} * configurations] = v.x;
-    out[std::size_t{c + 1} * configurations] = v.y;
-    out[std::size_t{c + 2} * configurations] = v.z;
-  };
-  const bool placed = here.status == Status::kOk;
+  const bool is_placed = here.status == Status::kOk;
   const Vec3d zero{0, 0, 0};
-  for (int r = 0; r < 3; ++r) put(3 * r, placed ? here.pose.R_wb.row[r] : zero);
-  put(9, placed ? here.pose.t_w : zero);
+  for (std::uint32_t r = 0; r < 3; ++r)
+    store_components(bodies, slot, k, configurations, 3 * r, is_placed ? here.pose.R_wb.row[r] : zero);
+  store_components(bodies, slot, k, configurations, 9, is_placed ? here.pose.t_w : zero);
   if (kUncertain) {
     const Slack more{position_error, position_error};
     bodies.uncertainties.moved[std::size_t{slot} * configurations + k] = {uncertainty.slack + more,
                                                                           uncertainty.relative + more, travel};
   }
-  const bool want_box = bodies.components > kPoseComponents;
-  if (!want_box && !bodies.moved_part_box) return uncertainty;
-  const std::uint32_t body = bodies.moved_body[slot];
-  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
-  if (want_box) *outer = no_outer_box();
-  if (!has_box(hulls, body) || !placed) return uncertainty;
-  const auto put_part = [&](std::uint32_t i, const Aabb& of_part) {
-    if (!bodies.moved_part_box) return;
-    double* p = bodies.moved_part_box + std::size_t{bodies.moved_part_begin[slot] + i} * 6 * configurations + k;
-    for (int c = 0; c < 3; ++c) {
-      p[std::size_t(c) * configurations] = of_part.low[c];
-      p[std::size_t(3 + c) * configurations] = of_part.high[c];
-    }
-  };
-  const Aabb box = box_of_body(hulls, body, here.pose.R_wb, here.pose.t_w,
-                               kUncertain ? sum_above(uncertainty.slack.inner, position_error) : 0, put_part);
-  if (!want_box) return uncertainty;
-  put(12, box.low);
-  put(15, box.high);
-  *outer = outer_box(box);
+  const bool has_boxes = bodies.components > kPoseComponents || bodies.moved_part_box;
+  if (has_boxes)
+    store_boxes(hulls, bodies, slot, k, configurations, here,
+                kUncertain ? sum_above(uncertainty.slack.inner, position_error) : 0);
   return uncertainty;
 }
 

@@ -1,14 +1,8 @@
 // Reduced queries on the device: rows of groups, or of the pairs within a distance.
 #pragma once
 
-#include <thrust/iterator/transform_iterator.h>
-
-#include <cub/device/device_scan.cuh>
-
-#include "engine/cuda/memory/chunk_clock.cuh"
 #include "engine/cuda/reduce/reduced.cuh"
-#include "engine/cuda/reduce/reduced_launch.cuh"
-#include "engine/cuda/reduce/table_search.cuh"
+#include "engine/cuda/reduce/reduced_slot.cuh"
 #include "engine/device/query/reply_columns.h"
 
 namespace clearance::cuda {
@@ -16,43 +10,6 @@ namespace clearance::cuda {
 inline constexpr std::uint32_t kFirstCapacity = 1u << 17;  // initial capacity for candidates
 inline constexpr std::uint64_t kFirstHits = 1u << 14;      // initial capacity for rows of Reduce::kWithin
 inline constexpr std::uint32_t kFirstOpen = 1u << 12;      // initial capacity for pairs that teams leave open
-
-struct ReducedSlot : QuerySlot {
-  ReducedSlot(MemoryCounters& c, int priority)
-      : QuerySlot(c, priority),
-        device_groups(c),
-        device_words(c),
-        device_scan(c),
-        device_items(c),
-        device_counts(c),
-        device_answers(c),
-        host_reply(c),
-        host_counts(c),
-        host_rest(c),
-        host_answers(c),
-        table(c) {}
-
-  DeviceBuffer device_groups, device_words, device_scan, device_items, device_counts, device_answers;
-  PinnedBuffer host_reply, host_counts, host_rest, host_answers;
-  TableSearch table;
-  ChunkTime time;
-  std::uint32_t listed = 0;  // largest capacity so far, for listed pairs
-  bool counts_are_clear = false;
-  std::size_t scan_bytes = 0;
-  std::uint64_t most_rows = 0;  // limit of the reply
-  ReducedView view;
-  ReplyView direct;
-};
-
-struct CountBits {
-  __host__ __device__ std::uint32_t operator()(std::uint32_t word) const {
-#ifdef __CUDA_ARCH__
-    return static_cast<std::uint32_t>(__popc(word));
-#else
-    return static_cast<std::uint32_t>(__builtin_popcount(word));
-#endif
-  }
-};
 
 class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
  public:
@@ -206,7 +163,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
     if (!table_) return;
     slot.table.reserve(r, *table_, slot.stream);
-    if (r.hit_ranks) reserve_ranks(slot);
+    if (r.hit_ranks) slot.reserve_ranks();
   }
 
   // The kernel writes rows directly to host memory, to the caller's if it is pinned.
@@ -243,24 +200,10 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
     r.hit_words = r.candidate_words + words;
     r.candidate_ranks = r.hit_words + words;
     r.hit_ranks = r.candidate_ranks + words;
-    reserve_ranks(slot);
+    slot.reserve_ranks();
     mark_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, slot.stream>>>(r);
-    rank(slot, r.candidate_words, r.candidate_ranks);
+    slot.rank(r.candidate_words, r.candidate_ranks);
     check(cudaGetLastError(), "starting a kernel");
-  }
-
-  void reserve_ranks(ReducedSlot& slot) {
-    slot.scan_bytes = 0;
-    rank(slot, slot.view.hit_words, slot.view.hit_ranks);  // computes the size
-    slot.device_scan.reserve(slot.scan_bytes);
-  }
-
-  // Number of bits set before each word. The first call for a slot only computes the memory required.
-  void rank(ReducedSlot& slot, const std::uint32_t* words, std::uint32_t* ranks) {
-    const auto counts = thrust::make_transform_iterator(words, CountBits());
-    void* memory = slot.scan_bytes == 0 ? nullptr : slot.device_scan.data();
-    check(cub::DeviceScan::ExclusiveSum(memory, slot.scan_bytes, counts, ranks, hit_word_count(slot.view), slot.stream),
-          "ranking rows");
   }
 
   void clear_counts(ReducedSlot& slot) {
@@ -289,7 +232,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
   void write(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
     if (!within()) return start_group_rows(r, slot.stream);
-    if (r.hit_ranks) rank(slot, r.hit_words, r.hit_ranks);
+    if (r.hit_ranks) slot.rank(r.hit_words, r.hit_ranks);
     write_hits<<<item_blocks(r), kItemThreads, 0, slot.stream>>>(r);
     check(cudaGetLastError(), "starting a kernel");
   }

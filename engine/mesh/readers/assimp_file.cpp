@@ -216,30 +216,31 @@ MeshPart AssimpFile::part(unsigned index) const {
   return part;
 }
 
+MeshTransform AssimpFile::transform_of_node(const aiNode& node) const {
+  MeshTransform X = transform_of(node.mTransformation);
+  if (settings_.node_rounding == 0) return X;
+  // Float32 rounds only a matrix within half a last bit of the identity to the identity.
+  const bool is_identity = X.is_identity();
+  const double entry = (is_identity ? 0x1p-23 : settings_.node_rounding) *
+                       (settings_.inverts_nodes && !is_identity ? condition(X) : 1);
+  double scale = 0, shift = 0;
+  for (const auto& row : X.m) {
+    scale = std::max(scale, std::abs(row[0]) + std::abs(row[1]) + std::abs(row[2]));
+    shift = std::max(shift, std::abs(row[3]));
+  }
+  for (int r = 0; r < 3; ++r)
+    for (int c = 0; c < 4; ++c)
+      if (!is_identity || r == c) X.error[r][c] = entry * (c == 3 ? shift : scale) + kUnderflow;
+  return X;
+}
+
 std::vector<AssimpFile::Shown> AssimpFile::walk(const MeshTransform& root, std::uint64_t most_vertices) const {
   struct Visit {
     const aiNode* node;
     MeshTransform X;
   };
-  const auto transform = [&](const aiNode* node) {
-    MeshTransform X = transform_of(node->mTransformation);
-    if (settings_.node_rounding == 0) return X;
-    // Float32 rounds only a matrix within half a last bit of the identity to the identity.
-    const bool is_identity = X.is_identity();
-    const double entry = (is_identity ? 0x1p-23 : settings_.node_rounding) *
-                         (settings_.inverts_nodes && !is_identity ? condition(X) : 1);
-    double scale = 0, shift = 0;
-    for (const auto& row : X.m) {
-      scale = std::max(scale, std::abs(row[0]) + std::abs(row[1]) + std::abs(row[2]));
-      shift = std::max(shift, std::abs(row[3]));
-    }
-    for (int r = 0; r < 3; ++r)
-      for (int c = 0; c < 4; ++c)
-        if (!is_identity || r == c) X.error[r][c] = entry * (c == 3 ? shift : scale) + kUnderflow;
-    return X;
-  };
   std::vector<Shown> shown;
-  std::vector<Visit> stack = {{scene_->mRootNode, root.after(transform(scene_->mRootNode))}};
+  std::vector<Visit> stack = {{scene_->mRootNode, root.after(transform_of_node(*scene_->mRootNode))}};
   std::vector<char> seen(scene_->mNumMeshes, 0);
   std::uint64_t vertices = 0, own = 0;
   while (!stack.empty()) {
@@ -257,7 +258,7 @@ std::vector<AssimpFile::Shown> AssimpFile::walk(const MeshTransform& root, std::
       shown.push_back({index, visit.X});
     }
     for (unsigned i = visit.node->mNumChildren; i-- > 0;)
-      stack.push_back({visit.node->mChildren[i], visit.X.after(transform(visit.node->mChildren[i]))});
+      stack.push_back({visit.node->mChildren[i], visit.X.after(transform_of_node(*visit.node->mChildren[i]))});
   }
   return shown;
 }

@@ -12,6 +12,7 @@
 #include "engine/mesh/mesh_part.h"
 #include "engine/mesh/mesh_transform.h"
 
+struct aiNode;
 struct aiScene;
 namespace Assimp {
 class Importer;
@@ -50,6 +51,7 @@ class AssimpFile {
     unsigned mesh;
     MeshTransform X;
   };
+  MeshTransform transform_of_node(const aiNode& node) const;
   std::vector<Shown> walk(const MeshTransform& root, std::uint64_t most_vertices) const;
   MeshPart part(unsigned index) const;
 

@@ -1,0 +1,63 @@
+// Counts and lists of a chunk in device memory, and their way to the host.
+#pragma once
+
+#include "engine/device/layout.h"
+
+namespace clearance::cuda {
+
+// Reserves list positions, and counts, with one atomic operation per warp. All threads of the warp call these.
+__device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32;
+  if (all == 0) return 0;
+  std::uint32_t first = 0;
+  if (lane == 0) first = atomicAdd(count, __popc(all));
+  return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
+}
+__device__ inline void add_count(std::uint32_t* count, bool wanted) {
+  const unsigned all = __ballot_sync(~0u, wanted);
+  if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));
+}
+
+// Device clock, in nanoseconds.
+__device__ inline std::uint64_t clock_ns() {
+#ifdef __CUDA_ARCH__
+  std::uint64_t ns;
+  asm volatile("mov.u64 %0, %%globaltimer;" : "=l"(ns));
+  return ns;
+#else
+  return 1;
+#endif
+}
+// Records the start of a dense chunk. Called by every kernel that may be its first.
+__device__ inline void note_begin(const ChunkView& c) {
+  if (blockIdx.x == 0 && threadIdx.x == 0 && c.begun && *c.begun == 0) *c.begun = clock_ns();
+}
+
+// The last block copies the counts to the host, one thread per count, and clears them for the next chunk. All threads
+// of a block call it.
+__device__ inline void hand_over_counts(const ChunkView& c) {
+  if (!c.host_counts) return;
+  __shared__ bool is_last;
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    if (c.number != 0)
+      __threadfence_system();  // the block's rows are in host memory before it counts as done
+    else
+      __threadfence();
+    is_last = atomicAdd(c.counts + kBlocksDone, 1) == c.blocks - 1;
+  }
+  __syncthreads();
+  if (!is_last || threadIdx.x >= 32) return;
+  __threadfence();
+  if (threadIdx.x < kCounts) c.host_counts[threadIdx.x] = atomicExch(c.counts + threadIdx.x, 0);
+  __syncwarp();
+  if (threadIdx.x > 0 || !c.begun) return;
+  c.finished->begun = *c.begun;
+  c.finished->ended = clock_ns();
+  *c.begun = 0;
+  if (c.number == 0) return;
+  __threadfence_system();
+  *static_cast<volatile std::uint32_t*>(&c.finished->number) = c.number;
+}
+
+}  // namespace clearance::cuda
