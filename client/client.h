@@ -98,7 +98,7 @@ class CLEARANCE_API Client {
   /// Returns all joints of the scene's robots with their current positions, and their groups.
   JointsInfo joint_states();
   /// Waits until the daemon has poses with this stamp or a newer one, so that the next query uses them. Costs one round
-  /// trip if the poses are there. Throws RequestError with kPosesLate after `timeout`, at most 10 s.
+  /// trip if the poses are there. Throws RequestError with kPosesLate after `timeout` (above 0, at most 10 s).
   /// \param stamp_ns publisher's clock, as in set_poses(); above 0
   /// \param of body or group (selector). Unstamped bodies are ignored, but at least one must have a stamp.
   void wait_for_poses(std::int64_t stamp_ns, std::uint32_t of = kEveryBody,

@@ -37,9 +37,12 @@ std::vector<double> Client::free_scale(const Query& query, std::span<const doubl
 void Client::wait_for_poses(std::int64_t stamp_ns, std::uint32_t of, Duration timeout) {
   if (stamp_ns <= 0)
     throw std::invalid_argument("wait_for_poses: expected a stamp above 0, got " + std::to_string(stamp_ns));
+  if (timeout <= Duration(0) || timeout > std::chrono::nanoseconds(kLongestPoseWait))
+    throw std::invalid_argument("wait_for_poses: expected a timeout above 0, at most 10 s, got " +
+                                std::to_string(timeout.count()) + " ns");
   Query query{.all_pairs = false};
   query.min_pose_stamp_ns = stamp_ns;
-  query.pose_wait_ns = timeout.count();
+  query.deadline_ns = timeout.count();
   query.wait_for = of;
   query.check_scene = of != kEveryBody;
   const std::uint64_t request = impl().send_query(FrameType::kQuery, query);

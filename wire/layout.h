@@ -49,7 +49,7 @@ void for_each_struct(Begin begin, Member member) {
   CLEARANCE_STRUCT(RecordHeader, tag, flags, bytes)
   CLEARANCE_STRUCT(QueryHeader, max_distance, abs_tol, rel_tol, pair_count, body_count, configuration_count, fields,
                    max_results, max_pose_age_ns, all_pairs, precision, signed_distance, reduce, padding,
-                   min_pose_stamp_ns, pose_wait_ns, wait_for, padding2, reserved)
+                   min_pose_stamp_ns, deadline_ns, wait_for, padding2, reserved)
   CLEARANCE_STRUCT(ReplyHeader, rows, total, configurations, pairs, fields, reduce, padding, scene_revision,
                    snapshot_revision, snapshot_stamp_ns, oldest_receipt_ns, pairs_evaluated, engine_ns, server_ns,
                    backend, snapshot_sequence, pose_age_ns)

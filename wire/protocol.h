@@ -157,7 +157,7 @@ struct QueryHeader {
   std::uint8_t reduce = 0;  ///< Reduce
   std::uint8_t padding[4] = {};
   std::int64_t min_pose_stamp_ns = 0;  ///< waits for poses of wait_for with this stamp or a newer one; 0 to not wait
-  std::int64_t pose_wait_ns = 0;       ///< maximum wait, 0 to 10 s; then kPosesLate
+  std::int64_t deadline_ns = 0;        ///< maximum time from receipt to answer, the wait included; 0 for no limit
   std::uint32_t wait_for =
       kEveryBody;  ///< body or group selector; unstamped bodies are ignored, but at least one must have a stamp
   std::uint32_t padding2[1] = {};

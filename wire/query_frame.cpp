@@ -113,8 +113,6 @@ QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts)
     });
     return known;
   });
-  if (options.pose_wait_ns && !options.min_pose_stamp_ns)
-    bad_query("query: pose_wait_ns is for a query with min_pose_stamp_ns");
   return options;
 }
 

@@ -40,12 +40,10 @@
     "ns", "pairs with an older pose have the status `stale_pose`, and no distance; 0 for any age")                        \
   X(std::int64_t, min_pose_stamp_ns, 0, 0, Legal::at_least(0, ">= 0"),                                                 \
     "ns", "begin once the poses of wait_for have this stamp or a newer one (publisher's clock); 0 to begin at once")   \
-  X(std::int64_t, pose_wait_ns, 0, 0, Legal::range(0, 10'000'000'000),                                                 \
-    "ns", "maximum wait for them; then `kPosesLate`")                                                                  \
   X(std::uint32_t, wait_for, kEveryBody, 0, Legal::anything(),                                                         \
     "", "body, or selector of a group; unstamped bodies are ignored, but at least one must have a stamp")              \
-  X(std::int64_t, deadline_ns, 0, 4, Legal::range(0, 3'600'000'000'000),                                               \
-    "ns", "maximum time from receipt to answer (daemon's clock), else rejected with `kDeadline`; 0 for no limit")      \
+  X(std::int64_t, deadline_ns, 0, 0, Legal::range(0, 3'600'000'000'000),                                               \
+    "ns", "maximum time from receipt to answer (daemon's clock), a wait for poses included; 0 for no limit")           \
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
     "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                   \
   X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
@@ -87,6 +85,8 @@ struct QueryOptions {
 };
 
 inline constexpr QueryOptions kDefaultOptions;
+/// Longest wait for poses, in ns, also of a query without a deadline.
+inline constexpr std::int64_t kLongestPoseWait = 10'000'000'000;
 
 /// A row of the table, without type and default.
 struct QueryOption {

@@ -97,7 +97,7 @@ class Controller {
     if (!bus_.publish_message("CLEARANCE_POSES", message_)) ++unsent_;
     if (wait_ns_ > 0) {
       query_.query.min_pose_stamp_ns = message_.stamp_ns;
-      query_.query.pose_wait_ns = wait_ns_;
+      query_.query.deadline_ns = wait_ns_;
     }
     try {
       take(client_.distances(query_.query));

@@ -125,8 +125,7 @@ void QueryRequests::begin_one_deferred(DeferredQuery deferred) {
   ReplySink& sink = *request.sink;  // lives on with the query
   deferred.pending.share.give_back();
   context_.answers.guard(sink, header, [&] {
-    if (!DeferredQueries::poses_are_there(*context_.engine, header, deferred.query))
-      throw poses_late(deferred.query, true);
+    if (!DeferredQueries::poses_are_there(*context_.engine, header, deferred.query)) throw poses_late(deferred.query);
     if (payload.bytes > kLargePayload) {
       request.fetch = [payload] { return payload; };
       return begin_on_worker(new_query(request, deferred.service, deferred.received), request, {});

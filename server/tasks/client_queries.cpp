@@ -39,8 +39,7 @@ bool ClientQueries::Kept::is_of(const wire::FrameHeader& request, std::span<cons
   if (request.payload_bytes != header.payload_bytes || request.records_bytes != header.records_bytes ||
       request.scene_revision != header.scene_revision)
     return false;
-  const std::int64_t stamp = stamp_in(payload), last = query.parts.options.min_pose_stamp_ns;
-  if (stamp != last && (stamp <= 0 || last <= 0)) return false;  // 0 and less have other rules
+  if (stamp_in(payload) < 0) return false;  // parse_query() rejects it
   const auto same = [&, own = std::as_bytes(std::span(copy))](std::size_t begin, std::size_t end) {
     return std::memcmp(own.data() + begin, payload.data() + begin, end - begin) == 0;
   };

@@ -5,7 +5,6 @@
 #include <iterator>
 #include <unordered_map>
 
-#include "server/limits/forecast.h"
 #include "server/requests/scene_check.h"
 
 namespace clearance {
@@ -35,7 +34,7 @@ bool is_reached(Reached& reached, const engine::Engine& engine, const wire::Fram
 
 /// Longest wait of a query, in ns.
 std::int64_t wait_of(const QueryOptions& query) {
-  return query.deadline_ns ? std::min(query.pose_wait_ns, query.deadline_ns) : query.pose_wait_ns;
+  return query.deadline_ns ? std::min(query.deadline_ns, kLongestPoseWait) : kLongestPoseWait;
 }
 
 /// Whether a query's wait is over.
@@ -53,12 +52,10 @@ bool is_over(const DeferredQuery& held, const engine::Engine& engine, Reached& r
 
 }  // namespace
 
-RejectedRequest poses_late(const QueryOptions& query, bool waited) {
-  const std::string poses = "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) + " or newer ";
-  if (!waited) return {wire::ErrorCode::kPosesLate, poses + "are there"};
-  if (wait_of(query) < query.pose_wait_ns) return deadline_passed(std::chrono::nanoseconds(query.deadline_ns), {});
-  const double ms = 1e-6 * static_cast<double>(query.pose_wait_ns);
-  return {wire::ErrorCode::kPosesLate, poses + "came within " + std::to_string(ms) + " ms"};
+RejectedRequest poses_late(const QueryOptions& query) {
+  const double ms = 1e-6 * static_cast<double>(wait_of(query));
+  return {wire::ErrorCode::kPosesLate, "no poses with stamp " + std::to_string(query.min_pose_stamp_ns) +
+                                           " or newer came within " + std::to_string(ms) + " ms"};
 }
 
 bool DeferredQueries::poses_are_there(const engine::Engine& engine, const wire::FrameHeader& request,
@@ -70,7 +67,6 @@ bool DeferredQueries::poses_are_there(const engine::Engine& engine, const wire::
 void DeferredQueries::hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query,
                            OwnPayload payload, std::unique_ptr<ReplySink>& sink, Quotas& quotas,
                            const engine::Engine& engine, Clock::time_point received) {
-  if (query.pose_wait_ns == 0) throw poses_late(query, false);
   const std::uint64_t client = sink->client();
   quotas.check_bytes(client, service, payload.bytes, sink->unsent_bytes());
   DeferredQuery held{{nullptr, request, quotas.take(client, service, payload.bytes)},

@@ -36,7 +36,7 @@ class DeferredQueries {
   /// No later than the first deadline.
   Clock::time_point deadline() const { return deadline_; }
 
-  /// Defers a query. Throws RejectedRequest if it does not want to wait (kPosesLate), or beyond a limit (kBusy).
+  /// Defers a query until its poses are there or its deadline. Throws RejectedRequest beyond a limit (kBusy).
   void hold(const wire::FrameHeader& request, ServiceClass service, const QueryOptions& query, OwnPayload payload,
             std::unique_ptr<ReplySink>& sink, Quotas& quotas, const engine::Engine& engine, Clock::time_point received);
   /// Releases a few of the queries whose poses have arrived, whose scene is another or whose time is up, in the order
@@ -65,8 +65,7 @@ class DeferredQueries {
   Clock::time_point deadline_ = Clock::time_point::max();
 };
 
-/// Rejection of a query whose poses are missing.
-/// @param waited in vain, perhaps to its deadline
-RejectedRequest poses_late(const QueryOptions& query, bool waited);
+/// Rejection of a query whose poses have not come in time.
+RejectedRequest poses_late(const QueryOptions& query);
 
 }  // namespace clearance

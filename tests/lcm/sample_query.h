@@ -29,7 +29,6 @@ inline clearance_lcm::query_t sample_lcm_query() {
   query.configuration_count = 2;
   query.configurations.assign(2, {{0, 0, 1, 1, 0, 0, 0}});
   query.min_pose_stamp_ns = 1000;
-  query.pose_wait_ns = 5;
   query.deadline_ns = 1'000'000;
   query.wait_for_one = 1;
   return query;

@@ -208,7 +208,7 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   waiting.query = query_message();
   waiting.query.reduce = query_t::REDUCE_MIN;
   waiting.query.min_pose_stamp_ns = 2000;
-  waiting.query.pose_wait_ns = 10'000'000'000;
+  waiting.query.deadline_ns = 10'000'000'000;
   waiting.joint_count = 1;
   waiting.joints = {"arm0/joint2"};
   waiting.row_count = 1;
@@ -225,12 +225,12 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
 
   waiting.query = query_message();
   waiting.query.min_pose_stamp_ns = 2001;
-  waiting.query.pose_wait_ns = 0;
+  waiting.query.deadline_ns = 1;
   answers_.clear();
   ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINT_QUERY", waiting));
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
   EXPECT_EQ(answers_.begin()->second.whole.error_code, reply_t::ERROR_POSES_LATE);
-  EXPECT_EQ(answers_.begin()->second.whole.error_text, "no poses with stamp 2001 or newer are there");
+  EXPECT_EQ(answers_.begin()->second.whole.error_text, "no poses with stamp 2001 or newer came within 0.000001 ms");
 }
 
 }  // namespace

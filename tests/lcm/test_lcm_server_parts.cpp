@@ -106,12 +106,10 @@ TEST(LcmTranslate, WaitsAndDeadlinesAreCarried) {
   EXPECT_EQ(options.deadline_ns, 0);
 
   query.min_pose_stamp_ns = std::numeric_limits<std::int64_t>::max();
-  query.pose_wait_ns = 10'000'000'000;
   query.deadline_ns = 19;
   query.wait_for = clearance_lcm::query_t::GROUP + 3;
   options = options_of(query);
   EXPECT_EQ(options.min_pose_stamp_ns, query.min_pose_stamp_ns);
-  EXPECT_EQ(options.pose_wait_ns, query.pose_wait_ns);
   EXPECT_EQ(options.deadline_ns, 19);
   EXPECT_EQ(options.wait_for, kGroupBit | 3u);
   query.wait_for = 0;

@@ -2,7 +2,9 @@
 #pragma once
 
 #include <algorithm>
+#include <bit>
 #include <cstddef>
+#include <cstdint>
 #include <span>
 #include <string>
 #include <utility>
@@ -58,16 +60,16 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
   });
   query("waits_for_poses", [](TestQuery& q) {
     q.header.min_pose_stamp_ns = 1000;  // of the poses below
-    q.header.pose_wait_ns = 1'000'000'000;
+    q.header.deadline_ns = 1'000'000'000;
     q.header.wait_for = 1;
   });
   const auto add_record = [](TestQuery& q, std::uint16_t tag, std::uint16_t flags, std::uint64_t value) {
     wire::append_record(q.records, tag, flags, std::as_bytes(std::span(&value, 1)));
   };
-  constexpr std::uint64_t kHour = 3'600'000'000'000;
-  query("with_a_deadline", [&](TestQuery& q) { add_record(q, 4, wire::kRecordRequired, kHour); });
+  query("with_a_deadline", [&](TestQuery& q) { q.header.deadline_ns = 3'600'000'000'000; });
   query("with_an_unknown_record", [&](TestQuery& q) {
-    add_record(q, 4, wire::kRecordRequired, kHour);
+    q.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
+    add_record(q, 5, wire::kRecordRequired, std::bit_cast<std::uint64_t>(0.25));  // margin
     add_record(q, 500, 0, 7);
   });
   TestQuery pairs;

@@ -82,7 +82,7 @@ TEST_F(Records, ThatDoNotFitAreRejected) {
   twice.insert(twice.end(), again.begin(), again.end());
   cut.resize(24);
   const Case cases[] = {
-      {record(4, wire::kRecordRequired, 4), "query: deadline_ns (record 4) has 4 bytes, expected 8"},
+      {record(5, wire::kRecordRequired, 4), "query: margin (record 5) has 4 bytes, expected 8"},
       {record(9, 2), "query: record 9 has unknown flags"},
       {record(0, 0), "query: record 0 comes after record 0: tags must increase from 1"},
       {twice, "query: record 9 comes after record 9: tags must increase from 1"},

@@ -43,9 +43,15 @@ class Site {
 #endif
     start();
   }
-  void start() { daemon_.emplace(options_); }
-  void kill() { daemon_->stop(SIGKILL); }
-  void signal(int number) { ::kill(daemon_->pid(), number); }
+  void start() {
+    daemon_.emplace(options_);
+  }
+  void kill() {
+    daemon_->stop(SIGKILL);
+  }
+  void signal(int number) {
+    ::kill(daemon_->pid(), number);
+  }
   std::string url(const std::string& scheme) const {
     return scheme == "shm" ? "shm://" + (folder_ / "s") : scheme == "ipc" ? "ipc://" + (folder_ / "z") : lcm_;
   }
@@ -219,7 +225,7 @@ TEST(Hangs, ALoopThatSleepsIsNone) {
     const auto channel = open_channel(site.url(scheme), {}, std::chrono::steady_clock::now() + kPatience);
     Query query;
     query.min_pose_stamp_ns = 1000;
-    query.pose_wait_ns = 10'000'000'000;  // meanwhile there is nothing to do
+    query.deadline_ns = 10'000'000'000;  // meanwhile there is nothing to do
     const auto q = header_of(query);
     const auto header = wire::make_header(wire::FrameType::kQuery, 1, sizeof q);
     wire::write_query(channel->begin(sizeof header + sizeof q, 0), header, q, nullptr, nullptr, nullptr);

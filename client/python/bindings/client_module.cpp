@@ -38,8 +38,6 @@ clearance::Query query_of(const Query& q) {
   query.joints = ids_of(q.joints);
   copy_options(q, query);
   copy_margins(q, query);
-  // A query without a stamp can still have a maximum wait.
-  if (!q.min_pose_stamp_ns) query.pose_wait_ns = 0;
   return query;
 }
 

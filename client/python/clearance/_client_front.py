@@ -146,7 +146,7 @@ class Client(RemoteFront):
         stamp_ns: publisher's clock, as in set_poses(); above 0.
         of: body or group whose poses to wait for. Bodies without any stamp are ignored, but at least one must have a
             stamp. Default: every body.
-        timeout_s: seconds, at most 10; then RequestError with the code POSES_LATE.
+        timeout_s: seconds, above 0 and at most 10; then RequestError with the code POSES_LATE. Default: 10.
 
         Costs one round trip if the poses are there. Raises as distances() does.
         """
@@ -154,12 +154,12 @@ class Client(RemoteFront):
         if not stamp:
             raise ValueError("stamp_ns: expected a stamp above 0, got 0")
         seconds = to_number(timeout_s, "timeout_s")
-        if not 0 <= seconds <= 10:
-            raise ValueError(f"timeout_s: expected 0 to 10 seconds, got {timeout_s}")
+        if not 0 < seconds <= 10:
+            raise ValueError(f"timeout_s: expected above 0 and at most 10 seconds, got {timeout_s}")
         names = self._names
         every = isinstance(of, str) and of == "*"
         raw = _client.Query(np.empty((0, 2), np.uint32), None, None, 0 if every else names.revision)
-        raw.min_pose_stamp_ns, raw.pose_wait_ns = stamp, round(1e9 * seconds)
+        raw.min_pose_stamp_ns, raw.deadline_ns = stamp, max(1, round(1e9 * seconds))
         raw.wait_for = EVERY_BODY if every else names.selector(of, "of")
         connection = self._use()
         if self._guarded(connection.ask, raw, None, None, True, seconds + connection.timeout_s) is None:

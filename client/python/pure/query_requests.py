@@ -53,8 +53,6 @@ class QueryRequests(SceneRequests):
             all_pairs=pairs is None,
             **{name: requested[name] for name, row in self._options.items() if not row[0]},
         )
-        if not requested["min_pose_stamp_ns"]:  # a query without a stamp can still have a maximum wait
-            header["pose_wait_ns"] = 0
         parts = [header]
         if pairs is not None:
             parts.append(pairs)

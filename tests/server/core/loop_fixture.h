@@ -88,7 +88,7 @@ inline TestQuery small_query() {
 inline TestQuery waiting_query() {
   TestQuery query = small_query();
   query.header.min_pose_stamp_ns = 1000;
-  query.header.pose_wait_ns = 10'000'000'000;
+  query.header.deadline_ns = 10'000'000'000;
   query.header.wait_for = 1;
   return query;
 }

@@ -246,7 +246,7 @@ TEST_F(BoundedLoop, ThoseThatWaitForPosesAreLookedAtTogether) {
   options.max_waiting_per_client = kHeld;
   start(crowd(), options);
   TestQuery query = small_query();
-  query.header.pose_wait_ns = std::chrono::nanoseconds(10s).count();
+  query.header.deadline_ns = std::chrono::nanoseconds(10s).count();
   query.header.wait_for = kGroupBit;
   const auto move = [&](std::int64_t stamp_ns) {
     const BodyPose pose{1, Pose{{0, 0, 1}}};

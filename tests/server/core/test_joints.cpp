@@ -283,7 +283,7 @@ TEST_F(JointsTest, AQueryWaitsForTheStampOfALink) {
   query.joints.clear();
   query.positions.clear();
   query.header.min_pose_stamp_ns = 5000;
-  query.header.pose_wait_ns = 10'000'000'000;
+  query.header.deadline_ns = 10'000'000'000;
   query.header.wait_for = engine_->scene().find_body("arm/palm");
   evaluate(a_, update({{0, 0, 0.1}, {1, 0, 0.1}}, 1000));  // gives the palm a stamp
   transport_->send(a_, query.frame(9));

@@ -130,7 +130,7 @@ TEST_F(Reload, QueriesThatWaitForPosesAreHeldToTheSceneTheyName) {
   });
   TestQuery query = small_query();
   query.header.min_pose_stamp_ns = 100;
-  query.header.pose_wait_ns = std::chrono::nanoseconds(10s).count();
+  query.header.deadline_ns = std::chrono::nanoseconds(10s).count();
   transport_->send(a_, query.frame(1));  // refers to no revision
   query.scene_revision = revision();
   transport_->send(b_, query.frame(2));

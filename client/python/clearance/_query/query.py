@@ -17,7 +17,7 @@ from .result import fields_mask
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
 #: Rows of wire/query_options.h that are no arguments of calls.
-NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "pose_wait_ns", "wait_for"))
+NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "wait_for"))
 
 
 class Source(Protocol):
