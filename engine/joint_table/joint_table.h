@@ -41,12 +41,16 @@ struct TableCells {
   CLEARANCE_TABLE_INLINE std::uint32_t shift(int c, std::uint32_t level) const {
     return columns[c].shift > level ? columns[c].shift - level : 0;
   }
+  /// The cell at positions of the columns, or null outside the table.
+  CLEARANCE_TABLE_INLINE const TableCell* find(const double* positions) const {
+    std::uint32_t i = 0, j = 0;
+    if (!cell_of(columns[0], positions[0], i) || !cell_of(columns[1], positions[1], j)) return nullptr;
+    return cells + (std::uint64_t{i} << columns[1].shift) + j;
+  }
   /// Bounds at positions of the columns, or none outside the table.
   CLEARANCE_TABLE_INLINE TableCell at(const double* positions) const {
-    std::uint32_t i = 0, j = 0;
-    if (!cell_of(columns[0], positions[0], i) || !cell_of(columns[1], positions[1], j))
-      return {TableCell::kNoLow, TableCell::kNoHigh};
-    return cells[(std::uint64_t{i} << columns[1].shift) + j];
+    const TableCell* const cell = find(positions);
+    return cell ? *cell : TableCell{TableCell::kNoLow, TableCell::kNoHigh};
   }
   /// Bounds that hold for all positions between two ends, low <= high in each column.
   CLEARANCE_TABLE_INLINE TableCell over(const double* low, const double* high) const;

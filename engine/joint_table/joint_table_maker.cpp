@@ -52,32 +52,39 @@ class JointTableMaker {
 
   JointTable take() { return std::move(table_); }
   std::optional<JointTable> make(const std::atomic<bool>* stopped) {
-    std::vector<Block> blocks{{0, 0}}, next;
+    std::vector<Block> blocks{{{0, 0}, -kInf, kInf}}, evaluated, next;
     std::uint32_t shift[2] = {fine_shift(0), fine_shift(1)};  // of the blocks' sizes, in fine cells
-    std::size_t evaluated = 0;
+    std::size_t seen = 0;
     for (;;) {
       const double half[2] = {half_of(0, shift[0]), half_of(1, shift[1])};
       const double way = way_of(half);
       const bool is_last =
-          shift[0] + shift[1] == 0 || (evaluated += blocks.size()) > (has_mesh_ ? kMostOfMeshes : kMostEvaluated);
+          shift[0] + shift[1] == 0 || (seen += blocks.size()) > (has_mesh_ ? kMostOfMeshes : kMostEvaluated);
       next.clear();
+      evaluated.clear();
       // The wider axis is halved next.
       const int axis = shift[1] > 0 && (shift[0] == 0 || way_along(1, half[1]) >= way_along(0, half[0])) ? 1 : 0;
-      for (std::size_t begin = 0; begin < blocks.size(); begin += kBatch) {
+      const auto halve = [&](const Block& block) {
+        next.push_back(block);
+        next.push_back(block);
+        next.back().at[axis] += 1u << (shift[axis] - 1);
+      };
+      for (const Block& block : blocks)
+        if (is_last || may_suffice(block, shift, way))
+          evaluated.push_back(block);
+        else
+          halve(block);
+      for (std::size_t begin = 0; begin < evaluated.size(); begin += kBatch) {
         if (stopped && *stopped) return {};
-        const std::size_t count = std::min(kBatch, blocks.size() - begin);
-        evaluate(std::span(blocks).subspan(begin, count), shift, way);
+        const std::size_t count = std::min(kBatch, evaluated.size() - begin);
+        evaluate(std::span(evaluated).subspan(begin, count), shift, way);
         for (std::size_t i = 0; i < count; ++i) {
-          const Block block = blocks[begin + i];
-          const double lower = bounds_[i].lower - (way + error_), upper = bounds_[i].upper + (way + error_);
-          if (is_last || suffice(bounds_[i], lower, upper, way) || is_hopeless(bounds_[i], shift)) {
-            fill(block, shift, cell(lower, upper));
-            continue;
-          }
-          Block other = block;
-          other.at[axis] += 1u << (shift[axis] - 1);
-          next.push_back(block);
-          next.push_back(other);
+          Block block = evaluated[begin + i];
+          block.lower = bounds_[i].lower - (way + error_), block.upper = bounds_[i].upper + (way + error_);
+          if (is_last || suffice(bounds_[i], block.lower, block.upper, way) || is_hopeless(bounds_[i], shift))
+            fill(block, shift, cell(block.lower, block.upper));
+          else
+            halve(block);
         }
       }
       if (next.empty()) break;
@@ -91,6 +98,7 @@ class JointTableMaker {
  private:
   struct Block {
     std::uint32_t at[2];  // first fine cell in each column
+    double lower, upper;  // known of the distance, from a block that holds it
   };
   struct Bounds {
     double lower, upper;
@@ -126,9 +134,15 @@ class JointTableMaker {
   static bool suffice(const Bounds& at_centre, double lower, double upper, double way) {
     return lower >= kFar || upper <= -kDeep || way * kPrecision <= std::max(at_centre.lower, -at_centre.upper);
   }
+  // Whether the bounds at a block's middle may end its halving.
+  bool may_suffice(const Block& block, const std::uint32_t (&shift)[2], double way) const {
+    return block.upper >= kFar || block.lower <= -kDeep || is_cell(shift) ||
+           way * kPrecision <= std::max(block.upper, -block.lower);
+  }
+  bool is_cell(const std::uint32_t (&shift)[2]) const { return has_mesh_ && shift[0] <= kFiner && shift[1] <= kFiner; }
   // Meshes that overlap in a cell have no depth that would decide more of it.
   bool is_hopeless(const Bounds& at_centre, const std::uint32_t (&shift)[2]) const {
-    return has_mesh_ && at_centre.lower <= 0 && shift[0] <= kFiner && shift[1] <= kFiner;
+    return at_centre.lower <= 0 && is_cell(shift);
   }
   // Rounded outward.
   static TableCell cell(double lower, double upper) {

@@ -22,6 +22,9 @@ class MeshGapSearch {
              double most);
 
  private:
+  // Hulls that are apart guide the search.
+  void look_along_hulls(const PoseMatrix& pose_a, const PoseMatrix& pose_b);
+
   ElementSearch elements_;
 };
 

@@ -28,10 +28,11 @@ class Decider {
   Decision decide(const Pose* poses, const double* positions, bool any_hit, std::uint64_t* open,
                   std::uint32_t capacity) {
     Decision result;
+    tables_.find(positions);
     if (!placed_.place(poses)) return result;
     begin(any_hit, capacity);
     open_ = open;
-    tables_.look_up(positions, [&](std::uint64_t position) { record(position, {}, kHit); });
+    tables_.look_up([&](std::uint64_t position) { record(position, {}, kHit); });
     if (!is_over()) decide_obstacles();
     if (!is_over()) decide_moved_pairs();
     if (overflow_) return result;

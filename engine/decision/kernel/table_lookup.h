@@ -19,19 +19,26 @@ class TableLookup {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) is_free_[t] = false;
   }
 
-  /// Looks all pairs up in a state.
+  /// Finds the cells of all pairs in a state, which then take time to arrive from memory.
   /// \param positions of the state; null to prove nothing
-  /// \param hit called with the position of each pair that is within its margin
-  template <class Hit>
-  void look_up(const double* positions, const Hit& hit) {
+  void find(const double* positions) {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
-      is_free_[t] = false;
+      cell_[t] = nullptr;
       if (!positions) continue;
       const TabledPair& pair = v_.tabled[t];
       const double at[2] = {middle(pair, 0, positions), middle(pair, 1, positions)};
-      const TableCell cell = pair.table.at(at);
-      is_free_[t] = cell.low > pair.free_above;
-      if (cell.high < pair.hit_below) hit(pair.position);
+      cell_[t] = pair.table.find(at);
+      __builtin_prefetch(cell_[t]);
+    }
+  }
+  /// Decides the pairs whose cells were found.
+  /// \param hit called with the position of each pair that is within its margin
+  template <class Hit>
+  void look_up(const Hit& hit) {
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
+      const TabledPair& pair = v_.tabled[t];
+      is_free_[t] = cell_[t] && cell_[t]->low > pair.free_above;
+      if (cell_[t] && cell_[t]->high < pair.hit_below) hit(pair.position);
     }
   }
   /// Whether the pair of a table was found free.
@@ -61,6 +68,7 @@ class TableLookup {
   }
 
   const DecisionView& v_;
+  const TableCell* cell_[kMostTabledPairs];  // null outside the table
   bool is_free_[kMostTabledPairs];
 };
 
