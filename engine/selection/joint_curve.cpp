@@ -1,19 +1,18 @@
-#include "engine/robot/joint_curve.h"
+#include "engine/selection/joint_curve.h"
 
 #include <algorithm>
 #include <cassert>
 #include <cmath>
-
-#include "engine/robot/motion_path_step.h"
 
 namespace clearance {
 
 namespace {
 
 constexpr double kCurveUnit = 0x1p-53;
-constexpr double kStepUnits = 6;   // error of position_between(), in roundings of the larger position
-constexpr double kSpanErrors = 6;  // error of a span's control points and differences, in errors of at()
-constexpr int kMostHalvings = 14;  // of a curve near a limit
+constexpr double kStepUnits = 6;             // error of position_between(), in roundings of the larger position
+constexpr double kSpanErrors = 6;            // error of a span's control points and differences, in errors of at()
+constexpr double kCurveSlack = 1 + 0x1p-30;  // covers the rounding of sums and products
+constexpr int kMostHalvings = 14;            // of a curve near a limit
 
 double position_between(double a, double b, double t) {
   return a + t * (b - a);
@@ -54,7 +53,7 @@ JointCurve::JointCurve(const double* points, std::uint32_t count, std::size_t st
     if (!(greatest_ >= points_[i])) greatest_ = std::isnan(points_[i]) ? HUGE_VAL : points_[i];
   }
   const double farthest = std::max(-least_, greatest_);
-  if (least_ != greatest_) rounding_ = degree_ * kStepUnits * kCurveUnit * farthest * kMotionSlack;
+  if (least_ != greatest_) rounding_ = degree_ * kStepUnits * kCurveUnit * farthest * kCurveSlack;
 }
 
 double JointCurve::at(double time) const {
@@ -90,8 +89,8 @@ JointSpan JointCurve::span(double begin, double end) const {
     rest = std::max({rest, std::abs(p - span.slope * (along - half)), std::abs(q - span.slope * along)});
   }
   const double error = kSpanErrors * rounding_;
-  span.change = (way + error) / half * kMotionSlack;
-  span.bend = 2 * (rest + error) / (half * half) * kMotionSlack;
+  span.change = (way + error) / half * kCurveSlack;
+  span.bend = 2 * (rest + error) / (half * half) * kCurveSlack;
   return span;
 }
 

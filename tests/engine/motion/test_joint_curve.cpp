@@ -1,4 +1,4 @@
-// Curves of joints compared with 60 digits: positions, and what a span of time claims of them.
+// Curves of joints compared with 60 digits: positions, and the bounds on them in a span of time.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -6,7 +6,7 @@
 #include <cstdio>
 #include <vector>
 
-#include "engine/robot/joint_curve.h"
+#include "engine/selection/joint_curve.h"
 #include "tests/engine/robot/exact_curve.h"
 #include "tests/engine/robot/random_robot.h"
 
@@ -28,7 +28,7 @@ JointCurve curve_of(const std::vector<double>& points) {
   return {points.data(), static_cast<std::uint32_t>(points.size()), 1};
 }
 
-// What a curve does in a span, at 200 times.
+// A curve at 200 times of a span.
 struct Seen {
   Real middle, way = 0, rest = 0;
 
