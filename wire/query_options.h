@@ -47,7 +47,9 @@
   X(double, margin, 0, 5, Legal::finite(0, "a finite number of metres >= 0"),                                          \
     "m", "reduce `any`, and motions: distance that every pair must provably exceed")                                   \
   X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
-    "", "maximum evaluations per motion; if nonzero, configurations are (start, end) pairs")
+    "", "maximum evaluations per motion; if nonzero, configurations are the control points of motions")                \
+  X(std::uint32_t, control_points, 2, 12, Legal::range(2, 8),                                                          \
+    "", "control points per motion: 2 for a straight one, more for Bezier curves of joints")
 // clang-format on
 
 namespace clearance {

@@ -15,7 +15,8 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     view.scene_revision = scene.revision;
     names = names_in(owned.query, scene, joints());
     // Throws for a query that is invalid with any inputs, by one configuration or motion.
-    if (!owned.bodies.empty() || !owned.joints.empty()) view.configuration_count = view.max_evaluations ? 2 : 1;
+    if (!owned.bodies.empty() || !owned.joints.empty())
+      view.configuration_count = view.max_evaluations ? view.control_points : 1;
     translated([&] { engine->engine()->size(view); });
     view.configuration_count = 0;
   }

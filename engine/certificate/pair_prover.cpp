@@ -26,7 +26,7 @@ void MotionMoment::begin(MovingBodies& moving) {
 void MotionMoment::move_to(double time) {
   if (time == time_) return;
   time_ = time;
-  const Instant instant{moving_, time};
+  const Instant instant{moving_, time, time};
   ConfigurationPoses::PoseBlock given = poses_.at({&instant, 1});
   given.errors = moving_->errors;
   rotations_.resize(plan_.bodies.size());

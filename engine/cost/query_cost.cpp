@@ -94,7 +94,8 @@ QueryCost SceneCost::of(const QueryView& query, const PoseSnapshot& snapshot) co
   for (const MarginEntry& entry : query.margins)
     cost.listed = plus(cost.listed, plus(side(entry.a).bodies, side(entry.b).bodies));
   std::uint64_t configurations = std::max<std::uint64_t>(query.configuration_count, 1);
-  if (query.max_evaluations > 0) configurations = times(configurations / 2, query.max_evaluations);
+  if (query.max_evaluations > 0)
+    configurations = times(configurations / std::max(query.control_points, 2u), query.max_evaluations);
   return {times(cost.pairs, configurations), times(cost.part_pairs, configurations), times(cost.units, configurations),
           times(cost.links, configurations), cost.listed};
 }

@@ -113,7 +113,7 @@ bool MotionBlock::collect_pairs(WorkMeter& meter) {
     MotionSearch& search = searches_[turn_ % count_];
     for (std::size_t k = 0; k < together && !search.is_done() && search.next(places_[used_].node); ++k) {
       places_[used_].search = &search;
-      instants_.push_back({&search.moving, places_[used_].node.middle()});
+      instants_.push_back({&search.moving, places_[used_].node.begin, places_[used_].node.end});
       ++used_;
     }
   }

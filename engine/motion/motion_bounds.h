@@ -12,24 +12,27 @@
 #include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
 #include "engine/selection/body_poses.h"
+#include "engine/selection/joint_curve.h"
 #include "engine/selection/plan.h"
 
 namespace clearance {
 
-/// Data derived from the start and the end of one motion by MotionBounds::take().
+/// Data derived from the control points of one motion by MotionBounds::take().
 struct MovingBodies {
-  std::uint64_t motion = 0;                   ///< index in the plan: configurations 2 motion and 2 motion + 1
+  std::uint64_t motion = 0;                   ///< index in the plan
+  std::vector<JointCurve> curves;             ///< of Plan::joints; none for straight motions
   std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives
   std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded
-  std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up
+  std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up; JointSpan::change of curves
+  std::vector<std::vector<double>> bend;      ///< likewise: JointSpan::bend; 0 for straight motions
   std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
-  std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of both ends
+  std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of control points
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
   std::vector<double> chain_errors;           ///< likewise: bound on the error of the points' places in at()
   std::vector<double> chain_turns;            ///< likewise: bound on the carrier's rotation error, in radians
   std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::PoseBlock::errors
   bool half_turn = false;                     ///< one of `given` is_half_turn()
-  std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of both ends, for links in Plan::bodies; empty if 0
+  std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of the motion, for links in Plan::bodies; empty if 0
 };
 
 /// The joints and poses that move the bodies of each pair relative to each other, computed once per query. Immutable.
@@ -38,7 +41,10 @@ class MotionBounds {
   /// Both must outlive this.
   MotionBounds(const engine::Scene& scene, const Plan& plan);
 
+  /// With the rates of the whole motion.
   void take(std::uint64_t motion, MovingBodies& moving) const;
+  /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
+  void take_span(double begin, double end, MovingBodies& moving) const;
   /// Speed bound of each of Plan::moved, in metres per unit of time. A pair's speed is at most the sum of its bodies'.
   /// \param placed at any time of the motion
   void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;
@@ -85,6 +91,7 @@ class MotionBounds {
   std::uint32_t chain_before(std::uint32_t chain, std::size_t shared);
   MotionRates rates_of(const Chain& chain, const MovingBodies& moving, double* error, double* turn_error) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
+  void take_rates(MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
   double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;
   double drift_of(std::uint32_t body, const MovingBodies& moving, const BodyPoses& placed) const;

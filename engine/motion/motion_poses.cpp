@@ -7,6 +7,14 @@
 
 namespace clearance {
 
+namespace {
+
+bool are_usable(const JointCurve& curve) {
+  return -kMaxPosition <= curve.least() && curve.greatest() <= kMaxPosition;
+}
+
+}  // namespace
+
 MotionPoses::MotionPoses(const Plan& plan) : plan_(plan) {
   for (const LinkMotion& motion : plan.motions) robots_.emplace_back(motion.robot().kinematics);
   const auto index_in = [](const std::vector<std::uint32_t>& bodies, std::uint32_t body) {
@@ -19,30 +27,63 @@ MotionPoses::MotionPoses(const Plan& plan) : plan_(plan) {
   }
 }
 
-// A motion with an unusable position at its start or end has no poses.
-void MotionPoses::take_rows(const Instant& instant, double* row) const {
+// A motion with an unusable control point has no poses.
+void MotionPoses::take_row(std::size_t k) {
+  const Instant& instant = instants_[k];
   const std::size_t joints = plan_.joints.size();
+  double* const row = rows_.data() + k * joints;
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
   for (std::size_t j = 0; j < joints; ++j) {
+    if (!instant.moving->curves.empty()) {
+      const JointCurve& curve = instant.moving->curves[j];
+      const JointSpan span = curve.span(instant.begin, instant.end);
+      row[j] = are_usable(curve) ? span.middle : std::numeric_limits<double>::quiet_NaN();
+      slopes_[k * joints + j] = span.slope;
+      continue;
+    }
     const double q0 = start[j], q1 = start[joints + j];
     const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
-    row[j] = good ? position_at(q0, q1, instant.time) : std::numeric_limits<double>::quiet_NaN();
+    row[j] = good ? position_at(q0, q1, instant.time()) : std::numeric_limits<double>::quiet_NaN();
   }
+}
+
+// Positions with the facts of a whole motion: both ends of a straight one, or for curves the start and a position with
+// the facts of all others.
+void MotionPoses::take_end_rows(const MovingBodies& moving) {
+  const std::size_t joints = plan_.joints.size();
+  if (moving.curves.empty()) {
+    const double* const start = plan_.positions.data() + 2 * moving.motion * joints;
+    rows_.assign(start, start + 2 * joints);
+    return;
+  }
+  rows_.assign(2 * joints, 0);
+  for (const LinkMotion& motion : plan_.motions)
+    for (const LinkMotion::Moving& m : motion.moving()) {
+      const RobotColumn& column = motion.robot().model.columns[m.column];
+      const JointCurve& curve = moving.curves[m.at];
+      double& extreme = rows_[joints + m.at];
+      rows_[m.at] = extreme = curve.begin();
+      if (!are_usable(curve))
+        extreme = HUGE_VAL;
+      else if (!curve.stays_within(column.lower, column.upper))
+        extreme =
+            column.upper < HUGE_VAL ? std::nextafter(column.upper, HUGE_VAL) : std::nextafter(column.lower, -HUGE_VAL);
+    }
 }
 
 void MotionPoses::find_end_facts(MovingBodies& moving) {
   moving.end_facts.clear();
   const std::size_t joints = plan_.joints.size(), links = plan_.bodies.size() - plan_.given_bodies;
-  const auto ends = plan_.positions.subspan(2 * moving.motion * joints, 2 * joints);
+  take_end_rows(moving);
   poses_.resize(2 * links);
   facts_.assign(2 * links, 0);
   std::size_t at = 0;
   bool has_facts = false;
   for (const LinkMotion& motion : plan_.motions) {
     for (const LinkMotion::Moving& m : motion.moving())
-      for (const double position : {ends[m.at], ends[joints + m.at]})
+      for (const double position : {rows_[m.at], rows_[joints + m.at]})
         has_facts |= position_fact(motion.robot().model.columns[m.column], position) != 0;
-    if (has_facts) motion.make(ends, 2, poses_.data() + at, facts_.data() + at, links, scratch_);
+    if (has_facts) motion.make(rows_, 2, poses_.data() + at, facts_.data() + at, links, scratch_);
     at += motion.links().size();
   }
   if (!has_facts) return;
@@ -54,12 +95,14 @@ ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants)
   poses_.resize(instants.size() * bodies);
   facts_.assign(instants.size() * bodies, 0);
   rows_.resize(instants.size() * joints);
+  slopes_.resize(instants.size() * joints);
   travels_.assign(instants.size() * bodies, 0);
   instants_.assign(instants.begin(), instants.end());
   twists_.assign(instants.size() * bodies, {});
   for (std::size_t k = 0; k < instants.size(); ++k) {
-    for (std::size_t i = 0; i < given; ++i) poses_[k * bodies + i] = instants[k].moving->given[i].at(instants[k].time);
-    take_rows(instants[k], rows_.data() + k * joints);
+    for (std::size_t i = 0; i < given; ++i)
+      poses_[k * bodies + i] = instants[k].moving->given[i].at(instants[k].time());
+    take_row(k);
   }
   std::size_t at = given;
   for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
@@ -81,7 +124,15 @@ void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
   const std::size_t links = made.robot().kinematics.links();
   links_.resize(links);
   for (std::size_t k = 0; k < instants_.size(); ++k) {
-    robots_[motion].at(std::span(scratch_.poses).subspan(k * links, links), instants_[k].moving->along[motion], links_);
+    const MovingBodies& moving = *instants_[k].moving;
+    const std::vector<double>* along = &moving.along[motion];
+    if (!moving.curves.empty()) {
+      slopes_of_robot_.assign(along->size(), 0);
+      for (const LinkMotion::Moving& m : made.moving())
+        slopes_of_robot_[m.column] = slopes_[k * plan_.joints.size() + m.at];
+      along = &slopes_of_robot_;
+    }
+    robots_[motion].at(std::span(scratch_.poses).subspan(k * links, links), *along, links_);
     for (std::size_t i = 0; i < made.links().size(); ++i)
       twists_[k * plan_.bodies.size() + at + i] = links_[made.links()[i]];
   }

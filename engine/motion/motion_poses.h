@@ -10,10 +10,11 @@
 
 namespace clearance {
 
-/// A time in [0, 1] of a motion.
+/// The middle of a span of a motion. The span may be a single time for straight motions alone.
 struct Instant {
   const MovingBodies* moving;
-  double time;
+  double begin, end;  ///< in [0, 1]
+  double time() const { return 0.5 * begin + 0.5 * end; }
 };
 
 /// Counterpart of ConfigurationPoses for times of motions. Each worker has its own.
@@ -32,7 +33,8 @@ class MotionPoses {
   void twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const;
 
  private:
-  void take_rows(const Instant& instant, double* row) const;
+  void take_row(std::size_t k);
+  void take_end_rows(const MovingBodies& moving);
   void take_twists(std::size_t motion, std::size_t at);
 
   const Plan& plan_;
@@ -40,9 +42,10 @@ class MotionPoses {
   std::vector<std::uint32_t> place_;    // for each of Plan::moved: index in Plan::bodies, or kNone
   std::vector<std::uint32_t> carrier_;  // likewise: index of its parent in Plan::moved, or kNone
   std::vector<Instant> instants_;
-  std::vector<Twist> twists_;  // (instants, Plan::bodies) of links, relative to their roots
-  std::vector<Twist> links_;   // of all links of a robot
-  std::vector<double> rows_;   // (instants, joints)
+  std::vector<Twist> twists_;                     // (instants, Plan::bodies) of links, relative to their roots
+  std::vector<Twist> links_;                      // of all links of a robot
+  std::vector<double> rows_;                      // (instants, joints)
+  std::vector<double> slopes_, slopes_of_robot_;  // likewise, of curves; by column of a robot
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
   std::vector<double> travels_;  // (instants, Plan::bodies)

@@ -132,6 +132,7 @@ class MotionSearch {
     std::vector<double> proved_low;  // lower bound of each pair in that time
   };
 
+  bool is_curved() const { return motion_query_.plan.query.control_points > 2; }
   bool any() const { return motion_query_.plan.query.reduce == Reduce::kAny; }
   /// Returns whether pairs are currently tested against their margins.
   bool decides() const { return any() || seeks_contact_; }

@@ -17,6 +17,7 @@ constexpr double kLeastHalf = 0x1p-40;  // shortest half of a span
 void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                                  std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
+  motion_query_.bounds.take_span(node.begin, node.end, moving);
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
@@ -126,8 +127,10 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
                       motion_query_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
                       of_boxes ? moment.placed.known_box(body) : nullptr};
   };
-  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend_of_pair(rates, half));
-  return without_uncertainty(gaps, inner, rates.drift, half);
+  // What remains of a curve is bounded throughout the span, and not by the square of the time.
+  const double bend = bend_of_pair(rates, half), always = is_curved() ? bend : 0;
+  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend - always);
+  return without_uncertainty(gaps, inner + always, rates.drift, half);
 }
 
 // Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
@@ -157,8 +160,10 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
     } else {
       half.node.open.push_back(position);
       half.node.low.push_back(gap);
-      const ProvedShare by_way = proved_until(answer.lower, by_speed, target),
-                        by_normal = proved_until(gaps.middle, along, target), most = std::max(by_way, by_normal);
+      const ProvedShare by_normal = proved_until(gaps.middle, along, target);
+      // A curve's mean speed bounds nothing before the ends of the span.
+      const ProvedShare by_way = is_curved() ? ProvedShare() : proved_until(answer.lower, by_speed, target),
+                        most = std::max(by_way, by_normal);
       half.proved = std::min(half.proved, most.share * node.half());
       half.proved_low.push_back(most.low);
     }

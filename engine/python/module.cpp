@@ -208,7 +208,7 @@ class PyEngine : public PyUpdates {
   /// Throws QueryError for a query that is invalid with any inputs, by one configuration or motion.
   void check(const RepeatedQuery& query) const {
     QueryView view = view_of(query);
-    if (query.bodies || query.joints) view.configuration_count = query.max_evaluations ? 2 : 1;
+    if (query.bodies || query.joints) view.configuration_count = query.max_evaluations ? query.control_points : 1;
     const GilRelease release;
     const std::shared_ptr<engine::Engine> engine = use();
     check_query_ids(*engine, query.scene_revision, view);

@@ -29,11 +29,15 @@ void check_numbers(const QueryView& q) {
   if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     reject("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  if (q.control_points < 2 || q.control_points > kMostControlPoints)
+    reject("control_points: expected 2 to " + std::to_string(kMostControlPoints) + ", got " +
+           std::to_string(q.control_points));
   if (const Contradiction wrong = contradiction_in(q); wrong.text)
     throw engine::QueryError(wrong.is_unsupported ? QueryErrorCode::kNotSupported : QueryErrorCode::kBadQuery,
                              wrong.text);
-  if (q.max_evaluations > 0 && (q.configuration_count == 0 || q.configuration_count % 2 != 0))
-    reject("configurations: motions have two each, got " + std::to_string(q.configuration_count));
+  if (q.max_evaluations > 0 && (q.configuration_count == 0 || q.configuration_count % q.control_points != 0))
+    reject("configurations: motions have " + (q.control_points == 2 ? "two" : std::to_string(q.control_points)) +
+           " each, got " + std::to_string(q.configuration_count));
 }
 
 // A depth is the length of a shift that separates bodies, and points have no inside.
@@ -176,7 +180,7 @@ void Planner::compute_size() {
   const QueryView& query = plan_.query;
   QuerySize& size = plan_.size;
   size.configurations = std::max<std::uint64_t>(query.configuration_count, 1);
-  if (query.max_evaluations > 0) size.configurations = query.configuration_count / 2;
+  if (query.max_evaluations > 0) size.configurations = query.configuration_count / query.control_points;
   size.pairs = plan_.pairs.size();
   size.fields = written_fields(query);
   size.joints = static_cast<std::uint32_t>(query.joints.size());

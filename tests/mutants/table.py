@@ -359,6 +359,28 @@ MUTANTS = [
             "(middle - kept) / (middle - end)",
             "1.5 * (middle - kept) / (middle - end)",
         ),
+        (
+            "motion_bend_of_curve",
+            "motion/motion_bounds.cpp",
+            "@link.path.rates(moving.bend[link.robot], travel, beyond).speed@) * kUp",
+            "0.0",
+        ),
+        (
+            "motion_span_of_curve",
+            "motion/motion_span.cpp",
+            "take_span(@node.begin@, node.end, moving)",
+            "(0.5 * node.begin + 0.5 * node.end)",
+        ),
+        ("curve_way", "selection/joint_curve.cpp", "way = std::max({way, @std::abs(p)@,", "0.0"),
+        (
+            "curve_rest",
+            "selection/joint_curve.cpp",
+            "rest = std::max({rest, @std::abs(p - span.slope * (along - half))@,",
+            "0.0",
+        ),
+        ("curve_degree", "selection/joint_curve.cpp", "along = half * i / @degree_@", "(degree_ + 1)"),
+        ("curve_bend", "selection/joint_curve.cpp", "span.bend = @2@ * (rest + error)", "1.9"),
+        ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * rounding_", "0.0"),
     ),
     # Joint tables.
     *mutants_of(

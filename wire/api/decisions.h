@@ -104,6 +104,9 @@ PathCheck check_path_with(const Query& path, Distances&& distances, JointsAt&& j
   constexpr std::size_t kFirstMotions = 8, kMostMotions = 1024;  // in one query
   constexpr std::uint32_t kDetails = kFieldStatus | kFieldPair | kFieldTime | kFieldFirstContact;
   const std::size_t count = configuration_count(path);
+  if (path.control_points != 2)
+    throw std::invalid_argument("check_path: control_points: expected 2, got " + std::to_string(path.control_points) +
+                                "; use motions() for curves");
   if (count < 2)
     throw std::invalid_argument("check_path: expected two waypoints or more, got " + std::to_string(count));
   PathCheck check;

@@ -75,6 +75,10 @@ class Query:
         yield is_motion and q.signed_distance, "signed_distance: motions have no depths", unsupported
         has_gradient = fields & (Field.GRADIENT | Field.GRADIENT_JOINTS)
         yield is_motion and has_gradient, "fields: motions have no gradient", unsupported
+        if q.control_points != 2:
+            yield not is_motion, "control_points: only for motions (max_evaluations)", bad
+            text = "control_points: motions with poses of bodies have 2 control points"
+            yield self.bodies is not None, text, unsupported
         if fields & Field.FREE_SCALE:
             yield not is_any, "fields: free_scale needs reduce any", bad
             yield is_motion, "fields: motions have no free_scale", unsupported

@@ -37,9 +37,9 @@ ExactScene::Moment ExactScene::at(const Motions& motions, std::uint32_t motion, 
   if (!frames.count(robot.base)) frames[robot.base] = real_frame(poses.at(robot.base));
   std::vector<Real> q(robot.model.columns.size(), 0);
   const std::size_t joints = motions.joints.size();
-  const double* const start = motions.positions.data() + 2 * motion * joints;
+  const double* const start = motions.positions.data() + motions.points * motion * joints;
   for (std::size_t j = 0; j < joints; ++j)
-    q[scene->joints()[motions.joints[j]].column] = Real(start[j]) + t * (Real(start[joints + j]) - Real(start[j]));
+    q[scene->joints()[motions.joints[j]].column] = real_curve(start + j, motions.points, joints, t);
   const std::vector<Pose> roots(robot.kinematics.roots().size());
   const auto links = real_links(robot.model, q.data(), robot.kinematics.roots(), roots, origins);
   for (std::size_t l = 0; l < links.size(); ++l) frames[robot.bodies[l]] = frames[robot.base] * links[l];

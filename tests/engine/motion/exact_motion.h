@@ -6,6 +6,7 @@
 #include <vector>
 
 #include "tests/engine/motion/motion_test.h"
+#include "tests/engine/robot/exact_curve.h"
 #include "tests/engine/robot/exact_robot.h"
 
 namespace clearance::test {

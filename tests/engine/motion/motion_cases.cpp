@@ -17,7 +17,8 @@ std::string text_of(double x) {
 }
 
 // A tree of links, each with a ball near its origin.
-std::string random_urdf(Random& random, bool is_small, std::vector<ExactScene::Shape>* balls) {
+// \param moves the first joint moves
+std::string random_urdf(Random& random, bool is_small, bool moves, std::vector<ExactScene::Shape>* balls) {
   constexpr const char* kTypes[] = {"revolute", "continuous", "prismatic", "fixed", "planar", "revolute"};
   const auto number = [&](double low, double high) { return text_of(random.uniform(low, high)); };
   const auto triple = [&](double size) {
@@ -37,7 +38,7 @@ std::string random_urdf(Random& random, bool is_small, std::vector<ExactScene::S
             text_of(ball.radius) + "'/></geometry></collision></link>";
     if (i == 0) continue;
     const int from = random.below(4) ? i - 1 : static_cast<int>(random.below(static_cast<std::uint64_t>(i)));
-    const std::string type = kTypes[random.below(6)];
+    const std::string type = kTypes[moves && i == 1 ? 0 : random.below(6)];
     text += "<joint name='j" + std::to_string(i) + "' type='" + type + "'><parent link='l" + std::to_string(from) +
             "'/><child link='" + name + "'/><origin xyz='" + triple(0.4) + "' rpy='" + triple(3) + "'/><axis xyz='" +
             (type == "planar" ? "0 0 1" : triple(1)) + "'/><limit lower='-3' upper='3'/>";
@@ -75,22 +76,28 @@ Pose pose_of(const Vec3d& t, const Vec3d& x, const Vec3d& y) {
 }  // namespace
 
 const char* name_of(MotionKind kind) {
-  constexpr const char* kNames[] = {"random", "plate", "graze", "swing", "contact", "still", "unsure", "far"};
-  static_assert(std::size(kNames) == kMotionKinds);
+  constexpr const char* kNames[] = {"random", "plate", "graze", "swing", "contact", "still", "unsure", "far", "curve"};
+  static_assert(std::size(kNames) == kMotionKinds + 1);
   return kNames[static_cast<int>(kind)];
 }
 
 MotionCase::MotionCase(Random& random, MotionKind kind, int count, const std::string& folder)
     : random_(random), kind_(kind) {
   far_ = kind == MotionKind::kFar ? std::pow(10.0, random.uniform(1, 5)) : 0;
+  passes_plates_ = kind == MotionKind::kPlate || (kind == MotionKind::kCurve && random.below(2) != 0);
   add_robot(folder);
   add_bodies();
   for (std::uint32_t j = 0; j < scene.joints().size(); ++j) motions.joints.push_back(j);
-  if (random.below(2) || motions.joints.empty()) motions.bodies.push_back(scene.find_body("flies"));
-  if (!motions.bodies.empty()) moving_.push_back(motions.bodies[0]);
-  if (random.below(3) == 0) motions.bodies.push_back(scene.find_body("r"));
   exact.scene = &scene;
-  for (int i = 0; i < count; ++i) add_motion();
+  if (kind == MotionKind::kCurve) {
+    motions.points = 3 + static_cast<std::uint32_t>(random.below(6));
+    for (int i = 0; i < count; ++i) add_curve();
+  } else {
+    if (random.below(2) || motions.joints.empty()) motions.bodies.push_back(scene.find_body("flies"));
+    if (!motions.bodies.empty()) moving_.push_back(motions.bodies[0]);
+    if (random.below(3) == 0) motions.bodies.push_back(scene.find_body("r"));
+    for (int i = 0; i < count; ++i) add_motion();
+  }
   for (std::uint32_t i = 0; i < motions.count(); ++i) add_obstacle(i);
 }
 
@@ -98,7 +105,7 @@ void MotionCase::add_robot(const std::string& folder) {
   std::vector<ExactScene::Shape> balls;
   const std::string path = folder + "/robot.urdf";
   std::ofstream file(path);
-  file << random_urdf(random_, kind_ == MotionKind::kPlate, &balls);
+  file << random_urdf(random_, passes_plates_, kind_ == MotionKind::kCurve, &balls);
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
   engine::RobotOptions options;
   options.urdf = path;
@@ -177,6 +184,22 @@ void MotionCase::add_motion() {
   named.push_back(kind_ == MotionKind::kContact ? static_cast<double>(random_.below(2)) : random_.uniform(0, 1));
 }
 
+// Control points at random, or with both ends at rest as far as there are points: the curve overshoots in any case.
+void MotionCase::add_curve() {
+  const double size = std::pow(10.0, random_.uniform(-2, 0.5));
+  const std::size_t joints = motions.joints.size(), first = motions.positions.size();
+  const bool rests = random_.below(3) == 0;
+  motions.positions.resize(first + motions.points * joints);
+  for (std::size_t j = 0; j < joints; ++j) {
+    const double at = random_.uniform(-1.5, 1.5), to = at + size * random_.uniform(-1, 1);
+    for (std::uint32_t p = 0; p < motions.points; ++p) {
+      double& q = motions.positions[first + p * joints + j];
+      q = rests ? (2 * p < motions.points ? at : to) : at + size * random_.uniform(-1, 1);
+    }
+  }
+  named.push_back(random_.uniform(0, 1));
+}
+
 // A unit vector perpendicular to another.
 RealVec MotionCase::any_across(const RealVec& way) {
   RealVec n{{random_.normal(), random_.normal(), random_.normal()}};
@@ -202,7 +225,7 @@ void MotionCase::add_obstacle(std::uint32_t motion) {
   const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
   const std::string name = "obstacle" + std::to_string(motion);
   ExactScene::Shape shape;
-  if (kind_ == MotionKind::kPlate) {
+  if (passes_plates_) {
     const double wide = random_.uniform(0.01, 0.1);
     shape = {.half = {wide, wide, 0.5 * kThin}, .is_box = true};
     const double beside = random_.below(2) ? wide + radius + graze : random_.uniform(-0.5, 0.5) * wide;
@@ -235,7 +258,7 @@ void MotionCase::put(const std::string& name, const ExactScene::Shape& shape, co
 
 Motions MotionCase::one(std::uint32_t motion) const {
   Motions one = motions;
-  const auto joints = static_cast<std::ptrdiff_t>(2 * one.joints.size()),
+  const auto joints = static_cast<std::ptrdiff_t>(one.points * one.joints.size()),
              bodies = static_cast<std::ptrdiff_t>(2 * one.bodies.size());
   one.positions.assign(motions.positions.begin() + motion * joints, motions.positions.begin() + (motion + 1) * joints);
   one.poses.assign(motions.poses.begin() + motion * bodies, motions.poses.begin() + (motion + 1) * bodies);

@@ -15,8 +15,9 @@ enum class MotionKind : std::uint8_t {
   kStill,    ///< of zero length
   kUnsure,   ///< bodies of uncertain position and rotation
   kFar,      ///< up to 1e5 m from the origin, with grazes
+  kCurve,    ///< joints along curves of degree 2 to 7: plates and grazes
 };
-inline constexpr int kMotionKinds = 8;
+inline constexpr int kMotionKinds = 8;  ///< that make certify checks: the straight ones
 const char* name_of(MotionKind kind);
 
 /// A scene, its exact description for the oracle, and motions in it.
@@ -40,12 +41,14 @@ class MotionCase {
   void add_bodies();
   void add_ball(const std::string& name, const std::string& parent);
   void add_motion();
+  void add_curve();
   void add_obstacle(std::uint32_t motion);
   void put(const std::string& name, const ExactScene::Shape& shape, const Pose& X);
   RealVec any_across(const RealVec& way);
 
   Random& random_;
   MotionKind kind_;
+  bool passes_plates_ = false;         // small balls pass through plates, or just miss them
   double far_ = 0;                     // metres from the origin
   std::vector<std::uint32_t> moving_;  // balls moved by most motions
 };

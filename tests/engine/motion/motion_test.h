@@ -15,16 +15,17 @@ inline constexpr double kInf = std::numeric_limits<double>::infinity();
 inline constexpr std::uint32_t kMotionAnswer =
     kDefaultFields | kFieldFlags | kFieldPair | kFieldPairLower | kFieldConfiguration | kMotionFields | kFieldPoints;
 
-/// Straight lines of some joints or bodies.
+/// Straight lines of some joints or bodies, or curves of joints.
 struct Motions {
   std::vector<std::uint32_t> joints, bodies;
   std::vector<BodyPair> pairs;    ///< all if empty
   std::vector<double> positions;  ///< (2 K, J): start, end, start, end ...
   std::vector<Pose> poses;        ///< (2 K, M)
+  std::uint32_t points = 2;       ///< of each motion: control points
 
   std::uint32_t count() const {
-    return static_cast<std::uint32_t>(joints.empty() ? poses.size() / (2 * bodies.size())
-                                                     : positions.size() / (2 * joints.size()));
+    return static_cast<std::uint32_t>(joints.empty() ? poses.size() / (points * bodies.size())
+                                                     : positions.size() / (points * joints.size()));
   }
   QueryView view(Reduce reduce, std::uint32_t max_evaluations = 256) const {
     QueryView query;
@@ -34,7 +35,8 @@ struct Motions {
     query.positions = positions;
     query.bodies = bodies;
     query.configurations = poses;
-    query.configuration_count = 2 * count();
+    query.configuration_count = points * count();
+    query.control_points = points;
     query.reduce = reduce;
     query.max_evaluations = max_evaluations;
     query.abs_tol = reduce == Reduce::kAny ? 0 : 1e-3;

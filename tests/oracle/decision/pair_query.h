@@ -28,7 +28,7 @@ inline CoverStore& covers() {
   return store;
 }
 
-/// A query of one pair, or of some, for one state, or for one motion of two.
+/// A query of one pair, or of some, for one state, or for one motion of two control points or more.
 class PairQuery {
  public:
   /// \param tables may be null
@@ -46,7 +46,8 @@ class PairQuery {
     QueryView query;
     query.joints = joints_;
     query.positions = positions_;
-    query.configuration_count = is_motion ? 2 : 1;
+    query.configuration_count = is_motion ? static_cast<std::uint32_t>(positions_.size() / joints_.size()) : 1;
+    query.control_points = is_motion ? query.configuration_count : 2;
     query.max_evaluations = is_motion ? 100 : 0;
     query.reduce = Reduce::kAny;
     query.fields = kFieldVerdict;
