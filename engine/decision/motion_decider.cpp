@@ -27,10 +27,11 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   for (const LinkMotion& motion : plan.motions) {
     robots_.emplace_back(motion.robot().kinematics);
     along_.emplace_back(motion.robot().model.columns.size());
-    change_.emplace_back(motion.robot().model.columns.size());
+    changes_.change.emplace_back(motion.robot().model.columns.size());
     links_begin_.push_back(links_of_span_);
     links_of_span_ += motion.robot().kinematics.links();
   }
+  if (plan.query.control_points > 2) changes_.bend = changes_.change;
   rates_.resize(columns);
   twists_.resize(columns);
   origins_.resize(columns);
@@ -44,23 +45,52 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
 
 // Takes the motion's positions. Returns false if the bounds do not hold for them.
 bool MotionDecider::begin(std::uint64_t motion) {
-  const std::size_t joints = plan_.joints.size();
-  start_ = plan_.positions.subspan(2 * motion * joints, joints);
-  end_ = plan_.positions.subspan((2 * motion + 1) * joints, joints);
+  const std::size_t joints = plan_.joints.size(), points = plan_.query.control_points;
+  const std::span<const double> all = plan_.positions.subspan(points * motion * joints, points * joints);
+  start_ = all.first(joints);
+  end_ = all.last(joints);
   const auto is_small = [](double q) { return std::abs(q) <= SpanRates::kMostPosition; };
-  if (!std::all_of(start_.begin(), end_.end(), is_small) || !covers_.holds_for(start_) || !covers_.holds_for(end_))
-    return false;
+  if (!std::all_of(all.begin(), all.end(), is_small)) return false;
+  for (std::size_t p = 0; p < points; ++p)
+    if (!covers_.holds_for(all.subspan(p * joints, joints))) return false;
   total_ = 0;
+  if (points > 2) {
+    begin_curves();
+    return true;
+  }
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
       const double by = end_[moving.at] - start_[moving.at];
       along_[m][moving.column] = by;
-      change_[m][moving.column] = std::abs(by) * kMotionSlack;
+      changes_.change[m][moving.column] = std::abs(by) * kMotionSlack;
       total_ += std::abs(by);
     }
   for (std::uint32_t b = 0; b < covers_.view().body_count; ++b)
-    if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, change_);
+    if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, changes_);
   return true;
+}
+
+void MotionDecider::begin_curves() {
+  curves_.clear();
+  for (std::size_t j = 0; j < start_.size(); ++j) {
+    curves_.emplace_back(&start_[j], plan_.query.control_points, start_.size());
+    total_ += curves_.back().length();
+  }
+}
+
+// Takes the rates of a span, which are those of a straight motion apart from the bend.
+void MotionDecider::take_curves(double middle, double half) {
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
+    for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
+      const JointSpan span = curves_[moving.at].span(middle - half, middle + half);
+      along_[m][moving.column] = span.slope;
+      changes_.change[m][moving.column] = span.change;
+      changes_.bend[m][moving.column] = span.bend;
+      reach_[moving.at] = span.change * half;
+    }
+  for (std::uint32_t b = 0; b < covers_.view().body_count; ++b)
+    if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, changes_);
+  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
 }
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
@@ -151,9 +181,13 @@ Verdict MotionDecider::leave_pairs() {
 void MotionDecider::place(std::span<const Span> spans) {
   const std::size_t bodies = plan_.bodies.size(), joints = plan_.joints.size();
   rows_.resize(spans.size() * joints);
-  for (std::size_t k = 0; k < spans.size(); ++k)
+  middles_.clear();
+  for (std::size_t k = 0; k < spans.size(); ++k) {
+    middles_.push_back(spans[k].middle);
     for (std::size_t j = 0; j < joints; ++j)
-      rows_[k * joints + j] = start_[j] + spans[k].middle * (end_[j] - start_[j]);
+      rows_[k * joints + j] =
+          curves_.empty() ? start_[j] + spans[k].middle * (end_[j] - start_[j]) : curves_[j].at(spans[k].middle);
+  }
   poses_.resize(spans.size() * bodies);
   facts_.resize(spans.size() * bodies);
   links_.resize(spans.size() * links_of_span_);
@@ -177,6 +211,7 @@ bool MotionDecider::is_placed(std::size_t k) const {
 // Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
 SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
   if (!is_placed(k)) return {};
+  if (!curves_.empty()) take_curves(middles_[k], half);
   take_twists(k, half);
   return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
                            items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
@@ -245,7 +280,7 @@ PairSpan MotionDecider::pair_span(void* self, std::uint32_t pair) {
 PairSpan MotionDecider::pair_span(std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
   std::optional<SpanRates::PairRates>& known = pair_rates_[index];
-  if (!known) known = covers_.rates()->of_pair(index, change_);
+  if (!known) known = covers_.rates()->of_pair(index, changes_);
   const SpanRates::PairRates rates = *known;
   const auto seen = [&](std::uint32_t body) -> Twist {
     if (rates.seer == kNone) return twists_[body];

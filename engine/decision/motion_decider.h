@@ -1,4 +1,4 @@
-// Decides whether straight motions of joints are free, by covers alone.
+// Decides whether motions of joints are free, by covers alone.
 #pragma once
 
 #include <cstdint>
@@ -8,6 +8,7 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/span_rates.h"
+#include "engine/robot/joint_curve.h"
 #include "engine/robot/link_twists.h"
 
 namespace clearance {
@@ -46,6 +47,8 @@ class MotionDecider {
   static constexpr std::size_t kMostHits = 8;
 
   bool begin(std::uint64_t motion);
+  void begin_curves();
+  void take_curves(double middle, double half);
   bool hits_again(double half);
   void remember(const BallHit& hit);
   void place(std::span<const Span> spans);
@@ -62,11 +65,14 @@ class MotionDecider {
   const DecisionKernel& kernel_;
   std::vector<LinkTwists> robots_;                               // for each of Plan::motions
   std::span<const double> start_, end_;                          // positions
-  std::vector<std::vector<double>> along_, change_;              // by robot and column
+  std::vector<JointCurve> curves_;                               // of Plan::joints; none for straight motions
+  std::vector<std::vector<double>> along_;                       // by robot and column
+  SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes
   std::vector<SpanRates::Rates> rates_;                          // by body
   std::vector<std::optional<SpanRates::PairRates>> pair_rates_;  // by moved pair, once requested for a motion
   std::vector<double> rows_, reach_;      // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<double> middles_;           // (spans,) times
   std::vector<Pose> poses_, links_;       // (spans, Plan::bodies); (spans, links) of each robot in turn
   std::vector<std::size_t> links_begin_;  // by robot: in links_, per span
   std::size_t links_of_span_ = 0;

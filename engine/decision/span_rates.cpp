@@ -13,7 +13,7 @@ namespace {
 constexpr double kUp = kMotionSlack;
 constexpr double kFloatUnit = 0x1p-24;
 constexpr double kTwistRounding = 0x1p-40;     // of a twist in float64, relative to the speed of points
-constexpr double kTimeRounding = 6 * 0x1p-53;  // of q0 + t (q1 - q0), relative to the larger position
+constexpr double kTimeRounding = 6 * 0x1p-53;  // of q(t) for each degree of it, relative to the largest position
 
 double greatest_travel(const SceneRobot& robot) {
   std::vector<double> limits;
@@ -55,22 +55,28 @@ SpanRates::SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_
 
 double SpanRates::rounding(const Plan& plan, const Source& source) {
   const SceneRobot& robot = plan.motions[source.robot].robot();
-  const double by = kTimeRounding * kMostPosition * kUp, travel = greatest_travel(robot);
+  const double by = (plan.query.control_points - 1) * kTimeRounding * kMostPosition * kUp,
+               travel = greatest_travel(robot);
   const MotionPath path(robot.kinematics, source.link, source.ball);
   double sum = 0;
   for (const Mover& mover : path.movers()) sum += way_of_mover(mover, travel) * by;
   return sum * kUp;
 }
 
-MotionRates SpanRates::rates(const Path& path, std::span<const std::vector<double>> change) const {
-  const auto of_column = [&](std::uint32_t column) { return change[path.robot][column]; };
+MotionRates SpanRates::rates(const Path& path, const Changes& changes) const {
   if (path.movers.empty()) return {};
-  return rates_of_path(path.movers.data(), path.movers.size(), of_column, travel_[path.robot], 0);
+  const auto of = [&](const std::vector<std::vector<double>>& change) {
+    const auto of_column = [&](std::uint32_t column) { return change[path.robot][column]; };
+    return rates_of_path(path.movers.data(), path.movers.size(), of_column, travel_[path.robot], 0);
+  };
+  MotionRates result = of(changes.change);
+  if (!changes.bend.empty()) result.acceleration = (result.acceleration + of(changes.bend).speed) * kUp;
+  return result;
 }
 
-SpanRates::Rates SpanRates::of(std::uint32_t body, std::span<const std::vector<double>> change) const {
+SpanRates::Rates SpanRates::of(std::uint32_t body, const Changes& changes) const {
   const Body& b = bodies_[body];
-  Rates result{rates(b.path, change), 0};
+  Rates result{rates(b.path, changes), 0};
   result.twist_error =
       ((kTwistRounding + 4 * b.turn_error + 64 * kFloatUnit) * (result.motion.speed + result.motion.turn * b.reach) +
        4 * result.motion.turn * b.error) *
@@ -78,10 +84,10 @@ SpanRates::Rates SpanRates::of(std::uint32_t body, std::span<const std::vector<d
   return result;
 }
 
-SpanRates::PairRates SpanRates::of_pair(std::uint32_t pair, std::span<const std::vector<double>> change) const {
+SpanRates::PairRates SpanRates::of_pair(std::uint32_t pair, const Changes& changes) const {
   PairRates best{HUGE_VAL, HUGE_VAL, kNone};
   for (const View& view : pairs_[pair]) {
-    const MotionRates a = rates(view.a, change), b = rates(view.b, change);
+    const MotionRates a = rates(view.a, changes), b = rates(view.b, changes);
     best.speed = std::min(best.speed, (a.speed + b.speed) * kUp);
     if (const double acceleration = (a.acceleration + b.acceleration) * kUp; acceleration < best.acceleration)
       best.acceleration = acceleration, best.seer = view.seer;

@@ -42,9 +42,13 @@ class SpanRates {
   /// \param sources of all bodies with covers
   SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_t body_count, std::span<const MovedPair> pairs);
 
-  /// \param change |q1 - q0|, rounded up, of the columns of each of Plan::motions
-  Rates of(std::uint32_t body, std::span<const std::vector<double>> change) const;
-  PairRates of_pair(std::uint32_t pair, std::span<const std::vector<double>> change) const;
+  /// Of the columns of each of Plan::motions.
+  struct Changes {
+    std::vector<std::vector<double>> change;  ///< |q1 - q0|, rounded up; JointSpan::change of curves
+    std::vector<std::vector<double>> bend;    ///< JointSpan::bend of curves; empty for straight motions
+  };
+  Rates of(std::uint32_t body, const Changes& changes) const;
+  PairRates of_pair(std::uint32_t pair, const Changes& changes) const;
   /// Bound on the distance of a body's points from their places, since q(t) is rounded. Metres.
   static double rounding(const Plan& plan, const Source& source);
 
@@ -62,7 +66,7 @@ class SpanRates {
     Path a, b;
     std::uint32_t seer = kNone;
   };
-  MotionRates rates(const Path& path, std::span<const std::vector<double>> change) const;
+  MotionRates rates(const Path& path, const Changes& changes) const;
 
   std::vector<double> travel_;  // of each of Plan::motions
   std::vector<Body> bodies_;

@@ -31,7 +31,8 @@ class MotionPath {
   /// Bound on the path length of the points while positions change by at most `change` (columns(), >= 0), in metres.
   /// \param travel largest |position| of a sliding joint during the change (Kinematics::travel()), metres
   double way(std::span<const double> change, double travel) const;
-  /// Bounds on the rates while each position changes uniformly by `change` per unit of time.
+  /// Bounds on the rates while each position changes uniformly by `change` per unit of time. The speed for the bends of
+  /// curves (JointSpan) is what they add to the acceleration.
   /// \param beyond metres: maximum distance of the points from the path's ball
   MotionRates rates(std::span<const double> change, double travel, double beyond = 0) const;
   /// The bound for one mover and a change of 1.

@@ -29,6 +29,7 @@ void check_numbers(const QueryView& q) {
   if (q.fields & ~kKnownFields) reject("fields: unknown bits in " + std::to_string(q.fields));
   if (q.max_pose_age_ns < 0)
     reject("max_pose_age_ns: expected nanoseconds >= 0, got " + std::to_string(q.max_pose_age_ns));
+  if (q.control_points != 2) reject("control_points: expected 2, got " + std::to_string(q.control_points));
   if (const Contradiction wrong = contradiction_in(q); wrong.text)
     throw engine::QueryError(wrong.is_unsupported ? QueryErrorCode::kNotSupported : QueryErrorCode::kBadQuery,
                              wrong.text);

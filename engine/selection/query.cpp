@@ -11,6 +11,7 @@ QueryView for_pairs(QueryView query) {
   query.pair_margins = {};
   query.weights = {};
   query.max_evaluations = 0;
+  query.control_points = 2;
   query.fields = 0;
   query.configuration_count = 0;
   query.configurations = {};

@@ -13,6 +13,8 @@
 
 namespace clearance {
 
+inline constexpr std::uint32_t kMostControlPoints = 8;  ///< of a motion
+
 /// A batch of minimum-distance queries. Views must stay valid until the job is done.
 struct QueryView {
   /// Pairs to answer, in this order; a selector pair expands to its enabled pairs in lexicographic order. Read only
@@ -41,6 +43,9 @@ struct QueryView {
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
   /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
   std::uint32_t max_evaluations = 0;
+  /// Control points per motion, 2 to kMostControlPoints. With n > 2, configurations n k to n k + n - 1 are those of
+  /// motion k: its joints move along a Bezier curve of degree n - 1. Not for poses of bodies.
+  std::uint32_t control_points = 2;
   double abs_tol = 0.0;   ///< metres: upper - lower <= max(abs_tol, rel_tol * |distance|) is requested
   double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)
   Precision precision = Precision::kF64;
