@@ -2,7 +2,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <utility>
+#include <vector>
 
 #include "planner/samples.h"
 #include "planner/shortcuts.h"
@@ -10,6 +12,29 @@
 
 namespace clearance {
 namespace {
+
+/// Distances up to which states of a tree are extended (Yershova, Jaillet, Simeon, LaValle 2005). Most motions from a
+/// state near obstacles hit, if they aim at far samples.
+class Domain {
+ public:
+  /// Whether a sample is near enough to its nearest state. If not, the state's distance grows, so that no state is left
+  /// for good.
+  bool takes(std::size_t node, double distance) {
+    if (node >= most_.size() || distance <= most_[node]) return true;
+    most_[node] *= kGrowth;
+    return false;
+  }
+  /// Called if the motion from a state is not free.
+  void limit(std::size_t node, double most) {
+    if (node >= most_.size()) most_.resize(node + 1, std::numeric_limits<double>::infinity());
+    most_[node] = most;
+  }
+
+ private:
+  static constexpr double kGrowth = 1.05;
+
+  std::vector<double> most_;  ///< by node; infinite for those beyond
+};
 
 class RrtConnect {
  public:
@@ -30,7 +55,11 @@ class RrtConnect {
     while (found_.iterations < max_iterations) {
       ++found_.iterations;
       sampler.sample(sample);
-      if (extend(*grows, grows->states.nearest(sample), sample)) {
+      const std::size_t nearest = grows->states.nearest(sample);
+      if (!grows->domain.takes(nearest, distance(grows->states.state(nearest), sample))) continue;
+      if (!extend(*grows, nearest, sample)) {
+        grows->domain.limit(nearest, kDomain * range_);
+      } else {
         const std::size_t added = grows->states.size() - 1;
         const std::size_t met = connect(*connects, grows->states.state(added));
         if (met != kNone) {
@@ -46,9 +75,12 @@ class RrtConnect {
  private:
   static constexpr std::size_t kNone = ~std::size_t{0};
 
+  static constexpr double kDomain = 3;  ///< radius of a domain in units of the range
+
   struct Tree {
     StateTree states;
     bool drives_to_root;  ///< the direction in which its motions are driven, and so proved
+    Domain domain{};
   };
 
   bool is_free(std::span<const double> a, std::span<const double> b) {
@@ -61,9 +93,7 @@ class RrtConnect {
   /// Adds a node to a tree: `to`, or the state within `range_` on the way to it. Returns false if that is not free.
   bool extend(Tree& tree, std::size_t from, std::span<const double> to) {
     const std::span<const double> begin = tree.states.state(from);
-    double square = 0;
-    for (std::size_t j = 0; j < to.size(); ++j) square += (to[j] - begin[j]) * (to[j] - begin[j]);
-    const double length = std::sqrt(square);
+    const double length = distance(begin, to);
     reached_ = length <= range_;
     next_.assign(to.begin(), to.end());
     if (!reached_)

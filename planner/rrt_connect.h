@@ -15,7 +15,7 @@ struct PlanOptions {
   /// Greatest length of a new edge, Euclidean in joint space, in radians and metres.
   double range = 1.0;
   /// Samples after which the planner gives up.
-  std::uint64_t max_iterations = 10'000;
+  std::uint64_t max_iterations = 100'000;
   /// Random shortcuts that are tried on the path found. 0 leaves it as the trees have it.
   std::uint32_t shortcuts = 32;
   /// Selects the samples and the shortcuts. The same seed and the same verdicts give the same path.

@@ -5,17 +5,12 @@
 #include <span>
 
 #include "planner/samples.h"
+#include "planner/state_tree.h"
 
 namespace clearance {
 namespace {
 
 using State = std::span<const double>;
-
-double distance(State a, State b) {
-  double square = 0;
-  for (std::size_t j = 0; j < a.size(); ++j) square += (a[j] - b[j]) * (a[j] - b[j]);
-  return std::sqrt(square);
-}
 
 /// A path that is being shortened.
 class Path {

@@ -1,12 +1,20 @@
 // A tree of states of a robot, with the state nearest to another.
 #pragma once
 
+#include <cmath>
 #include <cstddef>
 #include <limits>
 #include <span>
 #include <vector>
 
 namespace clearance {
+
+/// Euclidean distance of two states.
+inline double distance(std::span<const double> a, std::span<const double> b) {
+  double square = 0;
+  for (std::size_t j = 0; j < a.size(); ++j) square += (a[j] - b[j]) * (a[j] - b[j]);
+  return std::sqrt(square);
+}
 
 /// States in joint space, each with a parent. Finds the nearest by a scan: a thousand states take about a microsecond,
 /// less than one proof of an edge.

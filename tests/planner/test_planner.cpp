@@ -60,6 +60,8 @@ TEST(Planner, FindsPathsThroughAGap) {
       EXPECT_EQ(raw.edges, prover.calls);
       expect_proved(prover, raw.path, 2, start, goal);
       EXPECT_GT(raw.iterations, 0u);
+      const PathFound by_small_steps = find_path(prover, kSquare, start, goal, {.range = 0.1, .seed = seed});
+      expect_proved(prover, by_small_steps.path, 2, start, goal);
       const PathFound shorter = find_path(prover, kSquare, start, goal, {.shortcuts = 64, .seed = seed});
       expect_proved(prover, shorter.path, 2, start, goal);
       EXPECT_LE(length_of(shorter.path), length_of(raw.path) * (1 + 1e-12));
@@ -94,6 +96,14 @@ TEST(Planner, GivesUp) {
   const PathFound found = find_path(closed, kSquare, States{-1, 0}, States{1, 0}, {.max_iterations = 50});
   EXPECT_TRUE(found.path.empty());
   EXPECT_EQ(found.iterations, 50u);
+}
+
+TEST(Planner, TriesFewMotionsThatHit) {
+  WallWithGap closed(0);
+  const std::vector<JointLimits> wide{{-2, 20}, {-2, 2}};  // most samples are behind the wall
+  const PathFound found = find_path(closed, wide, States{-1, 0}, States{1, 0}, {.max_iterations = 200});
+  EXPECT_EQ(found.iterations, 200u);
+  EXPECT_LT(found.edges, 150u);
 }
 
 TEST(Planner, SamplesJointsWithoutLimits) {

@@ -119,7 +119,7 @@ class Engine(Front):
         pairs: Pairs = None,
         margin: Margin = 0.0,
         range: float = 1.0,
-        max_iterations: int = 10_000,
+        max_iterations: int = 100_000,
         shortcuts: int = 32,
         seed: int = 0,
         clearance: bool = True,
