@@ -12,8 +12,20 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
+// Tolerances of elements. If each were only known to a wider one, many would be rivals of the nearest, and a wide
+// tolerance would cost more than a narrow one.
+constexpr double kMostAbsTol = 1e-3, kMostRelTol = 0x1p-6;
 
 }  // namespace
+
+// Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
+NarrowOptions Evaluator::narrow_options(const engine::Scene& scene, NarrowOptions options) {
+  if (!scene.has_surfaces()) return options;
+  options.want_points = true;
+  options.limits.abs_tol = std::min(options.limits.abs_tol, kMostAbsTol);
+  options.limits.rel_tol = std::min(options.limits.rel_tol, kMostRelTol);
+  return options;
+}
 
 bool is_unusable(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair) {
   for (const std::uint32_t body : {pair.a, pair.b})

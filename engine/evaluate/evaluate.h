@@ -83,18 +83,14 @@ class Evaluator {
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
   };
-  // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
-  static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options) {
-    options.want_points |= scene.has_surfaces();
-    return options;
-  }
+  static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options);
   bool begin_round(WorkMeter& meter);
   void take_in(WorkMeter& meter);
   void finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer);
 
   // evaluate_search.cpp
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
-  bool drops(double gap, const PlacedBodies& bodies) const;
+  bool drops(const PlacedBodies& bodies) const;
   void sort_ahead(PairSearch& search, double cut_off);
   bool add_tasks(PairSearch& search);
   void drop_losers(PairSearch& search, std::size_t end, double cut_off);

@@ -32,7 +32,7 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
   ElementSearch& elements = *search.elements;
   const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
   if (search.state.round == 1) {
-    if (drops(elements.left(), bodies)) return true;
+    if (drops(bodies) && elements.left() > user) return true;
     if (!elements.are_hulls_taken() && (options_.limits.signed_distance || !elements.leave_hulls())) {
       elements.begin_hulls(options_.limits.signed_distance);
       return true;

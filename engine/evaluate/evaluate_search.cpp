@@ -47,7 +47,7 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   if (part_pairs_.size() > begin) {
     left = far.gap;
     std::swap(part_pairs_[begin], part_pairs_[nearest]);
-  } else if (drops(far.gap, bodies)) {
+  } else if (drops(bodies) && far.gap > loser_beyond(cut_off, options_.limits)) {
     return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
     part_pairs_.push_back(far);
@@ -82,11 +82,9 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   finish(bodies, found, answer);
 }
 
-// Whether the gap of its boxes suffices to answer a pair.
-bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
-  const NarrowLimits& limits = options_.limits;
-  return (options_.drops_beyond || bodies.max_distance < limits.max_distance) &&
-         gap > loser_beyond(pair_slack(*bodies.placement, bodies.pair).cut_off(bodies.max_distance), limits);
+// Whether a gap beyond max_distance suffices to answer a pair.
+bool Evaluator::drops(const PlacedBodies& bodies) const {
+  return options_.drops_beyond || bodies.max_distance < options_.limits.max_distance;
 }
 
 // Sorts the part pairs of the next round, since most searches end after a few. The nearest beyond the cut-off comes
