@@ -159,8 +159,8 @@ void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::v
   if (!candidate_gaps_.empty()) leave_out_far(w);
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
-    const double cut = std::min(cut_off(positions[i]), far);
-    to_evaluate.push_back({pairs[i], &placement, cut, any() ? cut : -kInf});
+    const double alone = cut_off(positions[i]), cut = std::min(alone, far);
+    to_evaluate.push_back({pairs[i], &placement, cut, any() ? cut : -kInf, alone});
   }
 }
 
