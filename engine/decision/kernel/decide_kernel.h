@@ -122,21 +122,24 @@ class Decider {
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
       const MovedPair& pair = v_.moved_pairs[item.at];
-      if (kMoves && is_decided_by_table(pair.table, pair.position)) return;
-      return record(pair.position, item, moved_pair(pair, item.at));
+      return decide_tabled(pair.table, pair.position, item, [&] { return moved_pair(pair, item.at); });
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
     if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
-    if (kMoves && is_decided_by_table(v_.table[cell], v_.position[cell])) return;
-    record(v_.position[cell], item,
-           against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
+    decide_tabled(v_.table[cell], v_.position[cell], item, [&] {
+      return against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]);
+    });
   }
 
-  /// Of a span.
-  bool is_decided_by_table(std::uint32_t table, std::uint64_t position) {
-    const Verdict verdict = tables_.in_span(table, span_->positions, span_->reach);
-    if (verdict == Verdict::kHit) record(position, {}, kHit);
-    return verdict != Verdict::kUnresolved;
+  /// Decides a pair in a span by its table, and otherwise by balls.
+  template <class ByBalls>
+  HWY_INLINE void decide_tabled(std::uint32_t table, std::uint64_t position, SpanItem item, const ByBalls& by_balls) {
+    if constexpr (!kMoves) return record(position, item, by_balls());
+    const TableLookup::Span span = tables_.in_span(table, span_->positions, span_->reach);
+    if (span.verdict == Verdict::kUnresolved)
+      record(position, item, by_balls() & (span.is_middle_free ? ~kNear : ~Bits{0}));
+    else if (span.verdict == Verdict::kHit)
+      record(position, {}, kHit);
   }
   Bits against_obstacle(std::uint32_t body, const Obstacle& obstacle, float grow, float shrink) {
     const DecidedBody& b = v_.bodies[body];
@@ -197,10 +200,11 @@ class Decider {
   }
   void decide_moved_pair(std::uint32_t k) {
     const MovedPair& pair = v_.moved_pairs[k];
-    if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) return;
-    const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
-    const bool in = placed_.distance_of_roots(pair.a, pair.b) < inner;
-    record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
+    if (pair.position > hit_) return;
+    decide_tabled(pair.table, pair.position, {kNone, k}, [&] {
+      const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
+      return placed_.distance_of_roots(pair.a, pair.b) < inner ? kHit : moved_pair(pair, k);
+    });
   }
 
   Bits moved_pair(const MovedPair& pair, std::uint32_t index) {
