@@ -10,8 +10,8 @@ namespace clearance {
 
 namespace {
 
-constexpr double kPlaneRounding = 0x1p-44;       // of supports and twists, relative to the lengths that enter
-constexpr double kPlaneLonger = 1 + 0x1p-40;    // exceeds the length of a normal
+constexpr double kPlaneRounding = 0x1p-44;     // of supports and twists, relative to the lengths that enter
+constexpr double kPlaneLonger = 1 + 0x1p-40;   // exceeds the length of a normal
 constexpr double kVelocityRounding = 0x1p-40;  // of a twist, relative to the speed of points
 
 // Reach of a placed part along a direction in world axes, from its origin.
@@ -29,8 +29,8 @@ BlockPlanes::BlockPlanes(const TablePair& pair, double travel)
       b_from_a_(pair.robot->kinematics, pair.a.link, pair.b.link, pair.b.ball),
       a_(pair.robot->kinematics, pair.a.link, pair.a.ball),
       b_(pair.robot->kinematics, pair.b.link, pair.b.ball),
-      error_(pair.robot->kinematics.error_between(pair.a.link, pair.a.extent, pair.b.link, pair.b.extent)
-                 .at(travel, 0)),
+      error_(
+          pair.robot->kinematics.error_between(pair.a.link, pair.a.extent, pair.b.link, pair.b.extent).at(travel, 0)),
       change_(pair.robot->kinematics.columns(), 0),
       links_(pair.robot->kinematics.links()) {}
 
@@ -82,7 +82,8 @@ double BlockPlanes::gap(const ConvexPart& a, const PoseMatrix& pose_a, const Con
     most = std::max(most, shift + (moves_b_ ? reach_of_part(b, pose_b, turned) : reach_of_part(a, pose_a, turned)));
   }
   const Vec3d apart = pose_b.t_w - pose_a.t_w;
-  const double still = moves_b_ ? reach_of_part(a, pose_a, n) : reach_of_part(b, pose_b, -n), gap = dot(n, apart) - still - most;
+  const double still = moves_b_ ? reach_of_part(a, pose_a, n) : reach_of_part(b, pose_b, -n),
+               gap = dot(n, apart) - still - most;
   const double lengths = norm(pose_a.t_w) + norm(pose_b.t_w) + pair_.a.extent + pair_.b.extent;
   return (gap - bend_ - kPlaneRounding * lengths) / kPlaneLonger;
 }
