@@ -8,6 +8,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/hull/primitive.h"
+#include "engine/joint_table/block_planes.h"
 #include "engine/joint_table/mesh_gap.h"
 #include "engine/narrow/part_batch.h"
 #include "engine/pose/placed.h"
@@ -48,6 +49,7 @@ class JointTableMaker {
       table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
     take_error();
     take_cells();
+    planes_.emplace(pair, travel_);
   }
 
   JointTable take() { return std::move(table_); }
@@ -58,6 +60,7 @@ class JointTableMaker {
     for (;;) {
       const double half[2] = {half_of(0, shift[0]), half_of(1, shift[1])};
       const double way = way_of(half);
+      planes_->take_size(std::span(half).first(table_.column_count));
       const bool is_last =
           shift[0] + shift[1] == 0 || (seen += blocks.size()) > (has_mesh_ ? kMostOfMeshes : kMostEvaluated);
       next.clear();
@@ -77,10 +80,10 @@ class JointTableMaker {
       for (std::size_t begin = 0; begin < evaluated.size(); begin += kBatch) {
         if (stopped && *stopped) return {};
         const std::size_t count = std::min(kBatch, evaluated.size() - begin);
-        evaluate(std::span(evaluated).subspan(begin, count), shift, way);
+        evaluate(std::span(evaluated).subspan(begin, count), shift, way, is_last);
         for (std::size_t i = 0; i < count; ++i) {
           Block block = evaluated[begin + i];
-          block.lower = bounds_[i].lower - (way + error_), block.upper = bounds_[i].upper + (way + error_);
+          block.lower = bounds_[i].throughout, block.upper = bounds_[i].upper + (way + error_);
           if (is_last || suffice(bounds_[i], block.lower, block.upper, way) || is_hopeless(bounds_[i], shift))
             fill(block, shift, cell(block.lower, block.upper));
           else
@@ -101,13 +104,14 @@ class JointTableMaker {
     double lower, upper;  // known of the distance, from a block that holds it
   };
   struct Bounds {
-    double lower, upper;
+    double lower, upper;  // in the middle
+    double throughout;    // lower bound throughout the block
   };
 
   void take_error();
   void take_cells();
-  void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way);
-  void evaluate_parts(double way);
+  void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way, bool is_last);
+  void evaluate_parts(double way, bool is_last);
   void evaluate_meshes(double way);
   std::uint32_t fine_shift(int c) const {
     return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
@@ -183,6 +187,7 @@ class JointTableMaker {
   std::vector<Body> bodies_;  // both links
   bool has_mesh_ = false;
   MeshGapSearch mesh_gaps_;
+  std::optional<BlockPlanes> planes_;
 };
 
 // Sliding joints are farthest out at a corner of the table.
@@ -219,7 +224,8 @@ void JointTableMaker::take_cells() {
   table_.cells.assign(std::size_t{1} << shifts, {TableCell::kNoHigh, TableCell::kNoLow});
 }
 
-void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way) {
+void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way,
+                               bool is_last) {
   const std::size_t count = blocks.size(), columns = robot_.columns(), links = robot_.links();
   positions_.assign(count * columns, 0);
   poses_.resize(count * links);
@@ -236,39 +242,50 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
       const Pose& X = poses_[k * links + link];
       places_.push_back({rotation_of(X), X.translation, X});
     }
-  bounds_.assign(count, {kInf, kInf});
+  bounds_.assign(count, {kInf, kInf, kInf});
   if (has_mesh_)
     evaluate_meshes(way);
   else
-    evaluate_parts(way);
+    evaluate_parts(way, is_last);
   for (std::size_t k = 0; k < count; ++k)
-    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf};
+    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf, -kInf};
 }
 
 void JointTableMaker::evaluate_meshes(double way) {
   for (std::size_t k = 0; k < bounds_.size(); ++k) {
     const MeshGap gap =
         mesh_gaps_.of(bodies_[0], places_[2 * k], bodies_[1], places_[2 * k + 1], way / 4, kFar + way + error_);
-    bounds_[k] = {gap.lower, gap.upper};
+    bounds_[k] = {gap.lower, gap.upper, gap.lower - (way + error_)};
   }
 }
 
-void JointTableMaker::evaluate_parts(double way) {
-  const std::size_t count = bounds_.size();
+// Planes take time, so only the last blocks have them: the others are halved, or far apart.
+void JointTableMaker::evaluate_parts(double way, bool is_last) {
+  const std::size_t count = bounds_.size(), links = robot_.links();
   tasks_.clear();
   for (std::size_t k = 0; k < count; ++k)
     for (const ConvexPartPtr& a : pair_.a.parts)
       for (const ConvexPartPtr& b : pair_.b.parts)
         tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
                           static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
-  const auto take = [&](const PartTask& task, const auto& of_parts) {
+  const auto take = [&](const PartTask& task, double lower, double upper, const Vec3d& normal) {
+    double throughout = lower - (way + error_);
+    if (is_last && lower > 0 && throughout < kFar) {
+      planes_->take_middle(std::span(poses_).subspan(task.id * links, links));
+      throughout = std::max(throughout, planes_->gap(*task.a, *task.pose_a, *task.b, *task.pose_b, normal));
+    }
     Bounds& bounds = bounds_[task.id];
-    bounds = {std::min(bounds.lower, of_parts.lower), std::min(bounds.upper, of_parts.upper)};
+    bounds = {std::min(bounds.lower, lower), std::min(bounds.upper, upper), std::min(bounds.throughout, throughout)};
   };
-  PartBatch batch({.limits = {.abs_tol = way / 16}, .lanes = &lane_kernels()[0], .f32 = true, .want_points = false});
+  PartBatch batch({.limits = {.abs_tol = way / 16}, .lanes = &lane_kernels()[0], .f32 = true});
   batch.run(
-      tasks_, [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness&) { take(task, lane); },
-      [&](const PartTask& task, const NarrowAnswer& answer) { take(task, answer.bounds); });
+      tasks_,
+      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+        take(task, lane.lower, lane.upper, witness.n * (1 / witness.n_length));
+      },
+      [&](const PartTask& task, const NarrowAnswer& answer) {
+        take(task, answer.bounds.lower, answer.bounds.upper, answer.normal);
+      });
 }
 
 }  // namespace

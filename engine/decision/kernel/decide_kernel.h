@@ -9,6 +9,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/decision/kernel/ball_pairs.h"
 #include "engine/decision/kernel/hit_guess.h"
 #include "engine/decision/kernel/placed_balls.h"
 #include "engine/decision/kernel/table_lookup.h"
@@ -61,9 +62,7 @@ class Decider {
 
  private:
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
-  static constexpr Bits kOpen = 1, kHit = 2, kNear = 4;      // kNear: SpanItem::is_near
-  static constexpr int kMostPackets = 160;                   // of one body against one obstacle
-  static constexpr int kMostPacketPairs = kMoves ? 24 : 64;  // of two moved bodies
+  static constexpr int kMostPackets = 160;  // of one body against one obstacle
 
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit, capacity_ = capacity;
@@ -122,21 +121,24 @@ class Decider {
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
       const MovedPair& pair = v_.moved_pairs[item.at];
-      if (kMoves && is_decided_by_table(pair.table, pair.position)) return;
-      return record(pair.position, item, moved_pair(pair, item.at));
+      return decide_tabled(pair.table, pair.position, item, [&] { return pairs_.decide(item.at, span_); });
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
     if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
-    if (kMoves && is_decided_by_table(v_.table[cell], v_.position[cell])) return;
-    record(v_.position[cell], item,
-           against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]));
+    decide_tabled(v_.table[cell], v_.position[cell], item, [&] {
+      return against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]);
+    });
   }
 
-  /// Of a span.
-  bool is_decided_by_table(std::uint32_t table, std::uint64_t position) {
-    const Verdict verdict = tables_.in_span(table, span_->positions, span_->reach);
-    if (verdict == Verdict::kHit) record(position, {}, kHit);
-    return verdict != Verdict::kUnresolved;
+  /// Decides a pair in a span by its table, and otherwise by balls.
+  template <class ByBalls>
+  HWY_INLINE void decide_tabled(std::uint32_t table, std::uint64_t position, SpanItem item, const ByBalls& by_balls) {
+    if constexpr (!kMoves) return record(position, item, by_balls());
+    const TableLookup::Span span = tables_.in_span(table, span_->positions, span_->reach);
+    if (span.verdict == Verdict::kUnresolved)
+      record(position, item, by_balls() & (span.is_middle_free ? ~kNear : ~Bits{0}));
+    else if (span.verdict == Verdict::kHit)
+      record(position, {}, kHit);
   }
   Bits against_obstacle(std::uint32_t body, const Obstacle& obstacle, float grow, float shrink) {
     const DecidedBody& b = v_.bodies[body];
@@ -165,8 +167,12 @@ class Decider {
                      static_cast<std::uint32_t>(lowest(in))};
       return kHit;
     }
-    Bits result = 0;
-    for (Bits open = ~greater(Eight::load(gaps.low), bound) & used; open; open &= open - 1) {
+    Bits result = 0, open = ~greater(Eight::load(gaps.low), bound) & used;
+    if (kMoves && open && obstacle.kind != Obstacle::Kind::kCloud) {
+      const Eight low = Eight::load(gaps.low);
+      open &= ~greater(low, still + placed_.approach(obstacle, c, body, low));
+    }
+    for (; open; open &= open - 1) {
       const int i = lowest(open);
       const std::uint32_t child = packet.children[i];
       // A shorter span helps more than smaller balls where the movement exceeds the stand-out by far.
@@ -197,88 +203,18 @@ class Decider {
   }
   void decide_moved_pair(std::uint32_t k) {
     const MovedPair& pair = v_.moved_pairs[k];
-    if (pair.position > hit_ || (kMoves && is_decided_by_table(pair.table, pair.position))) return;
-    const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
-    const bool in = placed_.distance_of_roots(pair.a, pair.b) < inner;
-    record(pair.position, {kNone, k}, in ? kHit : moved_pair(pair, k));
-  }
-
-  Bits moved_pair(const MovedPair& pair, std::uint32_t index) {
-    const DecidedBody &a = v_.bodies[pair.a], &b = v_.bodies[pair.b];
-    if (a.root_packets == 0 || b.root_packets == 0) return kOpen;
-    if constexpr (kMoves) pair_span_ = span_->pair(span_->context, index);
-    const float way = kMoves ? pair_span_.way : 0;
-    const Centres *ca = placed_.children_of_root<kMoves>(pair.a), *cb = placed_.children_of_root<kMoves>(pair.b);
-    Bits near_a[2] = {0, 0}, near_b[2] = {0, 0}, any_a = 0, any_b = 0;
-    for (std::uint32_t p = 0; p < a.root_packets; ++p)
-      any_a |= near_a[p] = placed_.near_root(a.packets[p], ca[p], pair.b, pair.grow + way);
-    for (std::uint32_t p = 0; p < b.root_packets && any_a; ++p)
-      any_b |= near_b[p] = placed_.near_root(b.packets[p], cb[p], pair.a, pair.grow + way);
-    if (!any_b) return 0;
-    packets_left_ = kMoves && span_->is_left[index] ? 0 : kMostPacketPairs;
-    Bits result = 0;
-    for (std::uint32_t p = 0; p < a.root_packets; ++p)
-      for (std::uint32_t q = 0; q < b.root_packets; ++q) {
-        if (!near_a[p] || !near_b[q]) continue;
-        result |= packets(pair, a.packets[p], ca[p], near_a[p], b.packets[q], cb[q], near_b[q]);
-        if (result & kHit) return kHit;
-      }
-    return result;
-  }
-
-  /// Balls of two bodies against each other, those of the masks alone.
-  Bits packets(const MovedPair& pair, const BallPacket& p, const Centres& cp, Bits of_p, const BallPacket& q,
-               const Centres& cq, Bits of_q) {
-    const EightPoints centres_q = cq.points();
-    const Eight outer_q = Eight::load(q.outer) + Eight(pair.grow), inner_q = Eight::load(q.inner) + Eight(pair.shrink);
-    alignas(32) float way_p[kBalls];
-    Eight way_q;
-    if constexpr (kMoves) {
-      placed_.movement(cp.points(), pair.a, pair_span_.a).store(way_p);
-      way_q = placed_.movement(centres_q, pair.b, pair_span_.b) + Eight(pair_span_.bend);
-    }
-    Bits result = 0;
-    for (; of_p; of_p &= of_p - 1) {
-      const int i = lowest(of_p);
-      const Eight d = distances(centres_q, cp.x[i], cp.y[i], cp.z[i]);
-      if (greater(inner_q + Eight(p.inner[i]), d) & first(q.count)) return kHit;
-      const Eight still = outer_q + Eight(p.outer[i]);
-      Eight bound = still;
-      if constexpr (kMoves) bound = bound + lesser(way_q + Eight(way_p[i]), Eight(pair_span_.way));
-      const Bits open = ~greater(d, bound) & of_q;
-      if (open) result |= children(pair, p, i, q, open, kMoves ? ~greater(d, still) : 0);
-      if (result & kHit) return kHit;
-    }
-    return result;
-  }
-  /// The children of a ball of p against those of some balls of q.
-  /// \param near those that are open even without movement
-  Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open, Bits near) {
-    if (p.children[i] == kNone) return open & near ? kOpen | kNear : kOpen;
-    if (kMoves && pair_span_.way > 4 * stand_out(p, i)) return kOpen;
-    const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
-    Centres c_p, c_q;
-    placed_.template centres<false>(below_p, pair.a, c_p);
-    Bits result = 0;
-    for (; open; open &= open - 1) {
-      const std::uint32_t child = q.children[lowest(open)];
-      if (child == kNone || --packets_left_ < 0) {
-        result |= near >> lowest(open) & 1 ? kOpen | kNear : kOpen;
-        continue;
-      }
-      const BallPacket& below_q = v_.bodies[pair.b].packets[child];
-      placed_.template centres<false>(below_q, pair.b, c_q);
-      result |= packets(pair, below_p, c_p, first(below_p.count), below_q, c_q, first(below_q.count));
-      if (result & kHit) return kHit;
-    }
-    return result;
+    if (pair.position > hit_) return;
+    decide_tabled(pair.table, pair.position, {kNone, k}, [&] {
+      const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
+      return placed_.distance_of_roots(pair.a, pair.b) < inner ? kHit : pairs_.decide(k, span_);
+    });
   }
 
   const DecisionView& v_;
   PlacedBalls placed_;
   TableLookup tables_;
+  BallPairs<kMoves> pairs_{v_, placed_};
   const SpanBatch* span_ = nullptr;
-  PairSpan pair_span_{};
   BallHit ball_hit_;
   bool any_hit_ = true, overflow_ = false;
   std::uint64_t hit_ = kNoHit;

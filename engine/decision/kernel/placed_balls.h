@@ -170,16 +170,42 @@ class PlacedBalls {
     points.z.store(c.z);
     if constexpr (kMoves) {
       const SpanBody& span = spans_[body];
-      lesser(movement(points, body, span.twist) + Eight(span.bend), Eight(span.way)).store(c.way);
+      lesser(length(displacement(points, body, span.twist)) + Eight(span.bend), Eight(span.way)).store(c.way);
     }
   }
-  /// |shift + turn x r| of each ball, r from its body's origin.
-  HWY_INLINE Eight movement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
+  /// shift + turn x r of each ball, r from its body's origin.
+  HWY_INLINE EightPoints displacement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
     const float *w = twist.turn, *v = twist.shift;
     const EightPoints r = c - EightPoints{Eight(t_[0][body]), Eight(t_[1][body]), Eight(t_[2][body])};
-    return length({Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
-                   Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
-                   Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)});
+    return {Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
+            Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
+            Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)};
+  }
+  /// The same, with its length as `way`.
+  HWY_INLINE void displace(const EightPoints& c, std::uint32_t body, const SpanTwist& twist, Centres& to) const {
+    const EightPoints d = displacement(c, body, twist);
+    d.x.store(to.x);
+    d.y.store(to.y);
+    d.z.store(to.z);
+    length(d).store(to.way);
+  }
+  /// How much nearer to a convex obstacle the balls come within half a span, from their gaps at the ends of their way.
+  /// \param low of their gaps in the middle
+  HWY_INLINE Eight approach(const Obstacle& obstacle, const Centres& centres, std::uint32_t body,
+                            const Eight& low) const {
+    const EightPoints c = centres.points(), d = displacement(c, body, spans_[body].twist);
+    const auto highest = [&](const EightPoints& at) {
+      alignas(32) float x[kBalls], y[kBalls], z[kBalls];
+      at.x.store(x);
+      at.y.store(y);
+      at.z.store(z);
+      PointGaps gaps;
+      point_gaps(obstacle, x, y, z, gaps);
+      return Eight::load(gaps.high);
+    };
+    const Eight rise = larger(highest({c.x + d.x, c.y + d.y, c.z + d.z}), highest(c - d)) - low;
+    const Eight rounding = Eight(4 * obstacle.error) + Eight(0x1p-19f) * length(d);
+    return larger(rise, Eight(0.0f)) + Eight(spans_[body].bend) + rounding;
   }
   /// The children of a body's root, computed once for a state.
   template <bool kMoves>

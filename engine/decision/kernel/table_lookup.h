@@ -45,11 +45,16 @@ class TableLookup {
   /// \param table index of a TabledPair, or kNoTable
   bool is_free(std::uint32_t table) const { return table != kNoTable && is_free_[table]; }
 
-  /// Looks one pair up in a span: kHit if it is within its margin in the middle.
+  /// A pair in a span.
+  struct Span {
+    Verdict verdict = Verdict::kUnresolved;  ///< kHit if it is within its margin in the middle
+    bool is_middle_free = false;             ///< so that shorter spans may be free
+  };
+  /// Looks one pair up in a span.
   /// \param positions in the middle; null to prove nothing
   /// \param reach change of each position until a span's end, >= 0
-  Verdict in_span(std::uint32_t table, const double* positions, const double* reach) const {
-    if (table == kNoTable || !positions) return Verdict::kUnresolved;
+  Span in_span(std::uint32_t table, const double* positions, const double* reach) const {
+    if (table == kNoTable || !positions) return {};
     const TabledPair& pair = v_.tabled[table];
     double at[2], low[2], high[2];
     for (int c = 0; c < 2; ++c) {
@@ -58,8 +63,9 @@ class TableLookup {
       low[c] = at[c] - by;
       high[c] = at[c] + by;
     }
-    if (pair.table.over(low, high).low > pair.free_above) return Verdict::kFree;
-    return pair.table.at(at).high < pair.hit_below ? Verdict::kHit : Verdict::kUnresolved;
+    if (pair.table.over(low, high).low > pair.free_above) return {Verdict::kFree, true};
+    const TableCell cell = pair.table.at(at);
+    return {cell.high < pair.hit_below ? Verdict::kHit : Verdict::kUnresolved, cell.low > pair.free_above};
   }
 
  private:

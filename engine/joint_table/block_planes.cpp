@@ -1,0 +1,91 @@
+#include "engine/joint_table/block_planes.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+
+#include "engine/hull/support.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kPlaneRounding = 0x1p-44;     // of supports and twists, relative to the lengths that enter
+constexpr double kPlaneLonger = 1 + 0x1p-40;   // exceeds the length of a normal
+constexpr double kVelocityRounding = 0x1p-40;  // of a twist, relative to the speed of points
+
+// Reach of a placed part along a direction in world axes, from its origin.
+double reach_of_part(const ConvexPart& part, const PoseMatrix& pose, const Vec3d& n) {
+  return support(part, pose.R_wb.transpose_times(n)).value + part.radius * norm(n);
+}
+
+}  // namespace
+
+BlockPlanes::BlockPlanes(const TablePair& pair, double travel)
+    : pair_(pair),
+      travel_(travel),
+      twists_(pair.robot->kinematics),
+      a_from_b_(pair.robot->kinematics, pair.b.link, pair.a.link, pair.a.ball),
+      b_from_a_(pair.robot->kinematics, pair.a.link, pair.b.link, pair.b.ball),
+      a_(pair.robot->kinematics, pair.a.link, pair.a.ball),
+      b_(pair.robot->kinematics, pair.b.link, pair.b.ball),
+      error_(
+          pair.robot->kinematics.error_between(pair.a.link, pair.a.extent, pair.b.link, pair.b.extent).at(travel, 0)),
+      change_(pair.robot->kinematics.columns(), 0),
+      links_(pair.robot->kinematics.links()) {}
+
+void BlockPlanes::take_size(std::span<const double> half) {
+  const Kinematics& robot = pair_.robot->kinematics;
+  half_.assign(half.begin(), half.end());
+  std::fill(change_.begin(), change_.end(), 0);
+  for (std::size_t c = 0; c < half_.size(); ++c) change_[pair_.columns[c]] = half_[c];
+  const double of_a = a_from_b_.rates(change_, travel_).acceleration,
+               of_b = b_from_a_.rates(change_, travel_).acceleration;
+  moves_b_ = of_b < of_a;
+  bend_ = 0.5 * std::min(of_a, of_b) + error_;
+  for (const auto& [path, link] : {std::pair(&a_, &pair_.a), std::pair(&b_, &pair_.b)}) {
+    const MotionRates rates = path->rates(change_, travel_);
+    const double reach = link->extent + robot.reach(link->link, link->extent) + 2 * travel_;
+    const PlacementError error = robot.error(link->link, link->extent);
+    bend_ += (kVelocityRounding + 4 * error.turn) * (rates.speed + rates.turn * reach) +
+             4 * rates.turn * error.at(travel_, 0);
+  }
+  bend_ *= kPlaneLonger;
+}
+
+void BlockPlanes::take_middle(std::span<const Pose> poses) {
+  const Vec3d apart = poses[pair_.b.link].translation - poses[pair_.a.link].translation;
+  for (std::size_t c = 0; c < half_.size(); ++c) {
+    std::fill(change_.begin(), change_.end(), 0);
+    change_[pair_.columns[c]] = half_[c];
+    twists_.at(poses, change_, links_);
+    const Twist &a = links_[pair_.a.link], &b = links_[pair_.b.link];
+    movement_[c] = moves_b_ ? Twist{b.turn - a.turn, b.shift - a.shift - cross(a.turn, apart)}
+                            : Twist{a.turn - b.turn, a.shift - b.shift + cross(b.turn, apart)};
+  }
+}
+
+double BlockPlanes::gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
+                        const Vec3d& n) const {
+  if (!(norm(n) <= 1 + 0x1p-41)) return -std::numeric_limits<double>::infinity();
+  // The moving part's reach towards the other one is convex in its movement, so it is greatest at a corner.
+  const Vec3d towards = moves_b_ ? -n : n;
+  double most = -std::numeric_limits<double>::infinity();
+  for (unsigned corner = 0; corner < 1u << half_.size(); ++corner) {
+    Vec3d turned = towards;
+    double shift = 0;
+    for (std::size_t c = 0; c < half_.size(); ++c) {
+      const double side = corner >> c & 1 ? 1 : -1;
+      turned += cross(towards, movement_[c].turn) * side;
+      shift += dot(towards, movement_[c].shift) * side;
+    }
+    most = std::max(most, shift + (moves_b_ ? reach_of_part(b, pose_b, turned) : reach_of_part(a, pose_a, turned)));
+  }
+  const Vec3d apart = pose_b.t_w - pose_a.t_w;
+  const double still = moves_b_ ? reach_of_part(a, pose_a, n) : reach_of_part(b, pose_b, -n),
+               gap = dot(n, apart) - still - most;
+  const double lengths = norm(pose_a.t_w) + norm(pose_b.t_w) + pair_.a.extent + pair_.b.extent;
+  return (gap - bend_ - kPlaneRounding * lengths) / kPlaneLonger;
+}
+
+}  // namespace clearance
