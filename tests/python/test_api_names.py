@@ -18,6 +18,7 @@ CLASSES = {
     "Check": ("wire/api/check.h", clearance.Check),
     "PathCheck": ("wire/api/check.h", clearance.PathCheck),
     "Joints": ("wire/api/scene_info.h", clearance.Joints),
+    "PathPlan": ("planner/planner.h", clearance.PathPlan),
 }
 #: C++ name: Python name, for the same thing.
 OTHER_NAMES = {
@@ -27,6 +28,9 @@ OTHER_NAMES = {
     "pairs": "pair_table",
     "set_timeout": "timeout_s",
     "warnings": "load",  # Python warns while it loads
+    "outcome": "reason",
+    "edges": "motions",
+    "blocked": "check",
 }
 #: Names that only C++ has, with the reason.
 CPP_ONLY = {
@@ -44,6 +48,7 @@ CPP_ONLY = {
         "epoch": "of the client",
     },
     "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
+    "PathPlan": {"found": "bool()"},
 }
 #: Names that only Python has, with the reason.
 PYTHON_ONLY = {
@@ -51,7 +56,6 @@ PYTHON_ONLY = {
         "groups": "in scene()",
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
-        "plan": "a function of planner.h, for clients, too",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
     },
     "Client": {
@@ -76,7 +80,10 @@ PYTHON_ONLY = {
     "Check": {"result": "its columns are members", "pair_names": "as of a Result"},
     "PathCheck": {"pair_names": "as of a Result"},
     "Joints": {"lower": "in `limits`", "upper": "in `limits`"},
+    "PathPlan": dict.fromkeys(("clearance", "certificate"), "motions() and certificate() of the path"),
 }
+#: The header whose function templates take an Engine or a Client as their first argument, as Python's methods do.
+FUNCTIONS = "planner/planner.h"
 
 
 def cpp_names(name: str, header: str) -> set[str]:
@@ -87,7 +94,8 @@ def cpp_names(name: str, header: str) -> set[str]:
     public = body[1].split("private:")[0]
     functions = re.findall(r"^  [^\s{}][^(\n]*?\b(\w+)\(", public, re.M)
     members = re.findall(r"^  [^\s{}(][^(\n]*?\b(\w+)(?: = [^;\n]*|\{[^;\n]*\})?;", public, re.M)
-    return {found for found in (*functions, *members) if found not in (name, "operator", "bool", "default")}
+    free = re.findall(r"\b(\w+)\(Queried& ", (ROOT / FUNCTIONS).read_text()) if name in ("Engine", "Client") else ()
+    return {found for found in (*functions, *members, *free) if found not in (name, "operator", "bool", "default")}
 
 
 def python_names(cls: type) -> set[str]:

@@ -18,6 +18,7 @@ from ._joints import Joints, JointsRef, JointState, JointTable
 from ._limits import Beyond, beyond_limits
 from ._names import BodyInfo, BodyRef, NameTable, Pairs
 from ._query.future import Future, Task
+from ._query.plan import Plans
 from ._query.queries import Queries
 from ._query.query import Query, Run
 from ._scene_changes import SceneChanges
@@ -39,7 +40,7 @@ class BodyState:
     age_ns: Optional[int]  #: since the pose, or the points of a cloud if older, were received; None if never
 
 
-class Front(Queries, Updates, SceneChanges):
+class Front(Queries, Plans, Updates, SceneChanges):
     """Methods of both clearance.Engine and clearance.Client."""
 
     _instead: str  #: how to use one in another process, for the error of pickling
