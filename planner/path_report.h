@@ -66,8 +66,8 @@ inline PathPoint point(const Result& r, std::size_t k, std::uint64_t index, doub
 }
 
 /// Motions [first, last) of a path.
-template <class Queried>
-Result motions(Queried& engine, const Query& path, std::uint64_t first, std::uint64_t last) {
+template <class Source>
+Result motions(Source& engine, const Query& path, std::uint64_t first, std::uint64_t last) {
   const std::size_t joints = path.joints.size();
   std::vector<double> ends;
   for (std::uint64_t k = first; k < last; ++k) {
@@ -82,8 +82,8 @@ Result motions(Queried& engine, const Query& path, std::uint64_t first, std::uin
 }
 
 /// The state of the least distance of all motions, and its bounds.
-template <class Queried>
-void find_nearest(Queried& engine, const Query& path, std::uint64_t count, PathReport& report) {
+template <class Source>
+void find_nearest(Source& engine, const Query& path, std::uint64_t count, PathReport& report) {
   Bounds least{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   for (std::uint64_t first = 0; first < count; first += kMostMotions) {
     const Result r = motions(engine, path, first, std::min<std::uint64_t>(first + kMostMotions, count));
@@ -98,16 +98,16 @@ void find_nearest(Queried& engine, const Query& path, std::uint64_t count, PathR
   report.least = least;
 }
 
-template <class Queried>
-Check check_state(Queried& engine, const Query& path, std::span<const double> state) {
+template <class Source>
+Check check_state(Source& engine, const Query& path, std::span<const double> state) {
   Query query = path;
   query.positions = state;
   query.max_evaluations = 0;
   return engine.check(query);
 }
 
-template <class Queried>
-void describe_hit(Queried& engine, const Query& path, double within, PathReport& report) {
+template <class Source>
+void describe_hit(Source& engine, const Query& path, double within, PathReport& report) {
   const std::uint64_t index = *report.check.index;
   std::vector<double> times(kStates), states;
   for (std::size_t k = 0; k < kStates; ++k) {

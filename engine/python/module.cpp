@@ -215,13 +215,11 @@ class PyEngine : public PyUpdates {
     engine->size(view);
   }
 
-  nb::tuple find_path(const RepeatedQuery& query, const PositionRow& start, const PositionRow& goal, double range,
-                      std::uint64_t max_iterations, std::uint32_t shortcuts, std::uint64_t seed) const {
+  nb::tuple find_path(const RepeatedQuery& query, const PathSearch& search) const {
     const QueryView view = view_of(query);
     const std::shared_ptr<engine::Engine> engine = use();
     check_query_ids(*engine, query.scene_revision, view);
-    return python::find_path(engine, query, view, {start.data(), start.shape(0)}, {goal.data(), goal.shape(0)},
-                             {range, max_iterations, shortcuts, seed});
+    return python::find_path(engine, query, view, search);
   }
 
   nb::object pairs(const RepeatedQuery& query) const {
@@ -331,6 +329,7 @@ NB_MODULE(_engine, m) {
   nb::class_<PyEngine> engine(m, "Engine");
   bind_scene_changes(engine);
   bind_updates(engine);
+  bind_find_path<RepeatedQuery>(engine);
   engine
       .def(nb::init<const engine::Scene&, const std::string&, int, std::uint64_t, std::uint64_t, bool,
                     const std::vector<int>&, const std::string&>(),
@@ -348,8 +347,6 @@ NB_MODULE(_engine, m) {
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
       .def("check", &PyEngine::check, nb::arg("query"))
-      .def("find_path", &PyEngine::find_path, nb::arg("query"), nb::arg("start"), nb::arg("goal"), nb::arg("range"),
-           nb::arg("max_iterations"), nb::arg("shortcuts"), nb::arg("seed"))
       .def("pairs", &PyEngine::pairs, nb::arg("query"))
       .def("plan_on_device", &PyEngine::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("certificate", &PyEngine::certificate, nb::arg("query"), nb::arg("poses").none(),

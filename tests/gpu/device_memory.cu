@@ -16,6 +16,13 @@ cudaStream_t stream_of(void* p) {
 }
 }  // namespace
 
+void copy_to_device(std::byte* to, const void* from, std::size_t bytes) {
+  check(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice), "cudaMemcpy");
+}
+void copy_from_device(void* to, const std::byte* from, std::size_t bytes) {
+  check(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost), "cudaMemcpy");
+}
+
 DeviceMemory::DeviceMemory(std::size_t bytes) : bytes_(bytes) {
   void* p = nullptr;
   check(cudaMalloc(&p, bytes > 0 ? bytes : 1), "cudaMalloc");
@@ -25,7 +32,7 @@ DeviceMemory::~DeviceMemory() {
   cudaFree(data_);
 }
 void DeviceMemory::put(const void* from, std::size_t bytes) {
-  check(cudaMemcpy(data_, from, bytes, cudaMemcpyHostToDevice), "cudaMemcpy");
+  copy_to_device(data_, from, bytes);
 }
 void DeviceMemory::fill(int byte) {
   check(cudaMemset(data_, byte, bytes_), "cudaMemset");
@@ -33,7 +40,7 @@ void DeviceMemory::fill(int byte) {
 }
 std::vector<std::byte> DeviceMemory::get() const {
   std::vector<std::byte> bytes(bytes_);
-  check(cudaMemcpy(bytes.data(), data_, bytes_, cudaMemcpyDeviceToHost), "cudaMemcpy");
+  copy_from_device(bytes.data(), data_, bytes_);
   return bytes;
 }
 
@@ -62,12 +69,12 @@ MappedMemory::~MappedMemory() {
   cudaIpcCloseMemHandle(data_);
 }
 void MappedMemory::put(std::size_t offset, const void* from, std::size_t bytes) {
-  check(cudaMemcpy(data_ + offset, from, bytes, cudaMemcpyHostToDevice), "cudaMemcpy");
+  copy_to_device(data_ + offset, from, bytes);
   check(cudaDeviceSynchronize(), "cudaDeviceSynchronize");
 }
 std::vector<std::byte> MappedMemory::get(std::size_t offset, std::size_t bytes) const {
   std::vector<std::byte> copy(bytes);
-  check(cudaMemcpy(copy.data(), data_ + offset, bytes, cudaMemcpyDeviceToHost), "cudaMemcpy");
+  copy_from_device(copy.data(), data_ + offset, bytes);
   return copy;
 }
 

@@ -31,6 +31,10 @@ class DeviceMemory {
   std::size_t bytes_;
 };
 
+/// Copies from and to memory that others own, and waits.
+void copy_to_device(std::byte* to, const void* from, std::size_t bytes);
+void copy_from_device(void* to, const std::byte* from, std::size_t bytes);
+
 /// Memory of another process, mapped during this object's lifetime.
 class MappedMemory {
  public:

@@ -18,6 +18,8 @@ CLASSES = {
     "Check": ("wire/api/check.h", clearance.Check),
     "PathCheck": ("wire/api/check.h", clearance.PathCheck),
     "Joints": ("wire/api/scene_info.h", clearance.Joints),
+    "PathPlan": ("planner/planner.h", clearance.PathPlan),
+    "PathReport": ("planner/path_report.h", clearance.PathReport),
 }
 #: C++ name: Python name, for the same thing.
 OTHER_NAMES = {
@@ -27,6 +29,9 @@ OTHER_NAMES = {
     "pairs": "pair_table",
     "set_timeout": "timeout_s",
     "warnings": "load",  # Python warns while it loads
+    "outcome": "reason",
+    "edges": "motions",
+    "blocked": "check",
 }
 #: Names that only C++ has, with the reason.
 CPP_ONLY = {
@@ -44,6 +49,7 @@ CPP_ONLY = {
         "epoch": "of the client",
     },
     "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
+    "PathPlan": {"found": "bool()"},
 }
 #: Names that only Python has, with the reason.
 PYTHON_ONLY = {
@@ -51,8 +57,6 @@ PYTHON_ONLY = {
         "groups": "in scene()",
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
-        "plan": "a function of planner.h, for clients, too",
-        "explain_path": "a function of path_report.h",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
     },
     "Client": {
@@ -60,7 +64,6 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "backend": "in scene()",
         "close": "the destructor",
-        "explain_path": "as of an Engine",
         "replace": "remove_body() and add_body()",
     },
     "Scene": {
@@ -78,7 +81,10 @@ PYTHON_ONLY = {
     "Check": {"result": "its columns are members", "pair_names": "as of a Result"},
     "PathCheck": {"pair_names": "as of a Result"},
     "Joints": {"lower": "in `limits`", "upper": "in `limits`"},
+    "PathPlan": dict.fromkeys(("clearance", "certificate"), "motions() and certificate() of the path"),
 }
+#: Headers whose function templates take an Engine or a Client as their first argument, as Python's methods do.
+FUNCTIONS = ("planner/planner.h", "planner/path_report.h")
 
 
 def cpp_names(name: str, header: str) -> set[str]:
@@ -89,7 +95,9 @@ def cpp_names(name: str, header: str) -> set[str]:
     public = body[1].split("private:")[0]
     functions = re.findall(r"^  [^\s{}][^(\n]*?\b(\w+)\(", public, re.M)
     members = re.findall(r"^  [^\s{}(][^(\n]*?\b(\w+)(?: = [^;\n]*|\{[^;\n]*\})?;", public, re.M)
-    return {found for found in (*functions, *members) if found not in (name, "operator", "bool", "default")}
+    texts = [(ROOT / header).read_text() for header in FUNCTIONS] if name in ("Engine", "Client") else []
+    free = [found for text in texts for found in re.findall(r"\b(\w+)\(Queried& ", text)]
+    return {found for found in (*functions, *members, *free) if found not in (name, "operator", "bool", "default")}
 
 
 def python_names(cls: type) -> set[str]:

@@ -1,4 +1,4 @@
-"""Engine.plan(): paths that are proved free, and the reasons why there are none."""
+"""plan() of an engine and a client: paths that are proved free, and the reasons why there are none."""
 
 from pathlib import Path
 
@@ -6,16 +6,24 @@ import numpy as np
 import pytest
 
 import clearance
+from conftest import Daemon
+from patience import PATIENCE_S
 
 CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
 MARGIN = 0.02
 
 
-@pytest.fixture(scope="module")
-def engine():
-    made = clearance.Engine(clearance.Scene.load(CELL), threads=1)
+@pytest.fixture(scope="module", params=["engine", "shm"])
+def engine(request, tmp_path_factory):
+    daemon = None
+    if request.param == "engine":
+        made = clearance.Engine(clearance.Scene.load(CELL), threads=1)
+    else:
+        daemon = Daemon(tmp_path_factory.mktemp("plan"), CELL, [request.param])
+        made = clearance.connect(daemon.urls[request.param], timeout_s=PATIENCE_S)
     made.allow("arm/wrist_1", "arm/flange")  # never farther apart than 18 mm
-    return made
+    yield made
+    assert daemon is None or daemon.stop() == 0, daemon.log()
 
 
 @pytest.fixture(scope="module")

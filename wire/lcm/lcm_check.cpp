@@ -87,7 +87,7 @@ class Walk {
 constexpr std::uint64_t kPoseBytes = 7 * 8;
 
 void walk_query(Walk& walk) {
-  walk.skip(3 * 8 + 3 * 8 + 5 * 8 + 2 * 4 + 4, "its parameters");
+  walk.skip(3 * 8 + 3 * 8 + 4 * 8 + 2 * 4 + 4, "its parameters");
   walk.skip(8 * walk.count(8, "pair_count"), "pairs");
   const std::uint64_t bodies = walk.count(4, "body_count");
   walk.skip(4 * bodies, "bodies");

@@ -15,6 +15,7 @@
 #include "client/python/bindings/connection.h"
 #include "client/python/bindings/gil.h"
 #include "client/python/bindings/matrices.h"
+#include "client/python/bindings/path.h"
 #include "client/python/bindings/pending.h"
 #include "client/python/bindings/query.h"
 #include "client/python/bindings/remote_plan.h"
@@ -115,9 +116,45 @@ class PyClient : public PyClientScene {
     return answer ? nb::cast(std::move(*answer)) : nb::bool_(false);
   }
 
+  nb::tuple find_path(const Query& query, const PathSearch& search) const {
+    return python::find_path(query, search, [&] { return Prover(*this, query); });
+  }
+
  private:
+  /// Proves motions by requests, within the client's timeout each. Other threads may use the connection between them.
+  class Prover final : public EdgeProver {
+   public:
+    Prover(const PyClient& client, const Query& query)
+        : client_(client), query_(query), requested_(query_of(query)), timeout_s_(client.use().timeout_s()) {}
+
+    bool is_free(std::span<const double> ends) override {
+      requested_.positions = ends;
+      const std::optional<Result> reply = client_.reply_to(query_, requested_, timeout_s_);
+      if (!reply) throw TimeoutError("plan(): no answer within the client's timeout");
+      if (Clock::now() - tested_ > kSearchSignalPeriod) {
+        check_signals();
+        tested_ = Clock::now();
+      }
+      return reply->verdict()[0] == Status::kBeyond;
+    }
+
+   private:
+    const PyClient& client_;
+    const Query& query_;
+    clearance::Query requested_;
+    const double timeout_s_;
+    Clock::time_point tested_ = Clock::now();
+  };
+
   std::optional<Answer> answer_to(const Query& query, const clearance::Query& requested, bool copy,
                                   double timeout_s) const {
+    std::optional<Result> reply = reply_to(query, requested, timeout_s);
+    if (!reply) return std::nullopt;
+    return answer_of(connection_, std::move(*reply), copy, beyond_limits(query, requested.positions));
+  }
+
+  /// Returns the reply, or nothing after the timeout.
+  std::optional<Result> reply_to(const Query& query, const clearance::Query& requested, double timeout_s) const {
     UnderWay under_way{connection_, std::nullopt};
     std::optional<Result> reply;
     const auto deadline = Clock::now() + duration_of(timeout_s);
@@ -131,7 +168,7 @@ class PyClient : public PyClientScene {
         const auto left = deadline - Clock::now();
         if (pending->wait_for(std::clamp<Clock::duration>(left, Clock::duration(0), kSlice))) reply = pending->get();
       });
-      if (reply) return answer_of(connection_, std::move(*reply), copy, beyond_limits(query, requested.positions));
+      if (reply) return reply;
       if (Clock::now() >= deadline) return std::nullopt;
       check_signals();
     }
@@ -211,6 +248,7 @@ NB_MODULE(_client, m) {
 
   nb::class_<PyClient> type(m, "Client");
   bind_client_scene(type);
+  bind_find_path<Query>(type);
   type.def(nb::init<const std::vector<std::string>&, double, const std::string&, const std::string&,
                     std::optional<double>, bool>(),
            nb::arg("urls"), nb::arg("timeout_s"), nb::arg("server_key"), nb::arg("key"), nb::arg("hang_s").none(),

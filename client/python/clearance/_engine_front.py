@@ -14,10 +14,8 @@ from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, t
 from ._device.plan import DevicePlan
 from ._errors import TimeoutError
 from ._front import BodyState, Front
-from ._joints import JointsRef
-from ._names import Margin, NameTable, Pairs
+from ._names import NameTable
 from ._query.future import Future, Task, Worker
-from ._query.plan import PathPlan, plan_path
 from ._query.query import POINTS_BY_DEFAULT, Query, Run
 from ._scene.scene import Scene, name_table
 from ._scene_changes import NewBody
@@ -110,39 +108,6 @@ class Engine(Front):
         Works on them meanwhile, and so may take about a second longer than timeout_s (seconds).
         """
         return self._engine.wait_covers(to_number_from_0(timeout_s, "timeout_s"))
-
-    def plan(
-        self,
-        start: Any,
-        goal: Any,
-        joints: JointsRef,
-        pairs: Pairs = None,
-        margin: Margin = 0.0,
-        range: float = 1.0,
-        max_iterations: int = 100_000,
-        shortcuts: int = 32,
-        seed: int = 0,
-        clearance: bool = True,
-        certificate: bool = False,
-    ) -> PathPlan:
-        """Plans a path of joints whose every motion is proved free (RRT-Connect with shortcuts).
-
-        start, goal: (J,) positions of `joints`, radians and metres.
-        joints, pairs, margin: as in motions(). Other joints and bodies keep their current positions and poses.
-        range: greatest length of a new motion, Euclidean in joint space, before shortcuts.
-        max_iterations: samples after which the search ends. They are uniform within the joints' limits; a joint without
-            limits is sampled from -pi to pi, and does not wrap around.
-        shortcuts: random shortcuts that are tried; 0 leaves the path as it was found.
-        seed: the same seed, scene and poses give the same path.
-        clearance: whether to bound the least distance along the path, to 1 mm; takes longer than most plans.
-        certificate: whether to add proofs of all motions, as certificate() makes them.
-
-        Returns a PathPlan. It is false, and has the reason, if the start or the goal is not free or is beyond limits,
-        or if no path was found. Ctrl-C ends the search. Raises ValueError for arrays of another shape, and as
-        motions() does.
-        """
-        search = {"range": range, "max_iterations": max_iterations, "shortcuts": shortcuts, "seed": seed}
-        return plan_path(self, start, goal, joints, pairs, margin, search, clearance, certificate)
 
     # ---- required by Front ----------------------------------------------------------------------------------------
 

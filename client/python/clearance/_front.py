@@ -16,9 +16,9 @@ import numpy as np
 
 from ._joints import Joints, JointsRef, JointState, JointTable
 from ._limits import Beyond, beyond_limits
-from ._names import BodyInfo, BodyRef, Margin, NameTable, Pairs
+from ._names import BodyInfo, BodyRef, NameTable, Pairs
 from ._query.future import Future, Task
-from ._query.path_report import PathReport, explain_path
+from ._query.plan import Plans
 from ._query.queries import Queries
 from ._query.query import Query, Run
 from ._scene_changes import SceneChanges
@@ -40,7 +40,7 @@ class BodyState:
     age_ns: Optional[int]  #: since the pose, or the points of a cloud if older, were received; None if never
 
 
-class Front(Queries, Updates, SceneChanges):
+class Front(Queries, Plans, Updates, SceneChanges):
     """Methods of both clearance.Engine and clearance.Client."""
 
     _instead: str  #: how to use one in another process, for the error of pickling
@@ -95,22 +95,6 @@ class Front(Queries, Updates, SceneChanges):
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         raise NotImplementedError
-
-    # ---- paths ----------------------------------------------------------------------------------------------------
-
-    def explain_path(
-        self, path: Any, joints: JointsRef, pairs: Pairs = None, margin: Margin = 0.0, max_evaluations: int = 256
-    ) -> PathReport:
-        """Returns where a path comes closest to a contact, or why it is not free.
-
-        path: (N, J) positions of `joints`, radians and metres.
-        joints, pairs, margin, max_evaluations: as in check_path().
-
-        If the path is free: its least distance, to 1 mm, and where it is. Otherwise the first contact, its pair, and
-        the deepest of 33 states of the motion from there on, with the penetration depth. Takes up to a hundred times as
-        long as check_path(), whose verdict is included. Raises as check_path() does.
-        """
-        return explain_path(self, path, joints, pairs, margin, max_evaluations)
 
     # ---- scene ----------------------------------------------------------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any, Optional
 
 import numpy as np
@@ -105,6 +106,9 @@ class RemoteFront(Front):
         table = self._table(run.pairs, run.bodies, run.joints)
         plan = self._guarded(self._use().plan_on_device, run.raw, configurations)
         return RemotePlan(plan, run.bodies, table, run.joints, reduced=run.reduce != 0)
+
+    def _find_path(self, run: Run, ends: np.ndarray, **options: Any) -> tuple[np.ndarray, int, int]:
+        return self._guarded(functools.partial(self._use().find_path, **options), run.raw, ends[0], ends[1])
 
     def _start(self, task: Task, timeout_s: Optional[float]) -> Future:
         seconds = self._use().timeout_s if timeout_s is None else timeout_s

@@ -161,6 +161,11 @@ class Client:
     def plan_on_device(self, query: Query, configurations: int) -> RemotePlan:
         return RemotePlan(self, *self._with(self._session.open_plan, query, configurations))
 
+    def find_path(self, query: Query, *search: Any) -> tuple:
+        raise NotImplementedError(
+            "plan(): this pure-Python client has no planner; install the wheel clearance-*.whl for it"
+        )
+
     def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
         if len(ids) != len(poses):
             raise ValueError("poses: expected one pose for each body")

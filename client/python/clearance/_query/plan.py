@@ -13,6 +13,8 @@ from .._joints import JointsRef
 from .._names import Margin, Pairs
 from .certificate import Certificate
 from .check import Check
+from .path_report import PathReport, explain_path
+from .query import Run
 
 
 @dataclass(frozen=True)
@@ -32,7 +34,66 @@ class PathPlan:
         return self.path is not None
 
 
-def plan_path(
+class Plans:
+    """The methods of Front for paths."""
+
+    # ---- for subclasses -------------------------------------------------------------------------------------------
+
+    def _find_path(self, run: Run, ends: np.ndarray, **options: Any) -> tuple[np.ndarray, int, int]:
+        """Returns (N J,) positions of a path, empty if none was found, the samples drawn, and the motions tried."""
+        raise NotImplementedError
+
+    # ---- calls ----------------------------------------------------------------------------------------------------
+
+    def plan(
+        self,
+        start: Any,
+        goal: Any,
+        joints: JointsRef,
+        pairs: Pairs = None,
+        margin: Margin = 0.0,
+        range: float = 1.0,
+        max_iterations: int = 100_000,
+        shortcuts: int = 32,
+        seed: int = 0,
+        clearance: bool = True,
+        certificate: bool = False,
+    ) -> PathPlan:
+        """Plans a path of joints whose every motion is proved free (RRT-Connect with shortcuts).
+
+        start, goal: (J,) positions of `joints`, radians and metres.
+        joints, pairs, margin: as in motions(). Other joints and bodies keep their current positions and poses.
+        range: greatest length of a new motion, Euclidean in joint space, before shortcuts.
+        max_iterations: samples after which the search ends. They are uniform within the joints' limits; a joint without
+            limits is sampled from -pi to pi, and does not wrap around.
+        shortcuts: random shortcuts that are tried; 0 leaves the path as it was found.
+        seed: the same seed, scene and poses give the same path.
+        clearance: whether to bound the least distance along the path, to 1 mm; takes longer than most plans.
+        certificate: whether to add proofs of all motions, as certificate() makes them.
+
+        Returns a PathPlan. It is false, and has the reason, if the start or the goal is not free or is beyond limits,
+        or if no path was found. Ctrl-C ends the search. Raises ValueError for arrays of another shape, and as
+        motions() does.
+        """
+        search = {"range": range, "max_iterations": max_iterations, "shortcuts": shortcuts, "seed": seed}
+        return _plan(self, start, goal, joints, pairs, margin, search, clearance, certificate)
+
+    def explain_path(
+        self, path: Any, joints: JointsRef, pairs: Pairs = None, margin: Margin = 0.0, max_evaluations: int = 256
+    ) -> PathReport:
+        """Returns where a path comes closest to a contact, or why it is not free.
+
+        path: (N, J) positions of `joints`, radians and metres.
+        joints, pairs, margin, max_evaluations: as in check_path().
+
+        If the path is free: its least distance, to 1 mm, and where it is. Otherwise the first contact, its pair, and
+        the deepest of 33 states of the motion from there on, with the penetration depth. Takes up to a hundred times as
+        long as check_path(), whose verdict is included. Raises as check_path() does.
+        """
+        return explain_path(self, path, joints, pairs, margin, max_evaluations)
+
+
+def _plan(
     engine: Any,
     start: Any,
     goal: Any,
@@ -43,7 +104,7 @@ def plan_path(
     clearance: bool,
     certificate: bool,
 ) -> PathPlan:
-    """Implements Engine.plan(), of `engine`. search: range, max_iterations, shortcuts and seed."""
+    """Implements Plans.plan(). search: range, max_iterations, shortcuts and seed."""
     options = _checked(search)
     with_clearance, with_certificate = to_bool(clearance, "clearance"), to_bool(certificate, "certificate")
     common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
