@@ -3,6 +3,7 @@
 
 #include "engine/cuda/pair/hull.cuh"
 #include "engine/cuda/pair/outer_box.cuh"
+#include "engine/device/reduced_layout.h"
 
 namespace clearance::cuda {
 
