@@ -106,9 +106,8 @@ class Search {
     std::set<std::tuple<double, double, double>> outer;
     for (const Vec3d& v : q.vertices) outer.insert({v.x, v.y, v.z});
     const Hull hull = reduce_to_hull(both);
-    return std::all_of(hull.vertices.begin(), hull.vertices.end(), [&](const Vec3d& v) {
-      return outer.contains({v.x, v.y, v.z});
-    });
+    return std::all_of(hull.vertices.begin(), hull.vertices.end(),
+                       [&](const Vec3d& v) { return outer.contains({v.x, v.y, v.z}); });
   }
 
   void look_inside(std::uint32_t b) {

@@ -55,22 +55,9 @@ def draw(path, names, meshes, rows, title, footnote):
         return large.project(np.atleast_2d(world)) / [OVERSAMPLING, OVERSAMPLING, 1]
 
     for row in rows:
-        if row["status"] in ("overlap", "contact") or not np.isfinite(row["point"]).all():
-            continue
-        # Hidden parts are drawn faintly, to show the order in depth.
-        world = np.linspace(row["point"], row["other_point"], 65)
-        screen = project(world)
-        column = screen[:, 0].astype(int).clip(0, WIDTH - 1)
-        line = screen[:, 1].astype(int).clip(0, HEIGHT - 1)
-        visible = screen[:, 2] <= distance[line, column] + 0.01 * (high - low).max()
-        pieces = np.stack([screen[:-1, :2], screen[1:, :2]], axis=1)
-        seen = visible[:-1] & visible[1:]
-        axes.add_collection(LineCollection(pieces[~seen], colors=SEGMENT, linewidths=1.0, alpha=0.35))
-        axes.add_collection(LineCollection(pieces[seen], colors="white", linewidths=4.0, alpha=0.9))
-        axes.add_collection(LineCollection(pieces[seen], colors=SEGMENT, linewidths=2.0, capstyle="round"))
-        ends = screen[[0, -1]]
-        axes.scatter(ends[:, 0], ends[:, 1], s=20, color=SEGMENT, edgecolor="white", linewidth=0.8, zorder=3,
-                     alpha=1.0 if visible[[0, -1]].all() else 0.6)
+        if row["status"] not in ("overlap", "contact") and np.isfinite(row["point"]).all():
+            _draw_distance(axes, project, np.linspace(row["point"], row["other_point"], 65), distance,
+                           0.01 * (high - low).max())
 
     centres = np.array([_label_place(owner[::8, ::8] == i) * 8 / OVERSAMPLING if (owner[::8, ::8] == i).any()
                         else project(v.mean(0))[0, :2] for i, (v, _) in enumerate(meshes)])
@@ -89,14 +76,38 @@ def draw(path, names, meshes, rows, title, footnote):
 
     axes.text(36, 48, title, color=INK, fontsize=17, weight="bold", va="center")
     axes.text(36, 78, footnote, color="#4b5563", fontsize=11.5, va="center")
+    _draw_legend(axes)
+    figure.savefig(path, dpi=100)
+    plt.close(figure)
+
+
+def _draw_distance(axes, project, world, distance, tolerance):
+    """Draws the way between two witness points, (n, 3) in the world.
+
+    distance: (HEIGHT, WIDTH) of the visible surface in front of the eye. tolerance: metres.
+    """
+    # Hidden parts are drawn faintly, to show the order in depth.
+    screen = project(world)
+    column = screen[:, 0].astype(int).clip(0, WIDTH - 1)
+    line = screen[:, 1].astype(int).clip(0, HEIGHT - 1)
+    visible = screen[:, 2] <= distance[line, column] + tolerance
+    pieces = np.stack([screen[:-1, :2], screen[1:, :2]], axis=1)
+    seen = visible[:-1] & visible[1:]
+    axes.add_collection(LineCollection(pieces[~seen], colors=SEGMENT, linewidths=1.0, alpha=0.35))
+    axes.add_collection(LineCollection(pieces[seen], colors="white", linewidths=4.0, alpha=0.9))
+    axes.add_collection(LineCollection(pieces[seen], colors=SEGMENT, linewidths=2.0, capstyle="round"))
+    ends = screen[[0, -1]]
+    axes.scatter(ends[:, 0], ends[:, 1], s=20, color=SEGMENT, edgecolor="white", linewidth=0.8, zorder=3,
+                 alpha=1.0 if visible[[0, -1]].all() else 0.6)
+
+
+def _draw_legend(axes):
     legend_y = HEIGHT - 36
     axes.plot([36, 76], [legend_y] * 2, color=SEGMENT, lw=2)
     axes.scatter([36, 76], [legend_y] * 2, s=20, color=SEGMENT, edgecolor="white", linewidth=0.8, zorder=3)
     axes.text(88, legend_y, "to the nearest neighbour, between witness points", fontsize=11.5, color=INK, va="center")
     axes.scatter([500], [legend_y], s=110, color=RED, marker="s")
     axes.text(516, legend_y, "overlapping", fontsize=11.5, color=INK, va="center")
-    figure.savefig(path, dpi=100)
-    plt.close(figure)
 
 
 def _best_azimuth(meshes, points):

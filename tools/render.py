@@ -151,9 +151,17 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
     image = np.full((height, width, 3), background, dtype=np.float32)
     shadow = _ShadowMap(vertices, triangles, light)
 
-    # Bodies.
-    colour = np.empty((np.count_nonzero(hit), 3), np.float32)
-    row, column = np.nonzero(hit)
+    image[hit] = _shade(camera, vertices, triangles, normals, colours, index, distance, shadow, light)
+    if ground is not None:
+        image[~hit] *= 1 - _floor_darkness(camera, shadow, ground)[~hit][:, None]
+    owners = np.repeat(np.arange(len(meshes)), [len(t) for _, t, _ in meshes])
+    return image.clip(0, 1, out=image), distance, np.where(hit, owners[index], -1)
+
+
+def _shade(camera, vertices, triangles, normals, colours, index, distance, shadow, light):
+    """Returns (n, 3) colours of the pixels that show a triangle, row by row."""
+    colour = np.empty((np.count_nonzero(index >= 0), 3), np.float32)
+    row, column = np.nonzero(index >= 0)
     for begin in range(0, len(colour), _BATCH):
         part = slice(begin, begin + _BATCH)
         y, x = row[part], column[part]
@@ -174,24 +182,23 @@ def render(meshes, camera, ground=None, background=(0.965, 0.97, 0.978)):
         rim = (1 - np.clip(np.einsum("ij,ij->i", n, view), 0, 1)) ** 3 * 0.10
         shade = 0.40 + 0.24 * sky + 0.46 * diffuse
         colour[part] = colours[t] * shade[:, None] + (gloss + rim)[:, None]
-    image[hit] = colour
+    return colour
 
-    # The floor: only its shadows are visible, and they fade into the background with distance.
-    if ground is not None:
-        # The shadows are soft, so that every fourth pixel of the floor suffices.
-        step = 4
-        coarse = camera.rays(np.arange(0, width, step)[None, :], np.arange(0, height, step)[:, None])
-        along = np.where(coarse[..., 2] < -1e-6, (ground - camera.eye[2]) / np.minimum(coarse[..., 2], -1e-6), np.nan)
-        away = np.hypot(camera.eye[0] + coarse[..., 0] * along - shadow.centre[0],
-                        camera.eye[1] + coarse[..., 1] * along - shadow.centre[1]) / shadow.radius
-        floor = away < 2.6
-        occluded = np.zeros(floor.shape)
-        occluded[floor] = 1 - shadow.lit(camera.eye + coarse[floor] * along[floor][:, None], spread=16.0)
-        darkness = 0.20 * occluded * np.clip(2.6 - np.nan_to_num(away, nan=9.0), 0, 1)
-        darkness = darkness.repeat(step, axis=0).repeat(step, axis=1)[:height, :width]
-        image[~hit] *= 1 - darkness[~hit][:, None]
-    owners = np.repeat(np.arange(len(meshes)), [len(t) for _, t, _ in meshes])
-    return image.clip(0, 1, out=image), distance, np.where(hit, owners[index], -1)
+
+def _floor_darkness(camera, shadow, ground):
+    """Returns (height, width) darkness of a floor of which only the shadows are visible, and fade with distance."""
+    width, height = camera.size
+    # The shadows are soft, so that every fourth pixel of the floor suffices.
+    step = 4
+    coarse = camera.rays(np.arange(0, width, step)[None, :], np.arange(0, height, step)[:, None])
+    along = np.where(coarse[..., 2] < -1e-6, (ground - camera.eye[2]) / np.minimum(coarse[..., 2], -1e-6), np.nan)
+    away = np.hypot(camera.eye[0] + coarse[..., 0] * along - shadow.centre[0],
+                    camera.eye[1] + coarse[..., 1] * along - shadow.centre[1]) / shadow.radius
+    floor = away < 2.6
+    occluded = np.zeros(floor.shape)
+    occluded[floor] = 1 - shadow.lit(camera.eye + coarse[floor] * along[floor][:, None], spread=16.0)
+    darkness = 0.20 * occluded * np.clip(2.6 - np.nan_to_num(away, nan=9.0), 0, 1)
+    return darkness.repeat(step, axis=0).repeat(step, axis=1)[:height, :width]
 
 
 def seen(meshes, camera):

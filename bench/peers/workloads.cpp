@@ -37,6 +37,13 @@ peers::Shape shape_of(const std::vector<Vec3d>& vertices, const std::vector<Tria
   return s;
 }
 
+// Replaces a cylinder by the prism around it, for peers that support hulls only.
+ConvexPartPtr with_prism(const ConvexPartPtr& part) {
+  if (!part->primitive || part->primitive->kind != Primitive::Kind::kCylinder) return part;
+  const Vec3d& size = part->primitive->size;
+  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), part->radius, "cylinder").parts[0];
+}
+
 Problem of_spheres(int resolution, Kind kind) {
   const Shape sphere = make_uv_sphere(kRadius, resolution);
   Problem p;

@@ -174,8 +174,7 @@ class ShmChannel final : public Channel {
   // --- segments and slots
 
   bool grow(std::uint64_t request_bytes, std::uint64_t reply_bytes, Deadline deadline, std::string& why) {
-    return segments_.grow(
-        request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
+    return segments_.grow(request_bytes, reply_bytes, deadline, [this] { return watch(); }, why);
   }
   ClientSegment& current() const { return *segments_.current(); }
 

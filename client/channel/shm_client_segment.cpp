@@ -13,7 +13,7 @@
 namespace clearance {
 
 ClientSegment::ClientSegment(const shm::UniqueFd& memfd, const std::string& url) {
-  struct stat file {};
+  struct stat file{};
   if (::fstat(memfd.get(), &file) != 0 || file.st_size < static_cast<off_t>(shm::kPage))
     throw ConnectionError(url + ": the daemon handed over something that is not a segment");
   bytes_ = static_cast<std::uint64_t>(file.st_size);

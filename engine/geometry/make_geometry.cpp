@@ -97,12 +97,6 @@ Primitive cylinder_of(double radius, double length) {
   return {Primitive::Kind::kCylinder, {radius, radius, 0.5 * length}};
 }
 
-ConvexPartPtr with_prism(const ConvexPartPtr& part) {
-  if (!part->primitive || part->primitive->kind != Primitive::Kind::kCylinder) return part;
-  const Vec3d& size = part->primitive->size;
-  return geometry_of_shape(make_cylinder(size.x, 2 * size.z), part->radius, "cylinder").parts[0];
-}
-
 Geometry geometry_of_points(std::span<const Vec3d> points, double radius) {
   Geometry out;
   auto display = std::make_shared<DisplayMesh>();

@@ -24,8 +24,6 @@ Geometry geometry_of_points(std::span<const Vec3d> points, double radius);
 /// The primitive of a cone or a cylinder of this radius and length.
 Primitive cone_of(double radius, double length);
 Primitive cylinder_of(double radius, double length);
-/// Replaces a cylinder by the prism around it, for code that supports hulls only. Returns any other part unchanged.
-ConvexPartPtr with_prism(const ConvexPartPtr& part);
 
 /// Makes a part of a surface or solid mesh, enclosed by the hull of its vertices.
 /// Throws std::invalid_argument as Surface and make_convex_part() do.

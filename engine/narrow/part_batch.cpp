@@ -122,8 +122,8 @@ void PartBatch::group_mixed() {
   add_group_alone(in_lanes, end);
 }
 
-void PartBatch::run_group(const Group& group, WorkMeter& meter) {
-  if (!group.in_lanes) return;
+// Makes the group's lane pairs and their hulls. Returns their work.
+std::uint64_t PartBatch::gather_pairs(const Group& group) {
   const std::size_t count = group.end - group.begin;
   hulls_.clear();
   hulls_.reserve(group.same_hulls ? 2 : 2 * count);  // lanes keep pointers to them
@@ -150,7 +150,14 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
                       task.max_distance, task.stop_below});
   }
   assert(hulls_.size() <= (group.same_hulls ? 2 : 2 * count));  // otherwise they have moved
-  if (answers_.size() < count) {                                // resized last, since memory may run out before
+  return units;
+}
+
+void PartBatch::run_group(const Group& group, WorkMeter& meter) {
+  if (!group.in_lanes) return;
+  const std::size_t count = group.end - group.begin;
+  const std::uint64_t units = gather_pairs(group);
+  if (answers_.size() < count) {  // resized last, since memory may run out before
     witnesses_.resize(count);
     unresolved_.resize(count);
     answers_.resize(count);

@@ -107,6 +107,7 @@ class PartBatch {
   bool may_fill_lanes() const;
   void group_by_kind();
   void group_mixed();
+  std::uint64_t gather_pairs(const Group& group);
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
   static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }

@@ -38,7 +38,7 @@ void on_signal(int number) {
 }
 
 void handle_signals() {
-  struct sigaction action {};
+  struct sigaction action{};
   action.sa_handler = on_signal;
   for (const int number : {SIGTERM, SIGINT, SIGHUP}) sigaction(number, &action, nullptr);
   // Ignored, so that writing to a closed socket or beyond RLIMIT_FSIZE (a segment) is an error of the call.

@@ -74,7 +74,7 @@ __global__ void __launch_bounds__(kTile, kLeanBlocks) answer_lean(const __grid_c
                       count = group.count * c.configurations;
   const LeanItem item(c, group, place < count ? place : count - 1);
   const PairRef ref = c.pairs[item.pair];
-  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, item.k), at_b(c.bodies, c.configurations, ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(c, ref, item.k);
   // Poses are loaded while hulls are copied.
   const PairFrame<T> at = place_pair<T>(at_a, *head_a, at_b, *head_b);
   const auto [a, b] = share_pair<T>(c, group);

@@ -14,7 +14,7 @@ __global__ void __launch_bounds__(kTile)
     if (i >= list.count) continue;
     const std::uint32_t row = c.rest[i], k = row / c.pair_count;
     const PairRef ref = in_order[row % c.pair_count];
-    const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+    const auto [at_a, at_b] = poses_of(c, ref, k);
     write_answer(c, row, k, at_a, at_b, open_answer(c, c.pair_limits, ref, k, at_a, at_b));
   }
 }

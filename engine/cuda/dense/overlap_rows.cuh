@@ -11,8 +11,7 @@ __device__ inline std::uint64_t row_of(const ChunkView& c, const Enclosed& e) {
 // Outcome of a pair, with its row written if proved. Not inlined, so that it takes no registers from the iteration.
 __device__ __noinline__ inline PairOutcome prove_row(const ChunkView& c, Enclosed e) {
   const PairRef pair = c.pairs[e.pair];
-  const BodyPoseRef at_a(c.bodies, c.configurations, pair.a, e.configuration),
-      at_b(c.bodies, c.configurations, pair.b, e.configuration);
+  const auto [at_a, at_b] = poses_of(c, pair, e.configuration);
   PairAnswer answer;
   answer.flags = flags_of(at_a, at_b);
   const PairOutcome outcome = proved(c, e, at_a, at_b, slack_of_pair(c, pair, e.configuration).outer, answer);

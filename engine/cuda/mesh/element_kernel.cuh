@@ -48,8 +48,7 @@ __device__ inline PairOutcome answer_elements(const ReducedView& r, const Item& 
                                               typename Search::SharedScratch& scratch, PairAnswer& answer,
                                               bool& is_mine) {
   const ChunkView& c = r.chunk;
-  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
   PairLimits q = c.pair_limits;
   if (kAny) q.max_distance = margin_of(r, item.p);
   is_mine = threadIdx.x % 32 == 0;
@@ -91,8 +90,7 @@ __global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __gri
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
         outcome = answer_elements<kAny, typename Kind::Search>(r, item, scratch, answer, is_mine);
         if (is_mine && (outcome == PairOutcome::kConverged || outcome == PairOutcome::kWithoutParts)) {
-          const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
-              at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+          const auto [at_a, at_b] = poses_of(r.chunk, item.ref, item.k);
           r.answers[i] = answer;
           if constexpr (kAny)
             offer_to_decision(r, item, i, answer);
@@ -117,8 +115,7 @@ __global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __gri
 template <class Kind>
 __device__ inline double element_cutoff_of(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
-  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.pair_limits.max_distance) return gap;
   return slack_of_pair(c, item.ref, item.k).true_upper(Kind::upper_bound(r, item, at_a, at_b));

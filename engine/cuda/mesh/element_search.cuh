@@ -89,17 +89,9 @@ class HullSearch : public WarpSearch {
     }
     const std::uint32_t free = kStackEntries - stacked_, wide = free > kWayDown ? free - kWayDown : 1,
                         most = wide < 32 ? wide : 32, count = stacked_ < most ? stacked_ : most;
-    __syncwarp();
-    stacked_ -= count;
     const double limit = this->limit();
-    bool there = lane() < count;
-    const std::uint32_t at = there ? scratch_.node[stacked_ + lane()] : 0;
-    const double known = there ? scratch_.node_gap[stacked_ + lane()] : 0;
-    __syncwarp();
-    if (there && known > limit) {
-      leave_out(known);
-      there = false;
-    }
+    std::uint32_t at = 0;
+    const bool there = take(count, limit, scratch_.node, scratch_.node_gap, stacked_, at);
     std::uint32_t right = 0, first = 0, elements = 0;
     if (there) {
       const LoadedNode<Elements> node(set_, at);

@@ -76,17 +76,9 @@ class MeshSearch : public WarpSearch {
     }
     const std::uint32_t wide = free > kMeshWayDown + 3 ? (free - kMeshWayDown) / 3 : 1, most = wide < 32 ? wide : 32,
                         count = stacked_ < most ? stacked_ : most;
-    __syncwarp();
-    stacked_ -= count;
     const double limit = this->limit();
-    bool there = lane() < count;
-    const MeshParts whole = there ? scratch_.parts[stacked_ + lane()] : MeshParts{0, 0};
-    const double known = there ? scratch_.gap[stacked_ + lane()] : 0;
-    __syncwarp();
-    if (there && known > limit) {
-      leave_out(known);
-      there = false;
-    }
+    MeshParts whole{0, 0};
+    const bool there = take(count, limit, scratch_.parts, scratch_.gap, stacked_, whole);
     Division division;
     if (there) division = before_.divided(whole);
     // The nearer of two nodes goes on top.

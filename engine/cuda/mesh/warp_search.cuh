@@ -82,6 +82,25 @@ class WarpSearch {
     count += static_cast<std::uint32_t>(__popc(all));
   }
 
+  // Takes `count` entries off the end of a list, one per thread. Leaves out those beyond the limit. All threads of the
+  // warp call it.
+  // \returns whether this thread has an entry
+  template <class What>
+  __device__ bool take(std::uint32_t count, double limit, const What* list, const float* gaps, std::uint32_t& size,
+                       What& what) {
+    __syncwarp();
+    size -= count;
+    bool there = lane() < count;
+    if (there) what = list[size + lane()];
+    const double known = there ? gaps[size + lane()] : 0;
+    __syncwarp();
+    if (there && known > limit) {
+      leave_out(known);
+      there = false;
+    }
+    return there;
+  }
+
   // Evaluates two parts per thread by GJK.
   // \param there whether this thread has parts
   // \param along receives the direction that proves the new nearest, from a towards b in the axes of a

@@ -214,4 +214,11 @@ struct BodyPoseRef {
   __device__ Status status() const { return static_cast<Status>(state & kStateStatus); }
 };
 
+struct PairPoses {
+  BodyPoseRef a, b;
+};
+__device__ inline PairPoses poses_of(const ChunkView& c, PairRef ref, std::uint32_t k) {
+  return {{c.bodies, c.configurations, ref.a, k}, {c.bodies, c.configurations, ref.b, k}};
+}
+
 }  // namespace clearance::cuda

@@ -43,8 +43,7 @@ __global__ void __launch_bounds__(kItemThreads) evaluate_near_pairs(const __grid
       const Item item(r, r.items[i]);
       PairAnswer answer = beyond_answer(0);  // for skipped pairs
       if (!is_decided_before(r, item)) {
-        const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-            at_b(c.bodies, c.configurations, item.ref.b, item.k);
+        const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
         PairLimits q = c.pair_limits;
         q.max_distance = margin_of(r, item.p);
         outcome = kind == PairKind::kLeft
@@ -93,7 +92,7 @@ __global__ void __launch_bounds__(kItemThreads)
 __device__ inline void write_decision(const ReducedView& r, std::uint32_t k, std::uint64_t key, bool within) {
   const ChunkView& c = r.chunk;
   const PairRef ref = c.pairs[key >> 32];
-  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const auto [at_a, at_b] = poses_of(c, ref, k);
   PairAnswer answer = r.answers[static_cast<std::uint32_t>(key)];
   answer.status = within ? decided_status(answer.lower, answer.upper) : Status::kUnconverged;
   if (r.unusable[k] != kNoPair) answer.flags |= kFlagIncomplete;

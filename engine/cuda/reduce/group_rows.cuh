@@ -34,7 +34,7 @@ __device__ inline void write_empty(const ReducedView& r, std::uint64_t at) {
 __device__ inline void write_unusable(const ReducedView& r, std::uint64_t at, PairRef ref) {
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const auto [at_a, at_b] = poses_of(c, ref, k);
   PairAnswer answer = no_answer(pair_status(at_a.status(), at_b.status()));
   answer.flags = flags_of(at_a, at_b) | kFlagIncomplete;
   write_answer(c, at, k, at_a, at_b, answer);
@@ -49,7 +49,7 @@ __device__ inline void write_group(const ReducedView& r, std::uint64_t at, PairR
   if (unusable != kNoPair && !(answer.upper <= 0)) return write_unusable(r, at, r.chunk.pairs[unusable]);
   const ChunkView& c = r.chunk;
   const auto k = static_cast<std::uint32_t>(at / r.groups);
-  const BodyPoseRef at_a(c.bodies, c.configurations, ref.a, k), at_b(c.bodies, c.configurations, ref.b, k);
+  const auto [at_a, at_b] = poses_of(c, ref, k);
   const PairLimits& q = c.pair_limits;
   if (has_uncertainties(c))
     widen_to_group(answer, lower, q.max_distance, q.abs_tol, q.rel_tol, pair_slack(c, ref, k),
@@ -104,8 +104,7 @@ __global__ void __launch_bounds__(kItemThreads) write_hits(const __grid_constant
     const std::uint64_t at = hits_before(r, place / 32) + __popc(word & (bit - 1));
     if (at >= r.reply_rows) continue;
     const Item item = listed_item(r, i);
-    const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-        at_b(c.bodies, c.configurations, item.ref.b, item.k);
+    const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
     write_answer(c, at, item.k, at_a, at_b, r.answers[i]);
   }
 }

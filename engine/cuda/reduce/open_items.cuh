@@ -18,8 +18,7 @@ __global__ void __launch_bounds__(kItemThreads)
     if (i >= list.count) continue;
     const std::uint32_t at = c.rest[i];
     const Item item = listed_item(r, at);
-    const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-        at_b(c.bodies, c.configurations, item.ref.b, item.k);
+    const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
     PairLimits q = c.pair_limits;
     if (kAny) q.max_distance = margin_of(r, item.p);
     const PairAnswer answer = open_answer(c, q, item.ref, item.k, at_a, at_b);

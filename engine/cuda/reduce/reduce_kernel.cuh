@@ -52,8 +52,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
 // Distance beyond which no pair of the item's groups needs to be evaluated: the item's upper bound or, if its boxes
 // alone are beyond max_distance, their gap. At least 0, since touching boxes give no bound on depths.
 __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
-  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
   const double gap = certify_box_gap(at_a.box(), at_b.box());
   if (gap > c.pair_limits.max_distance) return gap;
   PairHeads heads;  // of two convex parts, whose distance is at least the bodies'
@@ -71,8 +70,7 @@ __device__ inline double cutoff_of(const ChunkView& c, const Item& item) {
 // The same for a pair that the CPU answers, by the balls around both origins that contain the bodies.
 __device__ inline double cutoff_of_left(const ReducedView& r, const Item& item) {
   const ChunkView& c = r.chunk;
-  const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-      at_b(c.bodies, c.configurations, item.ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
   const auto rho = [&](std::uint32_t body) {
     const std::uint32_t set = r.elements.of_body[body];
     if (set != kNone) return r.elements.sets[set].is_empty ? __builtin_inf() : r.elements.sets[set].hull.rho;
@@ -162,8 +160,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
     bool several = false;
     if (i < count) {
       const Item item = listed_item(r, i);
-      const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
       enclosed.pair = item.p;
       enclosed.configuration = item.k;
       const PairKind kind = kind_of(r, item);
@@ -196,8 +193,7 @@ __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_const
     if (first + threadIdx.x < count) {
       i = r.several[first + threadIdx.x];
       const Item item = listed_item(r, i);
-      const BodyPoseRef at_a(c.bodies, c.configurations, item.ref.a, item.k),
-          at_b(c.bodies, c.configurations, item.ref.b, item.k);
+      const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
       PairAnswer answer;
       outcome = solve_parts<false>(c, c.pair_limits, item.ref, item.k, at_a, at_b, answer);
       if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) {
@@ -216,8 +212,7 @@ __global__ void __launch_bounds__(kItemThreads)
   if (i >= count) return;
   const std::uint32_t at = r.chunk.rest[i];
   const Item item = listed_item(r, at);
-  const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
-      at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+  const auto [at_a, at_b] = poses_of(r.chunk, item.ref, item.k);
   const PairAnswer answer = answers[i];
   r.answers[at] = answer;
   offer(r, item, at, answer, at_a, at_b);
@@ -238,8 +233,7 @@ __global__ void __launch_bounds__(kItemThreads) choose_winners(const __grid_cons
         take_least(r.winner + g, std::uint64_t{item.p} << 32 | i);
     });
     if (!wants_lowest(r)) continue;
-    const BodyPoseRef at_a(r.chunk.bodies, r.chunk.configurations, item.ref.a, item.k),
-        at_b(r.chunk.bodies, r.chunk.configurations, item.ref.b, item.k);
+    const auto [at_a, at_b] = poses_of(r.chunk, item.ref, item.k);
     const std::uint64_t of_group = order_key(group_lower(answer, at_a, at_b));
     for_groups(r, item, [&](std::size_t g) {
       if (of_group == r.lower[g]) take_least(r.lowest + g, std::uint64_t{item.p} << 32 | i);

@@ -41,7 +41,8 @@ struct ReducedSlot : QuerySlot {
   void rank(const std::uint32_t* words, std::uint32_t* ranks) {
     const auto counts = thrust::make_transform_iterator(words, CountBits());
     void* memory = scan_bytes == 0 ? nullptr : device_scan.data();
-    check(cub::DeviceScan::ExclusiveSum(memory, scan_bytes, counts, ranks, hit_word_count(view), stream), "ranking rows");
+    check(cub::DeviceScan::ExclusiveSum(memory, scan_bytes, counts, ranks, hit_word_count(view), stream),
+          "ranking rows");
   }
   void reserve_ranks() {
     scan_bytes = 0;

@@ -24,7 +24,7 @@ BodyKind kind_of(const engine::Scene& scene, const Device& device, std::uint32_t
 }
 
 // The kernel for pairs of two such bodies, one of which is not a hull. Null if the CPU answers them.
-bool ElementKinds::*kernel_for(BodyKind a, BodyKind b) {
+bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
   if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
   if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
   switch (a == BodyKind::kHull ? b : a) {
@@ -56,7 +56,7 @@ void list_in_order(const engine::Scene& scene, const Device& device, const Plan&
       refs.push_back({ref[a], ref[b]});
       if (of_a == BodyKind::kHull && of_b == BodyKind::kHull) continue;
       is_listed[a] = is_listed[b] = 1;
-      if (bool ElementKinds::*const kernel = kernel_for(of_a, of_b))
+      if (bool ElementKinds::* const kernel = kernel_for(of_a, of_b))
         list.kinds.*kernel = true;
       else
         ++left;

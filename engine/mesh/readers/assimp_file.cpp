@@ -221,8 +221,8 @@ MeshTransform AssimpFile::transform_of_node(const aiNode& node) const {
   if (settings_.node_rounding == 0) return X;
   // Float32 rounds only a matrix within half a last bit of the identity to the identity.
   const bool is_identity = X.is_identity();
-  const double entry = (is_identity ? 0x1p-23 : settings_.node_rounding) *
-                       (settings_.inverts_nodes && !is_identity ? condition(X) : 1);
+  const double entry =
+      (is_identity ? 0x1p-23 : settings_.node_rounding) * (settings_.inverts_nodes && !is_identity ? condition(X) : 1);
   double scale = 0, shift = 0;
   for (const auto& row : X.m) {
     scale = std::max(scale, std::abs(row[0]) + std::abs(row[1]) + std::abs(row[2]));

@@ -11,7 +11,7 @@
 #include "engine/mesh/mesh_bytes.h"
 #include "engine/mesh/mesh_text.h"
 #include "engine/mesh/readers/mesh_assimp.h"
-#include "engine/mesh/readers/zip_file.h"
+#include "engine/mesh/zip_file.h"
 
 namespace clearance {
 

@@ -1,4 +1,4 @@
-#include "engine/mesh/readers/zip_file.h"
+#include "engine/mesh/zip_file.h"
 
 #include <minizip/unzip.h>
 
