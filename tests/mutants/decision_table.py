@@ -47,31 +47,6 @@ DECISION_MUTANTS = [
             "nullptr",
         ),
         ("decision_farthest", "decision/slack_bounds.cpp", "(@own@ + (is_carried ?", "0.1 * own"),
-        # Poses that the query gives.
-        ("pose_along", "decision/slack_bounds.cpp", "uncertainty_of(body, {{@own@, 0, 0}}", "0.1 * own"),
-        (
-            "pose_far",
-            "decision/cover_plan.cpp",
-            "norm(poses[m].translation) <= @most_distance_[m]@)",
-            "HUGE_VAL",
-        ),
-        ("pose_length", "decision/cover_plan.cpp", "@normalize(poses[m])@", "(void)0"),
-        ("pose_carrier", "decision/cover_plan.cpp", "? @!has_pose_[decided.carrier]@ :", "false"),
-        (
-            "pose_parent",
-            "decision/cover_plan.cpp",
-            "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
-            "false",
-        ),
-        # The tree of obstacles.
-        ("node_reach", "decision/cover_pairs.cpp", "@longer(o.outer_radius)@", "0.5 * longer(o.outer_radius)"),
-        ("node_box", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + y * y + z * z@))", "x * x + y * y"),
-        ("node_cylinder", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + z * z@))", "z * z"),
-        ("node_below", "decision/cover_pairs.cpp", "take(out.node_bound_.data() + @below@ * columns", "(n + 1)"),
-        ("node_skip", "decision/cover_pairs.cpp", "below = @out.nodes_[below].skip@)", "node.skip"),
-        # Pairs of bodies that stay.
-        ("still_box", "evaluate/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
-        ("still_answer", "evaluate/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
         # The search through balls.
         ("decision_open", "decision/kernel/decide_kernel.h", "if (!(result & @kOpen@)) return;", "Bits{8}"),
         (
@@ -192,12 +167,6 @@ DECISION_MUTANTS = [
             "open.insert(open.end(), @covers().unknown().begin()@",
             "covers().unknown().end()",
         ),
-        (
-            "decision_left_open",
-            "query/decision_job.cpp",
-            "room.open.begin() + @decision.open_end@)",
-            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
-        ),
         # Distances.
         ("distance_drop_far", "decision/kernel/least_bounds.h", "lay_aside(@of[i].lower@, of[i].position)", "1e30f"),
         (
@@ -286,6 +255,55 @@ DECISION_MUTANTS = [
             "1u",
         ),
     ),
+    # Poses that the query gives.
+    *mutants_of(
+        "decisions PoseDecisions.RowsNear*",
+        ("pose_along", "decision/slack_bounds.cpp", "uncertainty_of(body, {{@own@, 0, 0}}", "0.1 * own"),
+        ("pose_length", "decision/cover_plan.cpp", "@normalize(poses[m])@", "(void)0"),
+    ),
+    *mutants_of(
+        "decisions PoseDecisions.SlackIs*",
+        (
+            "pose_far",
+            "decision/cover_plan.cpp",
+            "norm(poses[m].translation) <= @most_distance_[m]@)",
+            "HUGE_VAL",
+        ),
+    ),
+    *mutants_of(
+        "decisions PoseDecisions.Followers*",
+        ("pose_carrier", "decision/cover_plan.cpp", "? @!has_pose_[decided.carrier]@ :", "false"),
+    ),
+    *mutants_of(
+        "decisions PoseDecisions.Stale*",
+        (
+            "pose_parent",
+            "decision/cover_plan.cpp",
+            "parent != kNone && @snapshot_.placed[parent].status != Status::kOk@)",
+            "false",
+        ),
+    ),
+    # The tree of obstacles, and an open pair that is forgotten.
+    *mutants_of(
+        "decisions PoseDecisions.RowsAmong*",
+        ("node_reach", "decision/cover_pairs.cpp", "@longer(o.outer_radius)@", "0.5 * longer(o.outer_radius)"),
+        ("node_box", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + y * y + z * z@))", "x * x + y * y"),
+        ("node_cylinder", "decision/cover_pairs.cpp", "longer(std::sqrt(@x * x + z * z@))", "z * z"),
+        ("node_below", "decision/cover_pairs.cpp", "take(out.node_bound_.data() + @below@ * columns", "(n + 1)"),
+        ("node_skip", "decision/cover_pairs.cpp", "below = @out.nodes_[below].skip@)", "node.skip"),
+        (
+            "decision_left_open",
+            "query/decision_job.cpp",
+            "room.open.begin() + @decision.open_end@)",
+            "(decision.open_end > decision.open_begin + 1 ? decision.open_end - 1 : decision.open_end)",
+        ),
+    ),
+    # Pairs of bodies that stay.
+    *mutants_of(
+        "decisions StillPairs.Rows*",
+        ("still_box", "evaluate/still_pairs.cpp", "@box_gap(scene, placement_, pair) > margin@", "true"),
+        ("still_answer", "evaluate/still_pairs.cpp", "(@answers_[i].status == Status::kBeyond@)", "true"),
+    ),
     *mutants_of(
         "clouds",
         ("cloud_half", "cover/obstacle_shape.cpp", "half = @0.5@ * double{cloud->edge()}", "0.499"),
@@ -315,7 +333,7 @@ DECISION_MUTANTS = [
         ),
     ),
     *mutants_of(
-        "decided_motions",
+        "decided_motions -DecisionBounds.*",
         ("span_bend_of_curve", "decision/span_rates.cpp", "@of(changes.bend).speed@) * kUp", "0.0"),
         ("span_reach_of_curve", "decision/motion_decider.cpp", "reach_[moving.at] = @span.change * half@", "0.0"),
         ("span_table_reach", "decision/kernel/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),

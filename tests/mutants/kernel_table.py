@@ -5,7 +5,7 @@ from mutant import mutants_of
 KERNEL_MUTANTS = [
     # Kernels that evaluate clouds and meshes.
     *mutants_of(
-        "element_kernels",
+        "element_kernels *HoldTheExactDistance",
         (
             "element_boxes",
             "cuda/mesh/element_parts.cuh",
@@ -33,7 +33,7 @@ KERNEL_MUTANTS = [
     ),
     # Kernels that evaluate pairs of meshes.
     *mutants_of(
-        "mesh_kernels",
+        "mesh_kernels *HoldTheExactDistance",
         (
             "mesh_boxes",
             "cuda/mesh/mesh_parts.cuh",
@@ -63,7 +63,7 @@ KERNEL_MUTANTS = [
     ),
     # Kernels that evaluate motions.
     *mutants_of(
-        "motion_kernels",
+        "motion_kernels *Arm*:*plate:*graze",
         (
             "motion_kernel_boxes",
             "cuda/motion/motion_kernel.cuh",

@@ -8,12 +8,12 @@ from typing import NamedTuple
 class Mutant(NamedTuple):
     """A deliberate error."""
 
-    program: str
+    program: str  # and the tests that run, as in --gtest_filter
     name: str
     file: str
     edits: list[tuple[str, str]]
 
 
 def mutants_of(program: str, *rows: tuple[str, ...]) -> list[Mutant]:
-    """Mutants of one program. A row holds a name, a file, then text and replacement of each edit."""
+    """Mutants of a program or of some of its tests. A row holds name, file, then text and replacement of each edit."""
     return [Mutant(program, name, file, list(zip(edits[::2], edits[1::2]))) for name, file, *edits in rows]

@@ -3,7 +3,7 @@
 
 mutants.py OUT      writes the mutated files to OUT/engine; files that would not change keep their time
 mutants.py --files  prints the mutated files, and the sources that include a mutated header, relative to engine/
-mutants.py --tests  prints a line "NAME PROGRAM" for each mutant
+mutants.py --tests  prints a line "NAME PROGRAM [TESTS]" for each mutant
 """
 
 from __future__ import annotations

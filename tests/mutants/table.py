@@ -1,9 +1,10 @@
 """The mutants: deliberate errors in the engine, each of which a test must find.
 
-Each has a name, the program that must find it (CMakeLists.txt), a file below engine/, and edits. An edit is a text that
-stands in the file exactly once, and an expression that replaces it, or the part of it between two @. All mutants of a
-file are compiled together, each as `clearance_mutant == NUMBER ? (replacement) : (original)`; the environment variable
-CLEARANCE_MUTANT selects one. A replacement that begins with = stands in all of them.
+Each has a name, the program that must find it (CMakeLists.txt), a file below engine/, and edits. Where other tests of
+the program are slow, a group of mutants names the tests that must find them. An edit is a text that stands in the file
+exactly once, and an expression that replaces it, or the part of it between two @. All mutants of a file are compiled
+together, each as `clearance_mutant == NUMBER ? (replacement) : (original)`; the environment variable CLEARANCE_MUTANT
+selects one. A replacement that begins with = stands in all of them.
 """
 
 from __future__ import annotations
@@ -74,7 +75,7 @@ MUTANTS = [
     ),
     # Uncertainty of poses.
     *mutants_of(
-        "slack",
+        "slack Slack.*",
         ("slack_boxes", "selection/body_poses.cpp", "grown(box, slack.inner)", "grown(box, 0 * slack.inner)"),
         (
             "slack_side",
@@ -110,7 +111,7 @@ MUTANTS = [
     ),
     # Rounding errors of the kinematics.
     *mutants_of(
-        "links",
+        "slack LinkSlack.*",
         ("link_shift", "uncertainty/uncertainty_step.h", "along + shifted + @joints.shift@)", "0.0"),
         ("link_turn", "uncertainty/uncertainty_step.h", "turned + @joints.turn@)", "0.0"),
         ("link_pair", "uncertainty/uncertainty_step.h", "Slack{joints, joints}", "Slack{0 * joints, 0 * joints}"),
@@ -123,12 +124,12 @@ MUTANTS = [
     ),
     # Regions of joint space, a tenth larger than proved.
     *mutants_of(
-        "free_scale",
+        "slack FreeScale.*",
         ("free_scale", "motion/free_scale.cpp", "@2@ * room / (", "2.2"),
     ),
     # Decisions by margins.
     *mutants_of(
-        "margins",
+        "slack Margins.*",
         ("margins", "selection/margins.cpp", "= @entries[static_cast<std::size_t>(entry)].margin@", "query.margin"),
         (
             "decision",
@@ -164,14 +165,6 @@ MUTANTS = [
         ("cover_growth", "cover/cover_simplices.cpp", "kCoverTiny + @s.growth@", "0 * s.growth"),
         ("cover_excess", "cover/cover_shape.cpp", "growth = (growth + @few->excess@) * kUp", "0 * few->excess"),
         ("cover_radius", "cover/cover_shape.cpp", "double growth = @part.radius@;", "0 * part.radius"),
-        ("mesh_corners", "cover/mesh/mesh_cells.cpp", "if (@cell.is_inside[i]@) points.push_back", "false"),
-        (
-            "mesh_cut",
-            "cover/mesh/mesh_cells.cpp",
-            "add_below(cell.polygon(i), axis, 1, @middle + growth_@, below)",
-            "middle - 1e-3",
-        ),
-        ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
         ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() / 2"),
         (
             "cover_cylinder",
@@ -186,6 +179,20 @@ MUTANTS = [
             "* @std::min({size.x, size.y, size.z})@",
             "std::max({size.x, size.y, size.z})",
         ),
+    ),
+    *mutants_of(
+        "covers MeshCover.CellsHold*",
+        ("mesh_corners", "cover/mesh/mesh_cells.cpp", "if (@cell.is_inside[i]@) points.push_back", "false"),
+        (
+            "mesh_cut",
+            "cover/mesh/mesh_cells.cpp",
+            "add_below(cell.polygon(i), axis, 1, @middle + growth_@, below)",
+            "middle - 1e-3",
+        ),
+    ),
+    *mutants_of(
+        "covers MeshCover.InnerRadiiHold",
+        ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
     ),
     # Meshes and point clouds: the search through elements, and containment.
     *mutants_of(
@@ -262,7 +269,7 @@ MUTANTS = [
     ),
     # Rows of meshes that depend on rows before them.
     *mutants_of(
-        "batches",
+        "batches SurfaceBatches.*",
         ("remembers", "mesh_distance/element_search.h", "known_ = {}", "known_ = {.are_apart = known_.are_apart}"),
     ),
     # Obstacles of covers, and the gaps of points from them.
@@ -300,7 +307,7 @@ MUTANTS = [
     ),
     # Bounds on motions.
     *mutants_of(
-        "motions",
+        "motions HalfSpans.*:JointCurve.*:MotionBounds.*:MotionRates.*:*MotionOracleTest.*",
         ("motion_bend_of_one", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * (2 * sum.turn)"),
         ("motion_bend_of_two", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * turn"),
         (
@@ -409,9 +416,12 @@ MUTANTS = [
             "bounds = {@std::min(bounds.lower, of_parts.lower)@",
             "of_parts.lower",
         ),
-        ("table_contained", "joint_table/mesh_gap.cpp", "if (@!(gap.lower > 0)@) return gap", "true"),
         ("table_column", "joint_table/joint_table_maker.cpp", "@blocks[k].at[c]@ + 0.5", "blocks[k].at[0]"),
         ("table_levels", "joint_table/joint_table.cpp", "joined = {@std::min(joined.low, cell.low)@", "cell.low"),
+    ),
+    *mutants_of(
+        "tables JointTable.HoldsForMeshes",
+        ("table_contained", "joint_table/mesh_gap.cpp", "if (@!(gap.lower > 0)@) return gap", "true"),
     ),
     *DECISION_MUTANTS,
     *KERNEL_MUTANTS,
