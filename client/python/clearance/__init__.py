@@ -46,6 +46,7 @@ from ._query.path_report import PathPoint, PathReport
 from ._query.plan import PathPlan
 from ._query.prepared import Prepared
 from ._query.result import Result
+from ._query.trajectory import Trajectory
 from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
 from ._version import __version__
@@ -103,6 +104,7 @@ __all__ = [
     "StaleQuery",
     "Status",
     "TimeoutError",
+    "Trajectory",
     "__version__",
     "connect",
     "from_coal",

@@ -16,7 +16,7 @@ from ._joints import Joints
 class LimitViolation:
     """A joint beyond its limits. Radians or metres."""
 
-    configuration: int  #: row of the positions, or waypoint of a path
+    configuration: int  #: row of the positions, waypoint of a path, or segment of a trajectory
     joint: str
     position: float
     lower: float  #: -inf without a limit
@@ -82,3 +82,41 @@ def beyond_limits(rows: np.ndarray, joints: Joints, what: str) -> Optional[Beyon
         text = f"{what}: {beyond.first()}; in degrees they would be within: positions are in radians"
         warn(text, JointLimitWarning)
     return beyond
+
+
+_MOST_HALVINGS = 14  # of a curve near a limit
+
+
+def curves_beyond_limits(points: np.ndarray, joints: Joints) -> tuple[LimitViolation, ...]:
+    """Returns the first violation of each joint among (K, D + 1, J) Bezier control points, in the order of joints.
+
+    A curve is within limits if its control points are, at some level of subdivision. Exact apart from rounding.
+    """
+    mask = np.any((points < joints.lower) | (points > joints.upper), axis=1)
+    violations = []
+    for j in np.flatnonzero(mask.any(axis=0)).tolist():
+        limits = float(joints.lower[j]), float(joints.upper[j])
+        for k in np.flatnonzero(mask[:, j]).tolist():
+            position = _beyond(points[k, :, j], *limits, _MOST_HALVINGS)
+            if position is not None:
+                violations.append(LimitViolation(k, joints.names[j], position, *limits))
+                break
+    return tuple(violations)
+
+
+def _beyond(points: np.ndarray, lower: float, upper: float, halvings: int) -> Optional[float]:
+    """Returns a position of a curve that is not shown to be within limits, or None."""
+    outside = (points < lower) | (points > upper)
+    if not outside.any():
+        return None
+    if outside[0] or outside[-1]:
+        return float(points[0] if outside[0] else points[-1])
+    if halvings == 0:
+        return float(points[outside.argmax()])
+    before, after = [points[0]], [points[-1]]
+    while len(points) > 1:
+        points = points[:-1] + 0.5 * (points[1:] - points[:-1])
+        before.append(points[0])
+        after.append(points[-1])
+    found = _beyond(np.array(before), lower, upper, halvings - 1)
+    return _beyond(np.array(after[::-1]), lower, upper, halvings - 1) if found is None else found

@@ -9,13 +9,14 @@ from typing import Any, Callable, ClassVar, Optional
 import numpy as np
 
 from .._arguments import to_floats
-from .._limits import LimitViolation, beyond_limits
+from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
 from .._poses import as_pose7
 from .._words import FIELD_MASKS, Field, Reduce, Status
 from .check import Check
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result
+from .trajectory import Trajectory
 
 #: A query to answer: with its poses (K, M, 7) and positions (K, J), None for the kind that does not move.
 Request = tuple[Run, Optional[np.ndarray], Optional[np.ndarray]]
@@ -102,6 +103,9 @@ class Motions(Call):
 
     def read(self, start: Any = None, end: Any = None) -> Request:
         query = self.query
+        if end is None and _is_curved(query, start):
+            points = _curves(query, start, "start")
+            return query.run(True, len(points), points.shape[1]), None, points.reshape(-1, points.shape[2])
         if query.bodies is None and query.joints is not None:  # the usual case of planners
             first = _positions(start, query.joint_count, "start")
             last = _positions(end, query.joint_count, "end")
@@ -119,19 +123,19 @@ class Paths(Call):
     details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
     def steps(self, path: Any = None) -> Steps:
-        points = arrays_of(self.query, path, "path")
-        count, positions = _count(*points), points[1]
-        if count < 2:
-            raise ValueError(f"path: expected two waypoints or more, got {count}")
+        points, count, each = self._points(path)
+        positions, is_curved = points[1], isinstance(path, Trajectory)
+        if count < 1:
+            raise ValueError(f"path: expected two waypoints or more, got {count + 1}")
         violations: tuple[LimitViolation, ...] = ()
-        is_short = count - 1 <= _FIRST_MOTIONS
+        is_short = count <= _FIRST_MOTIONS
         if positions is not None and not is_short:
             violations = self._violations(positions)
         first, room = 0, _FIRST_MOTIONS
-        while first < count - 1:
-            last = min(first + room, count - 1)
-            poses, rows = (_ends(p, first, last) for p in points)
-            run = self.query.run(True, last - first)
+        while first < count:
+            last = min(first + room, count)
+            poses, rows = (_ends(p, first, last, is_curved) for p in points)
+            run = self.query.run(True, last - first, each)
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
                 violations = self._violations(positions)
@@ -139,8 +143,8 @@ class Paths(Call):
                 first, room = last, min(2 * room, _MOST_MOTIONS)
                 continue
             first += int(np.argmax(Result(answer, _ANY, run).verdict != _BEYOND))
-            poses, rows = (_ends(p, first, first + 1) for p in points)
-            run = self.query.run_of(True, self.details)
+            poses, rows = (_ends(p, first, first + 1, is_curved) for p in points)
+            run = self.query.run_of(True, self.details, each)
             answer = yield run, poses, rows
             result = Result(answer, _ANY, run)
             if result.status[0] != _BEYOND:
@@ -148,8 +152,18 @@ class Paths(Call):
             first += 1
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
 
+    def _points(self, path: Any) -> tuple[tuple[Optional[np.ndarray], Optional[np.ndarray]], int, int]:
+        """Returns waypoints or control points, the number of motions, and of the control points of each."""
+        if isinstance(path, Trajectory):
+            curves = _curves(self.query, path, "path")
+            return (None, curves), len(curves), curves.shape[1]
+        points = arrays_of(self.query, path, "path")
+        return points, _count(*points) - 1, 2
+
     def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
         joints = self.query.joints
+        if joints is not None and positions.ndim == 3:
+            return curves_beyond_limits(positions, joints)
         beyond = None if joints is None else beyond_limits(positions, joints, "path")
         return () if beyond is None else beyond.first_of_each_joint()
 
@@ -231,6 +245,23 @@ def _poses(query: Query, value: Any, what: str) -> np.ndarray:
     return poses
 
 
+def _is_curved(query: Query, start: Any) -> bool:
+    """Whether the motions have control points instead of two ends."""
+    if isinstance(start, Trajectory):
+        return True
+    if start is None or query.joints is None or query.bodies is not None:
+        return False
+    return to_floats(start, "start", "(K, J) numbers").ndim == 3
+
+
+def _curves(query: Query, value: Any, what: str) -> np.ndarray:
+    """Returns (K, D + 1, J) control points of motions of joints."""
+    if query.joints is None or query.bodies is not None:
+        raise ValueError(f"{what}: expected poses, since bodies move: only joints move along a Trajectory")
+    trajectory = value if isinstance(value, Trajectory) else Trajectory(value)
+    return trajectory.columns(query.joints.names, what)
+
+
 def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optional[np.ndarray]:
     """Interleaves the ends of motions as a query expects them: first start, first end, second start, ..."""
     if start is None or end is None:
@@ -242,8 +273,13 @@ def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optio
     return np.stack((start, end), axis=1).reshape(-1, *start.shape[1:])
 
 
-def _ends(waypoints: Optional[np.ndarray], first: int, last: int) -> Optional[np.ndarray]:
-    """Returns the ends of the motions from waypoint `first` to `last`, in turn: every waypoint twice, except those."""
+def _ends(waypoints: Optional[np.ndarray], first: int, last: int, are_curves: bool) -> Optional[np.ndarray]:
+    """Returns the ends of the motions from waypoint `first` to `last`, in turn: every waypoint twice, except those.
+
+    are_curves: of curves instead, their control points.
+    """
+    if are_curves:
+        return None if waypoints is None else waypoints[first:last].reshape(-1, waypoints.shape[2])
     if waypoints is None or len(waypoints) == 2:
         return waypoints
     return np.repeat(waypoints[first : last + 1], 2, axis=0)[1:-1]

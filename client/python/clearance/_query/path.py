@@ -14,7 +14,7 @@ class PathCheck:
     """Whether a whole path is free, or the first motion that is not proved free."""
 
     free: bool  #: whether every pair is proved farther than its margin on every motion
-    index: Optional[int]  #: the first motion that is not free, from waypoint `index` to the next; None if free
+    index: Optional[int]  #: the first motion or segment that is not free, from waypoint `index` on; None if free
     t: Optional[float]  #: 0 to 1 in that motion: time at which `pair` is within its margin, or at which the proof ends
     pair: Optional[tuple[int, int]]  #: ids of the bodies that are not proved free
     status: Status  #: BEYOND if free. OK, CONTACT, OVERLAP: `pair` is proved within its margin at `t`. Others: no proof
@@ -24,7 +24,7 @@ class PathCheck:
 
     @property
     def beyond_limits(self) -> bool:
-        """Whether a joint exceeds its limits. Checked at the waypoints, since motions are straight between them."""
+        """Whether a joint exceeds its limits. Straight motions are checked at their waypoints, curves throughout."""
         return bool(self.limit_violations)
 
     @property

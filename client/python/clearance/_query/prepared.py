@@ -82,7 +82,7 @@ class Prepared:
         Raises as that method does, and StaleQuery.
         """
         by_rows, call = self._by_rows, self._call
-        if by_rows is not None and len(inputs) == len(call.inputs):
+        if by_rows is not None and len(inputs) == len(call.inputs) and inputs[-1] is not None:
             run, ask = by_rows
             if run.names is self._runner._names_cache:
                 try:
@@ -191,7 +191,7 @@ class Prepared:
             query.renew()
         if run.names.revision == query.names.revision:
             return run
-        return query.with_columns(run.bodies is not None or run.joints is not None, run.mask)
+        return query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
 
 
 def check_arguments(

@@ -122,7 +122,7 @@ class Queries:
     def motions(
         self,
         start: Any,
-        end: Any,
+        end: Any = None,
         joints: Optional[JointsRef] = None,
         bodies: Bodies = None,
         pairs: Pairs = None,
@@ -140,7 +140,8 @@ class Queries:
         start, end: (K, J) radians and metres of `joints` for K motions, which are straight lines. A continuous joint
             does not wrap: from 3.1 to -3.1, it turns by 6.2 radians. Without `joints`, (K, M, 7) or (K, M, 4, 4) poses
             of `bodies`, which move linearly and turn at a constant speed in the shorter direction (flag HALF_TURN if
-            both are nearly equal). With joints and bodies, a pair (positions, poses) each.
+            both are nearly equal). With joints and bodies, a pair (positions, poses) each. Without `end`, `start` is a
+            Trajectory, or (K, D + 1, J) Bezier control points of joints, with D from 1 to 7.
         joints, bodies, pairs, timeout_s: as in distances().
         reduce: "min" for a row per motion, the minimum of all pairs; "none" for a row per motion and pair; "any" for a
             row per motion, BEYOND if every pair is proved farther than its margin throughout, otherwise another pair.
@@ -177,7 +178,8 @@ class Queries:
     ) -> PathCheck:
         """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
 
-        path: (N, J) positions of `joints`, (N, M, 7) poses of `bodies`, or a pair of both, for N - 1 motions in a row.
+        path: (N, J) positions of `joints`, (N, M, 7) poses of `bodies`, or a pair of both, for N - 1 motions in a row;
+            or a Trajectory of `joints`, for its segments.
         joints, bodies, pairs, margin, max_evaluations: as in motions() with reduce="any".
         timeout_s: as in distances(), of each of the queries, which have up to 1024 motions.
 

@@ -17,7 +17,7 @@ from .result import fields_mask
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
 #: Rows of wire/query_options.h that are no arguments of calls.
-NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "wait_for"))
+NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "wait_for", "control_points"))
 
 
 class Source(Protocol):
@@ -70,7 +70,7 @@ class Query:
         self._take_margin(given)
         self._options = dict(_options(source._module.OPTIONS, call, given))
         self.reduce = self._options.get("reduce", 0)
-        self._runs: dict[tuple[bool, int], Run] = {}
+        self._runs: dict[tuple[bool, int, int], Run] = {}
         self.rows_each: dict[bool, int] = {}  #: rows of one configuration, cached by the source
 
     def _take_margin(self, given: dict[str, Any]) -> None:
@@ -99,21 +99,22 @@ class Query:
             return self.bodies, self.joints.ids
         return _some(self._movable, "bodies") if self.bodies is None else self.bodies, None
 
-    def run(self, moves: bool, count: int) -> Run:
-        """Returns the query for the current poses, or for `count` configurations."""
-        return self.run_of(moves, self.source._default_fields(self, moves, count) if self.mask is None else self.mask)
+    def run(self, moves: bool, count: int, points: int = 2) -> Run:
+        """Returns the query for the current poses, or for `count` configurations, or motions of some control points."""
+        mask = self.source._default_fields(self, moves, count) if self.mask is None else self.mask
+        return self.run_of(moves, mask, points)
 
-    def run_of(self, moves: bool, mask: int) -> Run:
+    def run_of(self, moves: bool, mask: int, points: int = 2) -> Run:
         """Returns the query with these columns."""
-        run = self._runs.get((moves, mask))
-        return self.with_columns(moves, mask) if run is None else run
+        run = self._runs.get((moves, mask, points))
+        return self.with_columns(moves, mask, points) if run is None else run
 
-    def with_columns(self, moves: bool, mask: int) -> Run:
+    def with_columns(self, moves: bool, mask: int, points: int = 2) -> Run:
         """Returns the query with these columns, and keeps it for run()."""
-        run = self._runs[moves, mask] = self.made(moves, mask)
+        run = self._runs[moves, mask, points] = self.made(moves, mask, points)
         return run
 
-    def made(self, moves: bool, mask: int) -> Run:
+    def made(self, moves: bool, mask: int, points: int = 2) -> Run:
         """Returns the query with these columns."""
         names = self.names
         bodies, joints = self.moved(moves)
@@ -122,6 +123,7 @@ class Query:
         for name, value in self._options.items():
             setattr(raw, name, value)
         raw.fields = mask & ~POINTS_BY_DEFAULT
+        raw.control_points = points
         if mask & POINTS_BY_DEFAULT:
             raw.points_by_default = True
         if self._margins is not None:
@@ -132,7 +134,7 @@ class Query:
             raw.set_weights(self.weights)
         if moves and self.joints is not None:
             raw.set_limits(self.joints.lower, self.joints.upper)
-        return Run(self, raw, mask, names, bodies, joints)
+        return Run(self, raw, mask, names, bodies, joints, points)
 
     # ---- the scene changes ----------------------------------------------------------------------------------------
 
@@ -150,7 +152,7 @@ class Query:
     def _changed_in(self, now: NameTable) -> str:
         """Returns the first difference in the meaning of the query's ids, or an empty string."""
         moved = self._movable if self.bodies is None and self.joints is None else self.bodies
-        if self.bodies is None and not any(moves for moves, _ in list(self._runs)):
+        if self.bodies is None and not any(moves for moves, *_ in list(self._runs)):
             moved = None  # no configurations yet
         for body in [] if moved is None else moved.tolist():
             was, is_now = self.names.parent(body), now.parent(body)
@@ -183,7 +185,8 @@ class Run:
     """
 
     __slots__ = (
-        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "reduce", "timeout_s", "copy",
+        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "reduce", "timeout_s",
+        "copy",
     )  # fmt: skip
 
     def __init__(
@@ -194,8 +197,10 @@ class Run:
         names: NameTable,
         bodies: Optional[np.ndarray],
         joints: Optional[np.ndarray],
+        points: int = 2,
     ):
         self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
+        self.points = points  # of each motion
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
         self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
 
