@@ -7,6 +7,7 @@
 #include "engine/cover/fan.h"
 #include "engine/cover/obstacle.h"
 #include "engine/hull/primitive.h"
+#include "engine/hull/support.h"
 
 namespace clearance {
 
@@ -26,15 +27,13 @@ double length_above(const Vec3d& v) {
 /// Upper bound on the reach of a core along a direction.
 using Reach = std::function<double(const Vec3d& n)>;
 
-double reach_of_hull(const std::vector<Vec3d>& vertices, const Vec3d& n) {
-  double most = -std::numeric_limits<double>::infinity();
-  for (const Vec3d& v : vertices) most = std::max(most, dot(n, v));
-  return most;
-}
-
-/// At most 34 of the points, each as far as possible from those before it.
-std::vector<Vec3d> spread_points(std::vector<Vec3d> points, const Vec3d& centre) {
-  if (points.size() <= kMostHullCorners) return points;
+/// At most 34 of the points, each as far as possible from those before it. Of very many points, only some are tried.
+std::vector<Vec3d> spread_points(const std::vector<Vec3d>& all, const Vec3d& centre) {
+  if (all.size() <= kMostHullCorners) return all;
+  constexpr std::size_t kMostTried = 2048;
+  const std::size_t step = (all.size() + kMostTried - 1) / kMostTried;
+  std::vector<Vec3d> points;
+  for (std::size_t i = 0; i < all.size(); i += step) points.push_back(all[i]);
   std::vector<double> away;
   for (const Vec3d& p : points) away.push_back(squared_norm(p - centre));
   std::vector<Vec3d> chosen;
@@ -94,7 +93,7 @@ void take_box(ObstacleShape& shape, const std::vector<Vec3d>& vertices, const Re
 }
 
 void take_hull(ObstacleShape& shape, const ConvexPart& part) {
-  const Reach reach = [&](const Vec3d& n) { return reach_of_hull(part.vertices, n); };
+  const Reach reach = [&](const Vec3d& n) { return support(part, n).value; };
   if (take_planes(shape, spread_points(part.vertices, part.centre), 0, reach)) return;
   shape.planes.clear();
   take_box(shape, part.vertices, reach);

@@ -43,9 +43,10 @@ void BlockPlanes::take_size(std::span<const double> half) {
                of_b = b_from_a_.rates(change_, travel_).acceleration;
   moves_b_ = of_b < of_a;
   bend_ = 0.5 * std::min(of_a, of_b) + error_;
+  double reach = 4 * travel_;  // of one link's points from the axes of the other
+  for (const TableLink* link : {&pair_.a, &pair_.b}) reach += link->extent + robot.reach(link->link, link->extent);
   for (const auto& [path, link] : {std::pair(&a_, &pair_.a), std::pair(&b_, &pair_.b)}) {
     const MotionRates rates = path->rates(change_, travel_);
-    const double reach = link->extent + robot.reach(link->link, link->extent) + 2 * travel_;
     const PlacementError error = robot.error(link->link, link->extent);
     bend_ += (kVelocityRounding + 4 * error.turn) * (rates.speed + rates.turn * reach) +
              4 * rates.turn * error.at(travel_, 0);

@@ -48,7 +48,8 @@ Motion random_curve(const BallScene& made, Random& random) {
 }
 
 // Motions that touch their margin at one time, mostly an end of a span, where bounds on the movement have least to spare.
-// A pebble lies where a ball gets to, straight ahead as seen from the middle of the span.
+// A pebble lies where a ball gets to, straight ahead as seen from the middle of the span, or far away towards where the
+// ball's path bends.
 void decide_motions_to_pebbles(Motion (*make)(const BallScene&, Random&), std::uint64_t seed) {
   Random random(seed);
   const BallScene arm = made_arm(1, 0.0625);
@@ -63,10 +64,17 @@ void decide_motions_to_pebbles(Motion (*make)(const BallScene&, Random&), std::u
     const auto there = arm.frames(m.at(time)), before = arm.frames(m.at(seen));
     const OneBall& ball = arm.balls(body)[0];
     const test::RealVec p = point_of(there[body], ball.centre), q = point_of(before[body], ball.centre);
-    const double way = distance_of(p, q), ahead = ball.radius + kPebble[0].radius + random.uniform(0.002, 0.02);
+    const bool bends = random.chance(0.4);
+    test::RealVec from = q;
+    if (bends) {  // the mirror image of the other end
+      const test::RealVec other = point_of(arm.frames(m.at(2 * seen - time))[body], ball.centre);
+      for (int k = 0; k < 3; ++k) from.x[k] = 2 * q.x[k] - other.x[k];
+    }
+    const double way = distance_of(p, from), beyond = bends ? random.uniform(0.5, 4) : random.uniform(0.002, 0.02);
     if (way < 1e-4) continue;
+    const double ahead = ball.radius + kPebble[0].radius + beyond;
     Vec3d at;
-    for (int k = 0; k < 3; ++k) at[k] = static_cast<double>(p.x[k] + (p.x[k] - q.x[k]) * (ahead / way));
+    for (int k = 0; k < 3; ++k) at[k] = static_cast<double>(p.x[k] + (p.x[k] - from.x[k]) * (ahead / way));
     BallScene made = arm;
     const BodyPair pair{body, made.add_obstacle(kPebble, Pose{at})};
     const double d = made.distance(pair, made.frames(m.at(time)));
