@@ -85,7 +85,6 @@ constexpr auto kMetrics = std::to_array<Metric>({
     {"lcm.messages", kCounterMetric, "LCM messages received."},
     {"lcm.bad_messages", kCounterMetric, "LCM messages rejected as malformed."},
     {"lcm.pose_messages", kCounterMetric, "LCM messages of poses and joints."},
-    {"lcm.wrong_scene", kCounterMetric, "LCM messages rejected for another scene."},
     {"lcm.unknown_bodies", kCounterMetric, "Names and ids in LCM messages that the scene does not have."},
     {"lcm.gaps", kCounterMetric, "LCM messages of publishers that are missing."},
     {"lcm.reordered", kCounterMetric, "LCM messages left out as older than their publisher's last."},

@@ -26,8 +26,6 @@ using Clock = std::chrono::steady_clock;
 constexpr double kWorkS = 8, kIdleS = 2;
 /// Sets of poses that are published in turn.
 constexpr int kPoseSets = 64;
-/// Maximum that fits into one datagram (lcmtypes/pose_update_t.lcm).
-constexpr std::size_t kMostBodies = 800;
 
 struct ControlLoopOptions : BenchQueryOptions {
   Connection connection;
@@ -74,20 +72,21 @@ class Controller {
       : client_(client), query_(make_query(client, o)), bus_(parse_lcm_address(o.lcm)), wait_ns_(1000 * o.wait_us) {
     const std::vector<BodyStateInfo> states = client.body_states();
     const std::vector<std::uint32_t> bodies = movable_bodies(client.scene(), states);
-    if (bodies.empty() || bodies.size() > kMostBodies)
-      throw std::invalid_argument("bench loop: the scene has " + std::to_string(bodies.size()) +
-                                  " bodies that can be moved; one pose message takes 1 to " +
-                                  std::to_string(kMostBodies));
+    if (bodies.empty()) throw std::invalid_argument("bench loop: the scene has no body that can be moved");
     std::mt19937_64 random(o.seed);
     message_.publisher_id = draw_lcm_id();
-    message_.scene_revision = static_cast<std::int64_t>(client.scene().revision);
     message_.count = static_cast<std::int32_t>(bodies.size());
-    message_.bodies.assign(bodies.begin(), bodies.end());
+    for (const std::uint32_t body : bodies) message_.names.push_back(client.scene().bodies[body].name);
     for (auto& set : sets_)
       for (const std::uint32_t body : bodies) {
         const Pose7 pose = jittered(states[body].pose, o.jitter_m, random);
         set.emplace_back(pose.begin(), pose.end());
       }
+    message_.poses = sets_[0];
+    if (const int bytes = message_.getEncodedSize(); bytes > static_cast<int>(kLcmMessageBytes))
+      throw std::invalid_argument("bench loop: the poses of " + std::to_string(bodies.size()) + " bodies take " +
+                                  std::to_string(bytes) + " bytes; a message has at most " +
+                                  std::to_string(kLcmMessageBytes));
   }
 
   void cycle() {
@@ -107,7 +106,7 @@ class Controller {
     }
   }
 
-  std::size_t bodies() const { return message_.bodies.size(); }
+  std::size_t bodies() const { return message_.names.size(); }
   std::uint64_t pairs() const { return pairs_; }
   std::uint64_t fresh() const { return fresh_; }
   std::uint64_t unsent() const { return unsent_; }

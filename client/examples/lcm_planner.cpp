@@ -88,9 +88,8 @@ class Planner {
       message.publisher_id = id_;
       message.sequence = ++sequence_;
       message.stamp_ns = stamp_ns_;
-      message.scene_revision = revision_;
-      for (; it != poses_.end() && message.count < 700; ++it, ++message.count) {  // under 48 KB
-        message.bodies.push_back(it->first);
+      for (; it != poses_.end() && message.count < 390; ++it, ++message.count) {  // under 48 KB
+        message.names.push_back(names_.at(it->first));
         message.poses.push_back(it->second);
       }
       lcm_.publish(prefix_ + "CLEARANCE_POSES", &message);

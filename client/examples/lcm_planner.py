@@ -107,14 +107,13 @@ class Planner:
     def publish_poses(self):
         items = sorted(self.poses.items())
         self.stamp_ns = time.time_ns()
-        for begin in range(0, len(items), 700):  # under 48 KB each
-            some = items[begin : begin + 700]
+        for begin in range(0, len(items), 390):  # under 48 KB each, with names of any length
+            some = items[begin : begin + 390]
             message = pose_update_t()
             self.sequence += 1
             message.publisher_id, message.sequence, message.stamp_ns = self.id, self.sequence, self.stamp_ns
-            message.scene_revision = self.revision
             message.count = len(some)
-            message.bodies = [i for i, _ in some]
+            message.names = [self.names[i] for i, _ in some]
             message.poses = [pose for _, pose in some]
             self.lcm.publish(self.prefix + "CLEARANCE_POSES", message.encode())
         self.published = time.monotonic()

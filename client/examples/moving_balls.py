@@ -16,7 +16,7 @@ import time
 import lcm
 import numpy as np
 import own_daemon  # noqa: F401  finds the message types if they are not installed
-from clearance_lcm import named_pose_update_t
+from clearance_lcm import pose_update_t
 
 RADIUS = 0.06  # metres
 MAX_SPEED = 0.15  # metres per second
@@ -50,7 +50,7 @@ def main() -> None:
     options = parser.parse_args()
     check_speed()
     network = lcm.LCM(options.url)
-    message = named_pose_update_t()
+    message = pose_update_t()
     message.publisher_id = random.getrandbits(63) | 1
     message.count, message.names = len(NAMES), NAMES
     due = time.monotonic()
@@ -59,7 +59,7 @@ def main() -> None:
         message.stamp_ns, now = time.time_ns(), time.monotonic()
         message.sequence += 1
         message.poses = [[*place, 1.0, 0.0, 0.0, 0.0] for place in places([now - options.begin])[0]]
-        network.publish("CLEARANCE_POSES_NAMED", message.encode())
+        network.publish("CLEARANCE_POSES", message.encode())
         due = max(due + 1 / options.rate, now - 0.05)
         time.sleep(max(0.0, due - time.monotonic()))
 

@@ -21,7 +21,7 @@ import lcm
 import mujoco
 import numpy as np
 import own_daemon
-from clearance_lcm import named_pose_update_t
+from clearance_lcm import pose_update_t
 
 import clearance
 
@@ -82,7 +82,7 @@ class Publisher:
     """Publishes poses of geoms over LCM, by name."""
 
     def __init__(self, model, url: str):
-        self.network, self.message = lcm.LCM(url), named_pose_update_t()
+        self.network, self.message = lcm.LCM(url), pose_update_t()
         self.moving = [i for i in range(model.ngeom) if model.geom_type[i] != mujoco.mjtGeom.mjGEOM_PLANE]
         self.message.publisher_id = random.getrandbits(63) | 1
         self.message.names = [model.geom(i).name for i in self.moving]
@@ -96,7 +96,7 @@ class Publisher:
             poses.append([*data.geom_xpos[i], *quaternion])
         self.message.poses, self.message.stamp_ns = poses, max(time.time_ns(), self.message.stamp_ns + 1)
         self.message.sequence += 1
-        self.network.publish("CLEARANCE_POSES_NAMED", self.message.encode())
+        self.network.publish("CLEARANCE_POSES", self.message.encode())
         return self.message.stamp_ns
 
 

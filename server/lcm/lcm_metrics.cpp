@@ -9,7 +9,6 @@ LcmMetrics::LcmMetrics(RequestHandler& handler)
     : messages(handler.counter("lcm.messages")),
       bad(handler.counter("lcm.bad_messages")),
       poses(handler.counter("lcm.pose_messages")),
-      wrong_scene(handler.counter("lcm.wrong_scene")),
       unknown(handler.counter("lcm.unknown_bodies")),
       gaps(handler.counter("lcm.gaps")),
       reordered(handler.counter("lcm.reordered")),

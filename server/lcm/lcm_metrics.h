@@ -27,8 +27,8 @@ class LcmMetrics {
     return false;
   }
 
-  std::uint64_t &messages, &bad, &poses, &wrong_scene, &unknown, &gaps, &reordered, &repeated, &restarts, &contested,
-      &bad_stamps, &not_allowed, &publishers, &queries, &frames, &clouds, &given_up, &replies, &dropped, &sent, &failed,
+  std::uint64_t &messages, &bad, &poses, &unknown, &gaps, &reordered, &repeated, &restarts, &contested, &bad_stamps,
+      &not_allowed, &publishers, &queries, &frames, &clouds, &given_up, &replies, &dropped, &sent, &failed,
       &other_daemons;
 
  private:

@@ -1,5 +1,7 @@
 #include "server/lcm/lcm_port.h"
 
+#include <algorithm>
+#include <stdexcept>
 #include <utility>
 
 #include "server/gateway/process.h"
@@ -45,7 +47,11 @@ class LcmGatewayPort final : public LcmPort {
   LcmGatewayPort(const LcmAddress& address, std::uint64_t memory_bytes)
       : process_(lcm_process_options(address, memory_bytes)) {}
 
-  void subscribe(const std::string& name, int, Handler handler) override { handlers_[name] = std::move(handler); }
+  void subscribe(const std::string& name, int, Handler handler) override {
+    if (std::ranges::find(kLcmChannelsIn, name) == std::end(kLcmChannelsIn))
+      throw std::logic_error("the gateway does not pass on the channel " + name);
+    handlers_[name] = std::move(handler);
+  }
   std::vector<int> descriptors() const override {
     return process_.descriptor() < 0 ? std::vector<int>() : std::vector<int>{process_.descriptor()};
   }

@@ -23,21 +23,6 @@ void LcmPoseIntake::set_scene(const engine::Scene& scene) {
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
-  const engine::Engine& engine = handler_.engine();
-  static_assert(sizeof update.bodies[0] == sizeof(std::uint32_t));
-  const std::span ids(reinterpret_cast<const std::uint32_t*>(update.bodies.data()), update.bodies.size());
-  if (update.scene_revision != 0 &&
-      !engine.ids_valid_since(static_cast<std::uint64_t>(update.scene_revision), ids, true)) {
-    reject_scene(update.scene_revision);
-    return false;
-  }
-  poses_.clear();
-  for (std::int32_t i = 0; i < update.count; ++i)
-    add_pose(static_cast<std::uint32_t>(update.bodies[i]), update.poses[i]);
-  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
-}
-
-bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
   const engine::Scene& scene = handler_.engine().scene();
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
@@ -47,24 +32,10 @@ bool LcmPoseIntake::take(const clearance_lcm::named_pose_update_t& update) {
     else
       add_pose(body, update.poses[i]);
   }
-  return apply_poses({"CLEARANCE_POSES_NAMED", 1, update.publisher_id, update.sequence, update.stamp_ns});
+  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
 bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
-  const engine::Engine& engine = handler_.engine();
-  static_assert(sizeof update.joints[0] == sizeof(std::uint32_t));
-  const std::span ids(reinterpret_cast<const std::uint32_t*>(update.joints.data()), update.joints.size());
-  if (update.scene_revision != 0 && !engine.joints_still_mean(static_cast<std::uint64_t>(update.scene_revision), ids)) {
-    reject_scene(update.scene_revision);
-    return false;
-  }
-  positions_.clear();
-  for (std::int32_t i = 0; i < update.count; ++i)
-    add_position(static_cast<std::uint32_t>(update.joints[i]), update.positions[i]);
-  return apply_positions({"CLEARANCE_JOINTS", 2, update.publisher_id, update.sequence, update.stamp_ns});
-}
-
-bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
   const engine::Scene& scene = handler_.engine().scene();
   positions_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
@@ -74,7 +45,7 @@ bool LcmPoseIntake::take(const clearance_lcm::named_joint_update_t& update) {
     else
       add_position(joint, update.positions[i]);
   }
-  return apply_positions({"CLEARANCE_JOINTS_NAMED", 3, update.publisher_id, update.sequence, update.stamp_ns});
+  return apply_positions({"CLEARANCE_JOINTS", 1, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
 std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
@@ -89,12 +60,6 @@ std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_
     return body;
   }
   return std::nullopt;
-}
-
-void LcmPoseIntake::reject_scene(std::int64_t revision) {
-  ++metrics_.wrong_scene;
-  metrics_.log_rate_limited("scene", "poses for scene " + std::to_string(revision) + " rejected, this is " +
-                                         std::to_string(static_cast<std::int64_t>(handler_.engine().scene_revision())));
 }
 
 /// @param what with '%' for the name

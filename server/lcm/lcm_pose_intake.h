@@ -7,8 +7,6 @@
 #include <vector>
 
 #include "clearance_lcm/joint_update_t.hpp"
-#include "clearance_lcm/named_joint_update_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "server/lcm/lcm_metrics.h"
@@ -27,9 +25,7 @@ class LcmPoseIntake {
   void set_scene(const engine::Scene& scene);
   /// Applies poses. Returns whether they were accepted.
   bool take(const clearance_lcm::pose_update_t& update);
-  bool take(const clearance_lcm::named_pose_update_t& update);
   bool take(const clearance_lcm::joint_update_t& update);
-  bool take(const clearance_lcm::named_joint_update_t& update);
   /// Body of a message with points. If they are rejected, counts and logs that, and returns nothing.
   std::optional<std::uint32_t> body_of(const clearance_lcm::points_t& points);
   /// Whether a cloud is newer than its publisher's last one.
@@ -45,9 +41,8 @@ class LcmPoseIntake {
     std::string who() const { return "publisher " + std::to_string(publisher) + " on " + channel; }
   };
   static Message message_of(const clearance_lcm::points_t& points) {
-    return {"CLEARANCE_POINTS", 4, points.publisher_id, points.sequence, points.stamp_ns};
+    return {"CLEARANCE_POINTS", 2, points.publisher_id, points.sequence, points.stamp_ns};
   }
-  void reject_scene(std::int64_t revision);
   void reject_name(const std::string& name, const char* what);
   void reject_right(const std::string& name, const char* what);
   void add_pose(std::uint32_t body, const std::vector<double>& pose);

@@ -17,11 +17,10 @@ void read_options(const Message& message, QueryOptions& options) {
   });
 }
 
-/// @param options that query_t has no field for
-/// @param rows of joint positions, or 0 for the query's own configurations
-std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOptions options,
-                                std::span<const std::uint32_t> joints = {}, std::span<const double> positions = {},
-                                std::int32_t rows = 0) {
+}  // namespace
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints) {
+  QueryOptions options;
   read_options(query, options);
   if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a valid body
   for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
@@ -40,7 +39,8 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
   header.all_pairs = query.pair_count == 0;
   header.pair_count = static_cast<std::uint32_t>(query.pair_count);
   header.body_count = static_cast<std::uint32_t>(query.body_count);
-  header.configuration_count = static_cast<std::uint32_t>(rows ? rows : query.configuration_count);
+  header.configuration_count =
+      static_cast<std::uint32_t>(query.row_count ? query.row_count : query.configuration_count);
 
   std::vector<std::uint32_t> pairs;
   pairs.reserve(query.pairs.size() * 2);
@@ -53,6 +53,8 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
   for (const auto& configuration : query.configurations) {
     for (const auto& pose : configuration) poses.insert(poses.end(), pose.begin(), pose.end());
   }
+  std::vector<double> positions;
+  for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
 
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
@@ -65,21 +67,6 @@ std::vector<std::byte> frame_of(const clearance_lcm::query_t& query, QueryOption
   wire::write_query(frame.data(), wire::with_records(frame_header, records.size()), header, pairs.data(),
                     query.bodies.data(), poses.data(), records);
   return frame;
-}
-
-}  // namespace
-
-std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query) {
-  return frame_of(query, {});
-}
-
-std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query,
-                                      std::span<const std::uint32_t> joints) {
-  std::vector<double> positions;
-  for (const auto& row : query.positions) positions.insert(positions.end(), row.begin(), row.end());
-  QueryOptions options;
-  read_options(query, options);
-  return frame_of(query.query, options, joints, positions, query.row_count);
 }
 
 std::vector<std::byte> nearest_query_frame() {

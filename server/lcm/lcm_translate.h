@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "clearance_lcm/distances_t.hpp"
-#include "clearance_lcm/joint_query_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
 #include "clearance_lcm/scene_t.hpp"
@@ -20,10 +19,8 @@
 namespace clearance {
 
 /// Frame of a query. Fields left at 0 get their defaults. Values are checked with the frame.
-std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query);
-/// Frame of a query in joint space.
 /// @param joints ids of the joints that the message names
-std::vector<std::byte> query_frame_of(const clearance_lcm::joint_query_t& query, std::span<const std::uint32_t> joints);
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints = {});
 
 /// Frame of the query for distances_t: each body's nearest other body, at the current poses.
 std::vector<std::byte> nearest_query_frame();

@@ -27,10 +27,7 @@ namespace {
 
 using Clock = std::chrono::steady_clock;
 using clearance_lcm::frame_t;
-using clearance_lcm::joint_query_t;
 using clearance_lcm::joint_update_t;
-using clearance_lcm::named_joint_update_t;
-using clearance_lcm::named_pose_update_t;
 using clearance_lcm::points_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query_t;
@@ -54,12 +51,9 @@ class LcmTransport final : public Transport {
                              [this, method](std::span<const std::byte> packet) { (this->*method)(packet); });
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
-    listen("CLEARANCE_POSES_NAMED", &LcmTransport::on_poses<named_pose_update_t>);
     listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
-    listen("CLEARANCE_JOINTS_NAMED", &LcmTransport::on_poses<named_joint_update_t>);
     listen("CLEARANCE_POINTS", &LcmTransport::on_points);
     listen("CLEARANCE_QUERY", &LcmTransport::on_query);
-    listen("CLEARANCE_JOINT_QUERY", &LcmTransport::on_joint_query);
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);
     listen("CLEARANCE_STATUS", &LcmTransport::on_status);
   }
@@ -143,46 +137,34 @@ class LcmTransport final : public Transport {
 
   void on_query(std::span<const std::byte> packet) {
     query_t query;
-    if (decode(packet, query) && is_named("query_t", query)) hand_in(query, [&] { return query_frame_of(query); });
-  }
-
-  void on_joint_query(std::span<const std::byte> packet) {
-    joint_query_t message;
-    if (!decode(packet, message) || !is_named("joint_query_t", message.query)) return;
-    const query_t& query = message.query;
-    if (query.body_count != 0 && query.configuration_count != message.row_count)  // each row needs both
+    if (!decode(packet, query)) return;
+    if (query.client_id == 0) {
+      metrics_->accept("query_t: client_id is 0; draw one at random");
+      return;
+    }
+    if (query.joint_count != 0 && query.body_count != 0 && query.configuration_count != query.row_count)
       return reject(query, wire::ErrorCode::kBadQuery,
                     std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(message.row_count) + " of joints: expected equal numbers, or no bodies");
+                        std::to_string(query.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
-    for (const std::string& name : message.joints) {
+    for (const std::string& name : query.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
       if (joints.back() == kNone)
         return reject(query, wire::ErrorCode::kBadQuery,
                       "joints[" + std::to_string(joints.size() - 1) + "]: there is no joint '" + name + "'");
     }
-    hand_in(query, [&] { return query_frame_of(message, joints); });
-  }
-
-  bool is_named(const std::string& type, const query_t& query) {
-    return query.client_id != 0 || metrics_->accept(type + ": client_id is 0; draw one at random");
+    std::shared_ptr<std::vector<std::byte>> frame;
+    try {
+      frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query, joints));
+    } catch (const wire::WireError& error) {  // options that reply_t has no field for
+      return reject(query, error.code, error.what());
+    }
+    hand_in(*frame, frame, sink_of(query));
   }
 
   std::unique_ptr<LcmSink> sink_of(const query_t& query) {
     ++metrics_->queries;
     return std::make_unique<LcmSink>(link_, clients_.number_of(query.client_id), reply_to(query.client_id));
-  }
-
-  /// @param make makes the frame; throws WireError for options that reply_t has no field for
-  template <class Make>
-  void hand_in(const query_t& query, Make make) {
-    std::shared_ptr<std::vector<std::byte>> frame;
-    try {
-      frame = std::make_shared<std::vector<std::byte>>(make());
-    } catch (const wire::WireError& error) {
-      return reject(query, error.code, error.what());
-    }
-    hand_in(*frame, frame, sink_of(query));
   }
 
   void reject(const query_t& query, wire::ErrorCode code, const std::string& why) {
@@ -233,7 +215,8 @@ class LcmTransport final : public Transport {
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
     if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(
+        header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {

@@ -196,7 +196,7 @@ TEST_F(InputFaults, PacketsOnTheLcmNetwork) {
   part.bytes.resize(64);
   Bytes frame(static_cast<std::size_t>(part.getEncodedSize()));
   part.encode(frame.data(), 0, static_cast<int>(frame.size()));
-  const char* const channels[] = {"CLEARANCE_POSES", "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY", "CLEARANCE_FRAME_IN"};
+  const char* const channels[] = {"CLEARANCE_POSES", "CLEARANCE_JOINTS", "CLEARANCE_QUERY", "CLEARANCE_FRAME_IN"};
   int on_a_channel = 0;
   for (int i = 0; i < 200 * rounds(1); ++i) {
     const std::string channel = address.prefix + channels[random_() % std::size(channels)];

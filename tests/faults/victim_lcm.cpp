@@ -27,7 +27,7 @@ void talk_lcm(const std::string& url, const Fate& fate, std::mt19937_64& random)
   update.publisher_id = id;
   update.sequence = 1;
   update.count = 1;
-  update.bodies = {0};
+  update.names = {"random_0"};
   update.poses = {{1, 2, 3, 1, 0, 0, 0}};
   bus.publish_message("CLEARANCE_POSES", update);
   fate.at("poses_sent");

@@ -1,5 +1,6 @@
 // Arbitrary LCM packets: those that pass the check are decoded, encode to the same bytes, and convert to a frame that
 // the loop accepts.
+#include <numeric>
 #include <vector>
 
 #include "server/lcm/lcm_translate.h"
@@ -26,7 +27,9 @@ bool requested(Bytes packet) {
   clearance_lcm::query_t query;
   if (!decoded(packet, query)) return false;
   try {
-    const std::vector<std::byte> frame = query_frame_of(query);
+    std::vector<std::uint32_t> joints(query.joints.size());
+    std::iota(joints.begin(), joints.end(), 0u);
+    const std::vector<std::byte> frame = query_frame_of(query, joints);
     wire::FrameHeader header;
     const auto payload = wire::split_frame(frame, header);
     wire::parse_query(header, payload);
@@ -59,7 +62,7 @@ CLEARANCE_FUZZ_TARGET(lcm_packet) {
         break;
       }
       case 1: {
-        clearance_lcm::named_pose_update_t update;
+        clearance_lcm::joint_update_t update;
         good = decoded(packet, update);
         break;
       }

@@ -16,8 +16,8 @@
 namespace clearance::fuzz {
 namespace {
 
-constexpr const char* kChannels[] = {"CLEARANCE_POSES",    "CLEARANCE_POSES_NAMED", "CLEARANCE_QUERY",
-                                     "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS",      "OTHER"};
+constexpr const char* kChannels[] = {"CLEARANCE_POSES",    "CLEARANCE_JOINTS", "CLEARANCE_QUERY",
+                                     "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS", "OTHER"};
 
 /// A daemon on its own network. It is kept, because opening one takes longer than a thousand inputs.
 class Network {
@@ -35,7 +35,7 @@ class Network {
     update.publisher_id = publisher_;  // random, so that no input can use its name
     update.sequence = update.stamp_ns = ++sequence_;
     update.count = 1;
-    update.bodies = {1};
+    update.names = {engine_.scene().bodies()[1].name};
     update.poses = {{0, 0, 1, 1, 0, 0, 0}};
     std::vector<std::byte> packet(static_cast<std::size_t>(update.getEncodedSize()));
     update.encode(packet.data(), 0, static_cast<int>(packet.size()));

@@ -5,7 +5,7 @@
 #include <filesystem>
 
 #include "clearance_lcm/frame_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
+#include "clearance_lcm/joint_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "server/gateway/link.h"
 #include "tests/client/plan_payload.h"
@@ -178,14 +178,14 @@ void save_lcm() {
   poses.publisher_id = 5;
   poses.sequence = 1;
   poses.count = 2;
-  poses.bodies = {1, 3};
+  poses.names = {"cup", "link2"};
   poses.poses.assign(2, {0.1, 0.2, 0.3, 1, 0, 0, 0});
-  clearance_lcm::named_pose_update_t named{};
-  named.publisher_id = 6;
-  named.sequence = 1;
-  named.count = 2;
-  named.names = {"cup", "link2"};
-  named.poses = poses.poses;
+  clearance_lcm::joint_update_t joints{};
+  joints.publisher_id = 6;
+  joints.sequence = 1;
+  joints.count = 2;
+  joints.names = {"arm/joint1", "arm/joint2"};
+  joints.positions = {0.5, -0.5};
   TestQuery large;
   wire::append_record(large.records, 500, 0, data_of("passed over"));
   large.bodies = {1};
@@ -212,7 +212,7 @@ void save_lcm() {
     return out;
   };
   const std::pair<const char*, Data> kinds[] = {
-      {"poses", encode(poses)}, {"named_poses", encode(named)}, {"query", encode(sample_lcm_query())}};
+      {"poses", encode(poses)}, {"joints", encode(joints)}, {"query", encode(sample_lcm_query())}};
   for (std::uint8_t type = 0; type < 3; ++type) {
     save("lcm_packet", std::string("good_") + kinds[type].first, packet(type, kinds[type].second));
     save("lcm_udp", std::string("good_") + kinds[type].first, message(type, kinds[type].second));

@@ -12,8 +12,6 @@
 
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/joint_update_t.hpp"
-#include "clearance_lcm/named_joint_update_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "server/base/log.h"
@@ -247,16 +245,16 @@ void write_queries(std::ostream& out) {
   query.wait_for = 2;
   write_message(out, "query_t", query);
   write(out, "query_t, as a frame", query_frame_of(query));
-  clearance_lcm::joint_query_t joints{};
-  joints.query.client_id = 7;
+  clearance_lcm::query_t joints{};
+  joints.client_id = 7;
   joints.joint_count = 2;
   joints.joints = {"arm/joint1", "arm/joint4"};
   joints.row_count = 1;
   joints.positions = {{0.5, -1.5}};
   joints.max_evaluations = 3;
-  write_message(out, "joint_query_t", joints);
+  write_message(out, "query_t of joints", joints);
   const std::uint32_t ids[] = {0, 3};
-  write(out, "joint_query_t, as a frame", query_frame_of(joints, ids));
+  write(out, "query_t of joints, as a frame", query_frame_of(joints, ids));
 }
 
 void write_updates(std::ostream& out) {
@@ -265,27 +263,15 @@ void write_updates(std::ostream& out) {
   poses.sequence = 1;
   poses.stamp_ns = 1000;
   poses.count = 1;
-  poses.bodies = {3};
+  poses.names = {"cup"};
   poses.poses = {{0.5, 0.25, 1, 1, 0, 0, 0}};
   write_message(out, "pose_update_t", poses);
-  clearance_lcm::named_pose_update_t named{};
-  named.publisher_id = 5;
-  named.count = 1;
-  named.names = {"cup"};
-  named.poses = poses.poses;
-  write_message(out, "named_pose_update_t", named);
   clearance_lcm::joint_update_t joints{};
   joints.publisher_id = 5;
   joints.count = 1;
-  joints.joints = {3};
+  joints.names = {"arm/joint1"};
   joints.positions = {0.5};
   write_message(out, "joint_update_t", joints);
-  clearance_lcm::named_joint_update_t named_joints{};
-  named_joints.publisher_id = 5;
-  named_joints.count = 1;
-  named_joints.names = {"arm/joint1"};
-  named_joints.positions = {0.5};
-  write_message(out, "named_joint_update_t", named_joints);
   clearance_lcm::points_t points{};
   points.publisher_id = 5;
   points.body = "cloud";

@@ -12,7 +12,6 @@
 
 #include "clearance_lcm/distances_t.hpp"
 #include "clearance_lcm/frame_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
 #include "clearance_lcm/reply_t.hpp"
@@ -27,7 +26,6 @@
 namespace clearance {
 
 using clearance_lcm::distances_t;
-using clearance_lcm::named_pose_update_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query_t;
 using clearance_lcm::reply_t;
@@ -99,7 +97,7 @@ class LcmTransportTest : public LcmTest {
     message.stamp_ns = 1000 * sequence;
     message.count = kMoving;
     for (int i = 0; i < kMoving; ++i) {
-      message.bodies.push_back(1 + i);
+      message.names.push_back("ball" + std::to_string(i));
       message.poses.push_back(pose_of(i, step));
     }
     return message;
@@ -129,15 +127,10 @@ class LcmTransportTest : public LcmTest {
   }
   /// Returns the whole answer, and repeats the query if a part was lost.
   std::optional<reply_t> evaluate(query_t query) {
-    return evaluate(query, [&] { return bus_->publish_message("CLEARANCE_QUERY", query); });
-  }
-  /// \param publish sends the message that contains the query
-  template <class Publish>
-  std::optional<reply_t> evaluate(query_t& query, Publish publish) {
     for (int attempt = 0; attempt < 10; ++attempt) {
       query.request_id = ++last_request_;
       answers_.clear();
-      if (!publish()) return std::nullopt;
+      if (!bus_->publish_message("CLEARANCE_QUERY", query)) return std::nullopt;
       const auto whole = [&]() -> const Answer* {
         for (const auto& [sequence, answer] : answers_) {
           if (answer.whole.request_id == query.request_id &&

@@ -35,7 +35,6 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
   query_t no_pairs = query_message();
   clearance_lcm::frame_t no_frame{};
   no_frame.client_id = 5;
-  named_pose_update_t no_names{};
   const auto poses = encode(update(2, 0.8));
   const auto query = encode(query_message());
 
@@ -68,10 +67,12 @@ TEST_F(LcmTransportTest, HostilePacketsAndAGoodQueryAfterEach) {
       {"poses with bytes left over", "CLEARANCE_POSES", cut(poses, poses.size() + 8)},
       {"2^31 - 1 poses", "CLEARANCE_POSES", with_word(encode(no_poses), 4, 0x7FFFFFFF)},
       {"-1 poses", "CLEARANCE_POSES", with_word(encode(no_poses), 4, 0xFFFFFFFF)},
-      {"2^28 names", "CLEARANCE_POSES_NAMED", with_word(encode(no_names), 4, 0x10000000)},
-      {"2^31 - 1 pairs", "CLEARANCE_QUERY", with_word(encode(no_pairs), 12, 0x7FFFFFFF)},
-      {"2^31 - 1 bodies", "CLEARANCE_QUERY", with_word(encode(no_pairs), 8, 0x7FFFFFFF)},
-      {"2^31 - 1 configurations of no body", "CLEARANCE_QUERY", with_word(encode(no_pairs), 4, 0x7FFFFFFF)},
+      {"2^28 poses", "CLEARANCE_POSES", with_word(encode(no_poses), 4, 0x10000000)},
+      {"2^31 - 1 pairs", "CLEARANCE_QUERY", with_word(encode(no_pairs), 20, 0x7FFFFFFF)},
+      {"2^31 - 1 bodies", "CLEARANCE_QUERY", with_word(encode(no_pairs), 16, 0x7FFFFFFF)},
+      {"2^31 - 1 configurations of no body", "CLEARANCE_QUERY", with_word(encode(no_pairs), 12, 0x7FFFFFFF)},
+      {"2^31 - 1 joints", "CLEARANCE_QUERY", with_word(encode(no_pairs), 8, 0x7FFFFFFF)},
+      {"2^31 - 1 rows of no joint", "CLEARANCE_QUERY", with_word(encode(no_pairs), 4, 0x7FFFFFFF)},
       {"a query cut short", "CLEARANCE_QUERY", cut(query, query.size() - 1)},
       {"a query without a client", "CLEARANCE_QUERY", encode(query_t{})},
       {"a frame of -1 bytes", "CLEARANCE_FRAME_IN", with_word(encode(no_frame), 4, 0xFFFFFFFF)},

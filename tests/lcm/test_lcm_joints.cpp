@@ -1,16 +1,12 @@
 // Joint positions and queries in joint space over LCM alone.
-#include "clearance_lcm/joint_query_t.hpp"
 #include "clearance_lcm/joint_update_t.hpp"
-#include "clearance_lcm/named_joint_update_t.hpp"
 #include "tests/lcm/lcm_transport_fixture.h"
 #include "tests/source_file.h"
 
 namespace clearance {
 namespace {
 
-using clearance_lcm::joint_query_t;
 using clearance_lcm::joint_update_t;
-using clearance_lcm::named_joint_update_t;
 
 engine::Scene arm_scene() {
   engine::Scene scene = make_scene();
@@ -26,7 +22,7 @@ class LcmJoints : public LcmTransportTest {
     message.sequence = sequence;
     message.stamp_ns = 1000 * sequence;
     message.count = 2;
-    message.joints = {0, 4};
+    message.names = {"arm0/joint1", "arm0/joint5"};
     message.positions = {position, -position};
     return message;
   }
@@ -55,20 +51,20 @@ TEST_F(LcmJoints, PositionsApplyAsAWholeWithTheRulesOfPoses) {
 
 TEST_F(LcmJoints, NamesAreLookedUpAndUnknownOnesCounted) {
   start("", {}, arm_scene());
-  named_joint_update_t message{};
+  joint_update_t message{};
   message.publisher_id = 1;
   message.sequence = 1;
   message.count = 3;
   message.names = {"arm0/joint2", "arm0/none", "arm0/grip"};
   message.positions = {0.25, 1, 0.02};
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINTS_NAMED", message));
+  publish_positions(message);
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   EXPECT_EQ(position_of_joint(1), 0.25);
   EXPECT_EQ(position_of_joint(7), 0.02);
   EXPECT_EQ(counter("lcm.unknown_bodies"), 1u);
 }
 
-TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRejected) {
+TEST_F(LcmJoints, ARepeatedJointAndARobotOfOthersAreRejected) {
   start("", {.any = false, .allowed = {"ball0"}}, arm_scene());
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.poses_not_allowed", 2));
@@ -77,12 +73,8 @@ TEST_F(LcmJoints, AnOlderSceneARepeatedJointAndARobotOfOthersAreRejected) {
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   EXPECT_EQ(position_of_joint(0), 0.1);
-  joint_update_t older = positions(2, 0.2);
-  older.scene_revision = 12345;
-  publish_positions(older);
-  ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
-  joint_update_t twice = positions(3, 0.3);
-  twice.joints = {4, 4};
+  joint_update_t twice = positions(2, 0.3);
+  twice.names = {"arm0/joint5", "arm0/joint5"};
   publish_positions(twice);
   ASSERT_TRUE(until_counter("lcm.bad_stamps", 1));
   EXPECT_EQ(position_of_joint(0), 0.1);
@@ -104,27 +96,26 @@ TEST_F(LcmJoints, PositionsThatAreNoNumbersAreBadAndTheOthersHold) {
 
 TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRejected) {
   start("", {}, arm_scene());
-  joint_query_t message{};
-  message.query = query_message();
+  query_t message = query_message();
   message.joint_count = 1;
   message.joints = {"arm0/joint1"};
   message.row_count = 2;
   message.positions = {{0.1}, {0.2}};
-  message.query.body_count = 1;
-  message.query.bodies = {1};
-  message.query.configuration_count = 1;
-  message.query.configurations = {{pose_of(0, 0)}};
+  message.body_count = 1;
+  message.bodies = {1};
+  message.configuration_count = 1;
+  message.configurations = {{pose_of(0, 0)}};
   const auto rejected = [&] {
-    const auto reply = evaluate(message.query, [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); });
+    const auto reply = evaluate(message);
     return reply ? reply->error_text : "no reply";
   };
   EXPECT_EQ(rejected(), "1 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
-  message.query.configuration_count = 0;
-  message.query.configurations.clear();
+  message.configuration_count = 0;
+  message.configurations.clear();
   EXPECT_EQ(rejected(), "0 configurations of bodies and 2 of joints: expected equal numbers, or no bodies");
-  message.query.body_count = 0;
-  message.query.bodies.clear();
-  message.query.scene_revision = 12345;
+  message.body_count = 0;
+  message.bodies.clear();
+  message.scene_revision = 12345;
   EXPECT_EQ(rejected(),
             "the scene is revision " + std::to_string(engine_->scene_revision()) + ", the query is for 12345");
 }
@@ -132,15 +123,13 @@ TEST_F(LcmJoints, AQueryOfAnotherNumberOfRowsOrAnOlderSceneIsRejected) {
 TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
-  joint_query_t message{};
-  message.query = query_message();
-  message.query.reduce = query_t::REDUCE_MIN;
+  query_t message = query_message();
+  message.reduce = query_t::REDUCE_MIN;
   message.joint_count = 2;
   message.joints = {"arm0/joint1", "arm0/joint4"};
   message.row_count = 3;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}};
-  const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto reply = evaluate(message.query, send);
+  const auto reply = evaluate(message);
   ASSERT_TRUE(reply);
   ASSERT_EQ(reply->error_code, 0) << reply->error_text;
   ASSERT_EQ(reply->distance.size(), 3u);
@@ -159,11 +148,11 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
   }
   for (int k = 0; k < 3; ++k) EXPECT_EQ(reply->lower[k], lower[k]);
   message.joints[1] = "arm0/joint9";
-  const auto unknown = evaluate(message.query, send);
+  const auto unknown = evaluate(message);
   ASSERT_TRUE(unknown);
   EXPECT_EQ(unknown->error_text, "joints[1]: there is no joint 'arm0/joint9'");
   message.joints[1] = "arm0/joint1";
-  const auto twice = evaluate(message.query, send);
+  const auto twice = evaluate(message);
   ASSERT_TRUE(twice);
   EXPECT_EQ(twice->error_text, "joints[1]: 'arm0/joint1' is named twice");
 }
@@ -171,31 +160,29 @@ TEST_F(LcmJoints, QueriesInJointSpaceAreAnswered) {
 TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   start("", {}, arm_scene());
   set_poses(1, 0.0);
-  joint_query_t message{};
-  message.query = query_message();
-  message.query.reduce = query_t::REDUCE_MIN;
-  message.query.abs_tol = 1e-3;
+  query_t message = query_message();
+  message.reduce = query_t::REDUCE_MIN;
+  message.abs_tol = 1e-3;
   message.joint_count = 2;
   message.joints = {"arm0/joint1", "arm0/joint4"};
   message.row_count = 4;
   message.positions = {{0, -1}, {0.5, -1.2}, {1, -0.4}, {-1, -0.6}};
   message.max_evaluations = 64;
-  const auto send = [&] { return bus_->publish_message("CLEARANCE_JOINT_QUERY", message); };
-  const auto least = evaluate(message.query, send);
+  const auto least = evaluate(message);
   ASSERT_TRUE(least);
   ASSERT_EQ(least->error_code, 0) << least->error_text;
   ASSERT_EQ(least->lower.size(), 2u);
   EXPECT_EQ(least->configurations, 2);
-  message.query.reduce = static_cast<std::int8_t>(Reduce::kAny);
-  message.query.abs_tol = 0;
+  message.reduce = query_t::REDUCE_ANY;
+  message.abs_tol = 0;
   message.margin = 100;  // greater than any distance
-  const auto decided = evaluate(message.query, send);
+  const auto decided = evaluate(message);
   ASSERT_TRUE(decided);
   ASSERT_EQ(decided->error_code, 0) << decided->error_text;
   ASSERT_EQ(decided->status.size(), 2u);
   EXPECT_LE(decided->status[0], static_cast<int>(Status::kContact)) << "a pair is proved within";
   message.max_evaluations = -1;
-  const auto negative = evaluate(message.query, send);
+  const auto negative = evaluate(message);
   ASSERT_TRUE(negative);
   EXPECT_EQ(negative->error_text, "query: max_evaluations must be 0 to 65536, got 4294967295");
 }
@@ -204,30 +191,30 @@ TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   start("", {}, arm_scene());
   publish_positions(positions(1, 0.1));
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
-  joint_query_t waiting{};
-  waiting.query = query_message();
-  waiting.query.reduce = query_t::REDUCE_MIN;
-  waiting.query.min_pose_stamp_ns = 2000;
-  waiting.query.deadline_ns = 10'000'000'000;
+  query_t waiting = query_message();
+  waiting.reduce = query_t::REDUCE_MIN;
+  waiting.min_pose_stamp_ns = 2000;
+  waiting.deadline_ns = 10'000'000'000;
   waiting.joint_count = 1;
   waiting.joints = {"arm0/joint2"};
   waiting.row_count = 1;
   waiting.positions = {{0.4}};
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINT_QUERY", waiting));
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", waiting));
   ASSERT_TRUE(until_counter("queries.held_back", 1));
   EXPECT_TRUE(answers_.empty());
   publish_positions(positions(2, 0.2));
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
   const reply_t& reply = answers_.begin()->second.whole;
   EXPECT_EQ(reply.error_code, 0) << reply.error_text;
-  EXPECT_EQ(reply.request_id, waiting.query.request_id);
+  EXPECT_EQ(reply.request_id, waiting.request_id);
   EXPECT_EQ(reply.snapshot_stamp_ns, 2000);
 
-  waiting.query = query_message();
-  waiting.query.min_pose_stamp_ns = 2001;
-  waiting.query.deadline_ns = 1;
+  waiting.request_id = ++last_request_;
+  waiting.reduce = query_t::REDUCE_NONE;
+  waiting.min_pose_stamp_ns = 2001;
+  waiting.deadline_ns = 1;
   answers_.clear();
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINT_QUERY", waiting));
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_QUERY", waiting));
   ASSERT_TRUE(until([&] { return answers_.size() == 1; }));
   EXPECT_EQ(answers_.begin()->second.whole.error_code, reply_t::ERROR_POSES_LATE);
   EXPECT_EQ(answers_.begin()->second.whole.error_text, "no poses with stamp 2001 or newer came within 0.000001 ms");

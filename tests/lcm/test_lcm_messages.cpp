@@ -15,24 +15,12 @@ namespace clearance {
 namespace {
 
 using clearance_lcm::frame_t;
-using clearance_lcm::named_pose_update_t;
+using clearance_lcm::joint_update_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query_t;
 
-pose_update_t poses(int count) {
+pose_update_t poses(std::vector<std::string> names) {
   pose_update_t message{};
-  message.publisher_id = 5;
-  message.sequence = 1;
-  message.count = count;
-  for (int i = 0; i < count; ++i) {
-    message.bodies.push_back(i);
-    message.poses.push_back({0.1 * i, 2, 3, 1, 0, 0, 0});
-  }
-  return message;
-}
-
-named_pose_update_t named_poses(std::vector<std::string> names) {
-  named_pose_update_t message{};
   message.publisher_id = 5;
   message.sequence = 1;
   message.count = static_cast<int>(names.size());
@@ -41,7 +29,17 @@ named_pose_update_t named_poses(std::vector<std::string> names) {
   return message;
 }
 
-query_t query(int pairs, int bodies, int configurations) {
+joint_update_t positions(std::vector<std::string> names) {
+  joint_update_t message{};
+  message.publisher_id = 5;
+  message.sequence = 1;
+  message.count = static_cast<int>(names.size());
+  message.positions.assign(names.size(), 0.5);
+  message.names = std::move(names);
+  return message;
+}
+
+query_t query(int pairs, int bodies, int configurations, int joints = 0) {
   query_t message{};
   message.client_id = 7;
   message.min_pose_stamp_ns = 1;
@@ -51,6 +49,10 @@ query_t query(int pairs, int bodies, int configurations) {
   message.bodies.assign(bodies, 2);
   message.configuration_count = configurations;
   message.configurations.assign(configurations, {static_cast<std::size_t>(bodies), {0, 0, 0, 1, 0, 0, 0}});
+  message.joint_count = joints;
+  message.joints.assign(joints, "arm/joint1");
+  message.row_count = joints == 0 ? 0 : configurations;
+  message.positions.assign(message.row_count, std::vector<double>(joints, 0.5));
   return message;
 }
 
@@ -96,19 +98,21 @@ void test_sizes(const Message& message, const std::vector<std::size_t>& counts_a
 }
 
 TEST(LcmCheck, PoseUpdate) {
-  test_sizes(poses(0), {40});
-  test_sizes(poses(3), {40});
+  test_sizes(poses({}), {32});
+  test_sizes(poses({"base", "", "a longer name"}), {32, 36, 45});
 }
-TEST(LcmCheck, NamedPoseUpdate) {
-  test_sizes(named_poses({}), {32});
-  test_sizes(named_poses({"base", "", "a longer name"}), {32, 36, 45});
+TEST(LcmCheck, JointUpdate) {
+  test_sizes(positions({}), {32});
+  test_sizes(positions({"arm/joint1", "", "a longer name"}), {32, 36, 51});
 }
 TEST(LcmCheck, Query) {
-  const std::size_t parameters = 8 + 3 * 8 + 3 * 8 + 5 * 8 + 2 * 4 + 4;
-  test_sizes(query(0, 0, 0), {parameters, parameters + 4, parameters + 8});
-  test_sizes(query(2, 3, 4), {parameters, parameters + 4 + 16, parameters + 4 + 16 + 4 + 12});
+  const std::size_t parameters = 8 + 3 * 8 + 4 * 8 + 5 * 8 + 3 * 4 + 4;
+  const std::size_t bodies = parameters + 4 + 16, configurations = bodies + 4 + 12;
+  const std::size_t joints = configurations + 4 + 4 * 3 * 56, rows = joints + 4 + 2 * (4 + 11);
+  test_sizes(query(0, 0, 0), {parameters, parameters + 4, parameters + 8, parameters + 12, parameters + 16});
+  test_sizes(query(2, 3, 4, 2), {parameters, bodies, configurations, joints, joints + 4, rows});
   query_t out;
-  EXPECT_EQ(decode_checked(encode(poses(0)), out),
+  EXPECT_EQ(decode_checked(encode(poses({})), out),
             "query_t: another type, or another version of it (the hash differs)");
 }
 TEST(LcmCheck, Frame) {
@@ -116,35 +120,39 @@ TEST(LcmCheck, Frame) {
   test_sizes(frame(200), {8 + 5 * 8 + 2 * 4});
 }
 
-TEST(LcmCheck, ThirtySevenBytesRequestGigabytes) {
-  // Generated code allocated 9.4 GB for this: a count of 2^28 - 1 at the end of a packet of 37 bytes (and of 44).
-  std::vector<std::byte> packet = encode(poses(0));
+TEST(LcmCheck, AFewBytesRequestGigabytes) {
+  // Generated code allocated 9.4 GB for such a packet: a count of 2^28 - 1 at its end.
+  std::vector<std::byte> packet = encode(poses({}));
   put_word(packet, packet.size() - 4, (1 << 28) - 1);
   pose_update_t out;
-  EXPECT_EQ(decode_checked(packet, out), "pose_update_t: count 268435455 does not fit the packet of 44 bytes");
-  packet.resize(37);
+  EXPECT_EQ(decode_checked(packet, out), "pose_update_t: count 268435455 does not fit the packet of 36 bytes");
+  packet.resize(29);
   EXPECT_EQ(decode_checked(packet, out), "pose_update_t: ends within its ids and stamps");
 }
 
-TEST(LcmCheck, ConfigurationsWithoutBodies) {
-  // Such a configuration has no bytes, so that no size check could reject 2^31 of them.
-  std::vector<std::byte> packet = encode(query(0, 0, 0));
-  put_word(packet, packet.size() - 4, 2147483647);
+TEST(LcmCheck, ConfigurationsWithoutBodiesAndRowsWithoutJoints) {
+  // Neither has any bytes, so that no size check could reject 2^31 of them.
+  const std::vector<std::byte> packet = encode(query(0, 0, 0));
   query_t out;
-  EXPECT_EQ(decode_checked(packet, out), "query_t: configurations without bodies");
+  for (const auto& [from_end, problem] :
+       {std::pair{12, "query_t: configurations without bodies"}, {4, "query_t: rows without joints"}}) {
+    std::vector<std::byte> wrong = packet;
+    put_word(wrong, wrong.size() - from_end, 2147483647);
+    EXPECT_EQ(decode_checked(wrong, out), problem);
+  }
 }
 
 TEST(LcmCheck, NamesEnd) {
-  named_pose_update_t out;
-  std::vector<std::byte> packet = encode(named_poses({"base"}));
+  pose_update_t out;
+  std::vector<std::byte> packet = encode(poses({"base"}));
   packet[36 + 4 + 4] = std::byte{'x'};  // the terminator
-  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end at its stated length");
-  packet = encode(named_poses({"base"}));
+  EXPECT_EQ(decode_checked(packet, out), "pose_update_t: a name does not end at its stated length");
+  packet = encode(poses({"base"}));
   packet[36 + 4 + 2] = std::byte{0};  // a NUL inside the name
-  EXPECT_EQ(decode_checked(packet, out), "named_pose_update_t: a name does not end at its stated length");
-  EXPECT_EQ(decode_checked(encode(named_poses({std::string(63, 'n')})), out), "");
-  EXPECT_EQ(decode_checked(encode(named_poses({std::string(64, 'n')})), out),
-            "named_pose_update_t: a name: expected at most 63 bytes");
+  EXPECT_EQ(decode_checked(packet, out), "pose_update_t: a name does not end at its stated length");
+  EXPECT_EQ(decode_checked(encode(poses({std::string(63, 'n')})), out), "");
+  EXPECT_EQ(decode_checked(encode(poses({std::string(64, 'n')})), out),
+            "pose_update_t: a name: expected at most 63 bytes");
 }
 
 TEST(LcmCheck, LongerThanADatagram) {
@@ -172,9 +180,9 @@ TEST(LcmCheck, FlippedBitsPassOrFailButNeverOverrun) {
       }
     }
   };
-  flip(poses(2));
-  flip(named_poses({"a", "bb"}));
-  flip(query(1, 2, 1));
+  flip(poses({"a", "bb"}));
+  flip(positions({"a", "bb"}));
+  flip(query(1, 2, 1, 1));
   flip(frame(16));
   EXPECT_GT(passed, 1000);
   EXPECT_GT(rejected, 1000);

@@ -1,4 +1,5 @@
 // Poses over the LCM transport.
+#include "clearance_lcm/joint_update_t.hpp"
 #include "tests/lcm/lcm_transport_fixture.h"
 
 namespace clearance {
@@ -68,18 +69,15 @@ TEST_F(LcmTransportTest, OrderIsKeptForEachPublisher) {
   ASSERT_TRUE(until_counter("lcm.repeated", 1));
   EXPECT_EQ(engine_->pose_revision(), revision);
   EXPECT_EQ(position(1), position_of(0, 1.5));
-  // Another publisher is counted separately, and so is the other channel.
+  // Another publisher is counted separately, and so is another channel.
   publish(update(1, 2.0, 2));
   ASSERT_TRUE(until([&] { return engine_->pose_revision() == revision + 1; }));
-  named_pose_update_t named{};
-  named.publisher_id = 1;
-  named.sequence = 1;
-  named.count = 1;
-  named.names = {"ball3"};
-  named.poses = {{7, 8, 9, 1, 0, 0, 0}};
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
-  ASSERT_TRUE(until([&] { return engine_->pose_revision() == revision + 2; }));
-  EXPECT_EQ(position(4), (std::vector<double>{7, 8, 9}));
+  const std::uint64_t messages = counter("lcm.pose_messages");
+  clearance_lcm::joint_update_t joints{};
+  joints.publisher_id = 1;
+  joints.sequence = 1;
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_JOINTS", joints));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", messages + 1));
   EXPECT_EQ(counter("lcm.gaps"), 3u);
   EXPECT_EQ(counter("lcm.reordered"), 1u);
   EXPECT_EQ(counter("lcm.publishers"), 3u);
@@ -94,13 +92,13 @@ TEST_F(LcmTransportTest, OrderIsKeptForEachPublisher) {
 
 TEST_F(LcmTransportTest, NamesThatAreUnknownAreLeftOut) {
   start();
-  named_pose_update_t named{};
+  pose_update_t named{};
   named.publisher_id = 3;
   named.sequence = 1;
   named.count = 3;
   named.names = {"ball0", "nobody", "ball1"};
   named.poses = {{1, 0, 0, 1, 0, 0, 0}, {2, 0, 0, 1, 0, 0, 0}, {3, 0, 0, 1, 0, 0, 0}};
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
+  publish(named);
   ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
   EXPECT_EQ(counter("lcm.unknown_bodies"), 1u);
   EXPECT_EQ(position(1), (std::vector<double>{1, 0, 0}));
@@ -134,24 +132,10 @@ TEST_F(LcmTransportTest, ABadPoseAmongGoodOnesIsBadAndTheOthersHold) {
   EXPECT_EQ(counter("poses.bad"), 2u);
 }
 
-TEST_F(LcmTransportTest, IdsOfAnotherSceneAreRejected) {
+TEST_F(LcmTransportTest, AMessageWithoutAPublisherIsRejected) {
   start();
-  pose_update_t other = update(1, 1.0);
-  other.scene_revision = 12345;
-  publish(other);
-  ASSERT_TRUE(until_counter("lcm.wrong_scene", 1));
-  EXPECT_EQ(engine_->body_state(1).status, Status::kNoPose);
-  pose_update_t own = update(1, 1.0);
-  own.scene_revision = static_cast<std::int64_t>(engine_->scene_revision());
-  publish(own);
-  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
-  EXPECT_EQ(position(1), position_of(0, 1.0));
-  pose_update_t unknown = update(2, 2.0);
-  unknown.bodies[0] = 99;
-  publish(unknown);
-  ASSERT_TRUE(until_counter("lcm.unknown_bodies", 1));
-  EXPECT_EQ(position(2), position_of(1, 2.0));
-  pose_update_t nobody = update(3, 3.0);
+  set_poses(1, 2.0);
+  pose_update_t nobody = update(2, 3.0);
   nobody.publisher_id = 0;
   publish(nobody);
   ASSERT_TRUE(until_counter("lcm.bad_messages", 1));
@@ -175,14 +159,6 @@ TEST_F(LcmTransportTest, WhereNoneAreTakenPosesChangeNothing) {
   const std::uint64_t revision = engine_->pose_revision();
   publish(update(1, 0.5));
   ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving));
-  named_pose_update_t named{};
-  named.publisher_id = 2;
-  named.sequence = 1;
-  named.count = 1;
-  named.names = {"ball2"};
-  named.poses = {pose_of(2, 0.5)};
-  ASSERT_TRUE(bus_->publish_message("CLEARANCE_POSES_NAMED", named));
-  ASSERT_TRUE(until_counter("lcm.poses_not_allowed", kMoving + 1));
   EXPECT_EQ(counter("lcm.pose_messages"), 0u);
   EXPECT_EQ(engine_->pose_revision(), revision);
   expect_good_answer();

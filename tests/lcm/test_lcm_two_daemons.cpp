@@ -166,7 +166,7 @@ TEST_F(LcmTwoDaemonsTest, PublishedPosesReachBoth) {
   clearance_lcm::pose_update_t update{};
   update.publisher_id = 7;
   update.count = 1;
-  update.bodies = {1};
+  update.names = {"tool"};
   const Pose7 pose = apart(kInTwo);
   update.poses = {{pose.begin(), pose.end()}};
   for (const char* name : {"one", "two"}) {

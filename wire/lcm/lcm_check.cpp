@@ -86,50 +86,25 @@ class Walk {
 
 constexpr std::uint64_t kPoseBytes = 7 * 8;
 
-void walk_query(Walk& walk) {
-  walk.skip(3 * 8 + 3 * 8 + 4 * 8 + 2 * 4 + 4, "its parameters");
-  walk.skip(8 * walk.count(8, "pair_count"), "pairs");
-  const std::uint64_t bodies = walk.count(4, "body_count");
-  walk.skip(4 * bodies, "bodies");
-  const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
-  // Configurations without bodies have no bytes to count, and are invalid.
-  if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
-  walk.skip(configurations * bodies * kPoseBytes, "configurations");
+/// Reads the members of an update by name.
+void walk_update(Walk& walk, std::uint64_t value_bytes, const char* values) {
+  walk.skip(3 * 8, "its ids and stamps");
+  const std::uint64_t count = walk.count(5 + value_bytes, "count");
+  for (std::uint64_t i = 0; i < count && walk.good(); ++i) walk.string(kMaxNameBytes, "a name");
+  walk.skip(count * value_bytes, values);
 }
 
 }  // namespace
 
 std::string check_pose_update(std::span<const std::byte> packet) {
   Walk walk(packet, "pose_update_t", clearance_lcm::pose_update_t::getHash());
-  walk.skip(4 * 8, "its ids and stamps");
-  const std::uint64_t count = walk.count(4 + kPoseBytes, "count");
-  walk.skip(count * (4 + kPoseBytes), "poses");
-  return walk.end();
-}
-
-std::string check_named_pose_update(std::span<const std::byte> packet) {
-  Walk walk(packet, "named_pose_update_t", clearance_lcm::named_pose_update_t::getHash());
-  walk.skip(3 * 8, "its ids and stamps");
-  const std::uint64_t count = walk.count(5 + kPoseBytes, "count");
-  for (std::uint64_t i = 0; i < count && walk.good(); ++i) walk.string(kMaxNameBytes, "a name");
-  walk.skip(count * kPoseBytes, "poses");
+  walk_update(walk, kPoseBytes, "poses");
   return walk.end();
 }
 
 std::string check_joint_update(std::span<const std::byte> packet) {
   Walk walk(packet, "joint_update_t", clearance_lcm::joint_update_t::getHash());
-  walk.skip(4 * 8, "its ids and stamps");
-  const std::uint64_t count = walk.count(4 + 8, "count");
-  walk.skip(count * (4 + 8), "positions");
-  return walk.end();
-}
-
-std::string check_named_joint_update(std::span<const std::byte> packet) {
-  Walk walk(packet, "named_joint_update_t", clearance_lcm::named_joint_update_t::getHash());
-  walk.skip(3 * 8, "its ids and stamps");
-  const std::uint64_t count = walk.count(5 + 8, "count");
-  for (std::uint64_t i = 0; i < count && walk.good(); ++i) walk.string(kMaxNameBytes, "a name");
-  walk.skip(count * 8, "positions");
+  walk_update(walk, sizeof(double), "positions");
   return walk.end();
 }
 
@@ -145,19 +120,19 @@ std::string check_points(std::span<const std::byte> packet) {
 
 std::string check_query(std::span<const std::byte> packet) {
   Walk walk(packet, "query_t", clearance_lcm::query_t::getHash());
-  walk_query(walk);
-  return walk.end();
-}
-
-std::string check_joint_query(std::span<const std::byte> packet) {
-  Walk walk(packet, "joint_query_t", clearance_lcm::joint_query_t::getHash());
-  walk_query(walk);
+  walk.skip(3 * 8 + 4 * 8 + 4 * 8 + 3 * 4 + 4, "its parameters");
+  walk.skip(8 * walk.count(8, "pair_count"), "pairs");
+  const std::uint64_t bodies = walk.count(4, "body_count");
+  walk.skip(4 * bodies, "bodies");
+  const std::uint64_t configurations = walk.count(bodies * kPoseBytes, "configuration_count");
+  // Configurations without bodies have no bytes to count, and are invalid. So are rows without joints.
+  if (bodies == 0 && configurations > 0) walk.fail("configurations without bodies");
+  walk.skip(configurations * bodies * kPoseBytes, "configurations");
   const std::uint64_t joints = walk.count(5, "joint_count");
   for (std::uint64_t i = 0; i < joints && walk.good(); ++i) walk.string(kMaxNameBytes, "a joint");
   const std::uint64_t rows = walk.count(joints * 8, "row_count");
   if (joints == 0 && rows > 0) walk.fail("rows without joints");
   walk.skip(rows * joints * 8, "positions");
-  walk.skip(8 + 4, "margin and max_evaluations");
   return walk.end();
 }
 

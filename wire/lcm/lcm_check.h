@@ -9,10 +9,7 @@
 #include <string>
 
 #include "clearance_lcm/frame_t.hpp"
-#include "clearance_lcm/joint_query_t.hpp"
 #include "clearance_lcm/joint_update_t.hpp"
-#include "clearance_lcm/named_joint_update_t.hpp"
-#include "clearance_lcm/named_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
@@ -21,34 +18,22 @@ namespace clearance {
 
 /// Each returns a description of the packet's error, or an empty text.
 std::string check_pose_update(std::span<const std::byte> packet);
-std::string check_named_pose_update(std::span<const std::byte> packet);
 std::string check_joint_update(std::span<const std::byte> packet);
-std::string check_named_joint_update(std::span<const std::byte> packet);
 std::string check_points(std::span<const std::byte> packet);
 std::string check_query(std::span<const std::byte> packet);
-std::string check_joint_query(std::span<const std::byte> packet);
 std::string check_frame(std::span<const std::byte> packet);
 
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::pose_update_t&) {
   return check_pose_update(packet);
 }
-inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::named_pose_update_t&) {
-  return check_named_pose_update(packet);
-}
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::joint_update_t&) {
   return check_joint_update(packet);
-}
-inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::named_joint_update_t&) {
-  return check_named_joint_update(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::points_t&) {
   return check_points(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::query_t&) {
   return check_query(packet);
-}
-inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::joint_query_t&) {
-  return check_joint_query(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::frame_t&) {
   return check_frame(packet);
