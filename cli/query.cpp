@@ -192,7 +192,7 @@ void add_query(CLI::App& app) {
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
     if (option.name == std::string_view("max_evaluations")) return;    // of motions: `clearance path`
-    if (!option.tag) return;
+    if (!option.tag && option.name != std::string_view("deadline_ns")) return;
     CLI::Option& added = *command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
     if constexpr (std::is_enum_v<std::remove_reference_t<decltype(member(q))>>) take_words(added, option.legal.text);
   });
