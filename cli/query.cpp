@@ -191,9 +191,9 @@ void add_query(CLI::App& app) {
       ->check(quiet(CLI::Range(0.0, 1e9)))
       ->type_name("S");
   for_each_query_option([&](const QueryOption& option, auto member) {  // those that came after the ones above
-    if (!option.tag || option.name == std::string_view("max_evaluations") ||
-        option.name == std::string_view("control_points"))
-      return;  // the latter two are of motions: `clearance path`
+    for (const std::string_view of_motions : {"max_evaluations", "control_points"})
+      if (option.name == of_motions) return;  // `clearance path`
+    if (!option.tag && option.name != std::string_view("deadline_ns")) return;
     CLI::Option& added = *command.add_option(flag_of(option.name), member(q), option.text)->type_name(option.unit);
     if constexpr (std::is_enum_v<std::remove_reference_t<decltype(member(q))>>) take_words(added, option.legal.text);
   });

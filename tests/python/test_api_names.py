@@ -76,7 +76,7 @@ PYTHON_ONLY = {
         "neighbours": "numpy",
         "reduce": "the shape of columns depends on it",
         "compact": "a format",
-        **dict.fromkeys(("names", "pair_names", "to_pandas"), "pandas"),
+        **dict.fromkeys(("names", "pair_names", "to_pandas", "to_arrow"), "pandas and Arrow"),
     },
     "Check": {"result": "its columns are members", "pair_names": "as of a Result"},
     "PathCheck": {"pair_names": "as of a Result"},

@@ -258,6 +258,32 @@ def front(request, scene_of_the_cell, start_daemon, cell):
     return clearance.connect(start_daemon(cell, ["ipc"]).urls["ipc"], timeout_s=PATIENCE_S)
 
 
+def documented(call):
+    """The descriptions of a call's arguments in its docstring, by name."""
+    found, last = {}, []
+    for line in inspect.cleandoc(call.__doc__).splitlines():
+        if match := re.match(r"(\w+(?:, \w+)*): (.*)", line):
+            last = [match[2]]
+            found.update((name, last) for name in match[1].split(", "))
+        elif line.startswith("    "):
+            last.append(line.strip())
+    return {name: " ".join(lines) for name, lines in found.items()}
+
+
+@pytest.mark.parametrize("name", ["distances", "check", "motions", "check_path", "free_scale", "plan", "prepare"])
+@pytest.mark.parametrize("front", [clearance.Engine, clearance.Client])
+def test_docstrings_of_queries_state_each_default(front, name):
+    call = getattr(front, name)
+    described = documented(call)
+    parameters = [
+        p for p in inspect.signature(call).parameters.values() if p.name != "self" and p.kind != p.VAR_KEYWORD
+    ]
+    assert len(parameters) <= (12 if name == "distances" else 13)
+    for parameter in parameters:
+        text = described[parameter.name]
+        assert parameter.default is parameter.empty or re.search("default|as in", text, re.I), parameter.name
+
+
 def test_every_argument_of_both_fronts(front):
     calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
     elsewhere = {"prepare", "free_scale", "plan", "explain_path"}  # below; test_joints, test_plan, test_path_report

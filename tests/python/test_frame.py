@@ -27,7 +27,6 @@ class Frame(dict):
 @pytest.fixture(params=["fake", "pandas"])
 def pandas(request, monkeypatch):
     """pandas, and a fake of it that every machine has."""
-    monkeypatch.delitem(sys.modules, "clearance._query.frame", raising=False)
     if request.param == "pandas":
         return pytest.importorskip("pandas")
     codes = types.SimpleNamespace(from_codes=lambda codes, labels: np.array(labels)[codes])
@@ -108,9 +107,40 @@ def test_names(engine):
     ]
 
 
-def test_pandas_is_imported_by_the_call_alone(engine, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pandas", None)
-    monkeypatch.delitem(sys.modules, "clearance._query.frame", raising=False)
+@pytest.fixture(params=["fake", "pyarrow"])
+def pyarrow(request, monkeypatch):
+    """pyarrow, and a fake of it that every machine has."""
+    if request.param == "pyarrow":
+        return pytest.importorskip("pyarrow")
+    module: Any = types.ModuleType("pyarrow")
+    module.table = lambda columns: types.SimpleNamespace(
+        column_names=list(columns), to_pydict=lambda: {name: list(column) for name, column in columns.items()}
+    )
+    module.DictionaryArray = types.SimpleNamespace(from_arrays=lambda codes, labels: np.array(labels)[codes])
+    monkeypatch.setitem(sys.modules, "pyarrow", module)
+    return module
+
+
+def test_a_table_of_arrow_has_the_columns_of_pandas(engine, pyarrow):
+    X = np.array([[at(0.5, 0, 0.5)], [at(0, 0.9, 0.4)]])
+    result = engine.distances(configurations=X, bodies=["cup"], fields=("default", "point_a", "bounds"))
+    table = result.to_arrow()
+    assert table.column_names == [
+        "configuration", "body_a", "body_b", "distance", "lower", "upper", "status", "point_a_x", "point_a_y",
+        "point_a_z", "bounds_lower", "bounds_upper",
+    ]  # fmt: skip
+    columns = table.to_pydict()
+    assert list(zip(columns["body_a"], columns["body_b"])) == [tuple(names) for names in result.pair_names.tolist()] * 2
+    assert [clearance.Status[status] for status in columns["status"]] == result.status.reshape(-1).tolist()
+    assert columns["lower"] == result.lower.reshape(-1).tolist()
+    assert columns["bounds_upper"] == result.bounds[..., 1].reshape(-1).tolist()
+    nearest = engine.distances(reduce="any", margin=0.001, fields=("verdict", "pair")).to_arrow().to_pydict()
+    assert set(nearest) == {"configuration", "body_a", "body_b", "verdict"}
+
+
+@pytest.mark.parametrize("package, method", [("pandas", "to_pandas"), ("pyarrow", "to_arrow")])
+def test_packages_are_imported_by_their_calls_alone(engine, monkeypatch, package, method):
+    monkeypatch.setitem(sys.modules, package, None)
     result = engine.distances()
     with pytest.raises(ImportError):
-        result.to_pandas()
+        getattr(result, method)()

@@ -1,6 +1,7 @@
 """plan() of an engine and a client: paths that are proved free, and the reasons why there are none."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ MARGIN = 0.02
 
 @pytest.fixture(scope="module", params=["engine", "shm"])
 def engine(request, tmp_path_factory):
+    made: Any
     daemon = None
     if request.param == "engine":
         made = clearance.Engine(clearance.Scene.load(CELL), threads=1)

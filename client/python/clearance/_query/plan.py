@@ -63,13 +63,15 @@ class Plans:
 
         start, goal: (J,) positions of `joints`, radians and metres.
         joints, pairs, margin: as in motions(). Other joints and bodies keep their current positions and poses.
-        range: greatest length of a new motion, Euclidean in joint space, before shortcuts.
-        max_iterations: samples after which the search ends. They are uniform within the joints' limits; a joint without
-            limits is sampled from -pi to pi, and does not wrap around.
-        shortcuts: random shortcuts that are tried; 0 leaves the path as it was found.
-        seed: the same seed, scene and poses give the same path.
-        clearance: whether to bound the least distance along the path, to 1 mm; takes longer than most plans.
-        certificate: whether to add proofs of all motions, as certificate() makes them.
+        range: greatest length of a new motion, Euclidean in joint space, before shortcuts. Default: 1; smaller ones
+            need more motions.
+        max_iterations: samples after which the search ends, each of one motion or more. They are uniform within the
+            joints' limits; a joint without limits is sampled from -pi to pi, and does not wrap around. Default: 10,000.
+        shortcuts: random shortcuts that are tried, a motion each; 0 leaves the path as it was found. Default: 32.
+        seed: the same seed, scene and poses give the same path. Default: 0.
+        clearance: whether to bound the least distance along the path, to 1 mm. Default: True, which takes longer than
+            most plans.
+        certificate: whether to add proofs of all motions. Default: False; certificate() takes ten times a query's time.
 
         Returns a PathPlan. It is false, and has the reason, if the start or the goal is not free or is beyond limits,
         or if no path was found. Ctrl-C ends the search. Raises ValueError for arrays of another shape, and as

@@ -70,7 +70,7 @@ class Queries:
             limits sets Flag.BEYOND_LIMITS.
         bodies: (M,) names or ids of those bodies. Default: every movable body, in the order of ids; with joints, none.
         joints: the result of joints(), the name of a robot or of a group of its joints, or names or ids of joints.
-            Other joints and bodies keep their poses; attached bodies move with their links.
+            Other joints and bodies keep their poses; attached bodies move with their links. Default: none.
         reduce: rows of the answer: "none" for each pair, "within" for the pairs nearer than max_distance, "nearest" for
             each body, "min" for each configuration the nearest pair, "any" for each configuration BEYOND if every pair
             is proved farther than its margin, otherwise a pair that is not. Default: "none", the most expensive.
@@ -202,9 +202,9 @@ class Queries:
     ) -> np.ndarray:
         """Returns the size of a region of joint space around each configuration that is proved to be free.
 
-        positions: (K, J) radians and metres of the joints, as `configurations` of distances().
+        positions: (K, J) radians and metres of `joints`, as `configurations` of distances().
         weights: (J,) >= 0, radians and metres: the motion of each joint at a scale of 1. Default: 1 each.
-        margin, pairs, timeout_s: as in check().
+        joints, margin, pairs, timeout_s: as in check().
 
         Returns (K,) float64, rounded down: the largest s for which all pairs are proved to stay beyond their margins
         while no joint moves by more than s times its weight. The value is 0 if the configuration itself is not proved
@@ -240,7 +240,7 @@ class Queries:
     def prepare(self, call: str = "distances", **arguments: Any) -> Prepared:
         """Parses a call once, for a planner or a control loop: run() costs about 1 us more than the engine.
 
-        call: "distances", "check", "motions", "check_path" or "free_scale".
+        call: "distances" (the default), "check", "motions", "check_path" or "free_scale".
         arguments: those of that method by name, without its inputs (`configurations`; `start` and `end`; `path`;
             `positions`), which run() takes. And these, which only prepared queries have:
 
@@ -264,7 +264,7 @@ class Queries:
         return Prepared(self, call, {**everyday, **arguments})._checked()  # type: ignore[arg-type]
 
     def submit(self, *arguments: Any, **named: Any) -> Future:
-        """Starts the query of distances() and returns a future: .result(timeout=None), .done(), .cancel(), or await it.
+        """Starts distances(), with its arguments, and returns a future: .result(), .done(), .cancel(), or await it.
 
         In process, the poses are those at this call; through a daemon, those at the request's arrival.
         """

@@ -165,6 +165,12 @@ class Result:
 
         return data_frame(self)
 
+    def to_arrow(self) -> Any:
+        """Returns a pyarrow.Table with the columns of to_pandas(), for Polars, DuckDB or Parquet. Requires pyarrow."""
+        from .frame import arrow_table
+
+        return arrow_table(self)
+
     @property
     def neighbours(self) -> np.ndarray:
         """(K, N) uint32, for reduce="nearest": the nearest body of each body, or clearance.NONE."""
