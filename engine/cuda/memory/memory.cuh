@@ -159,35 +159,38 @@ class Upload {
   explicit Upload(MemoryCounters& counters) : host_(counters), device_(counters) {}
 
   void clear() { arrays_.clear(), bytes_ = 0; }
-  /// \returns the array's offset
-  template <class T>
-  std::size_t add(std::span<const T> array) {
-    const std::size_t at = bytes_;
-    arrays_.push_back({array.data(), array.size_bytes(), at});
-    bytes_ += (array.size_bytes() + 255) / 256 * 256;
-    return at;
+  /// \param array a range of T, or of another type with the same bytes
+  /// \param to send() sets it to the array in device memory
+  template <class Range, class T>
+  void add(const Range& array, const T*& to) {
+    const std::span<const std::byte> bytes = std::as_bytes(std::span(array));
+    const auto set = [](void* to_set, const std::byte* at) {
+      *static_cast<const T**>(to_set) = reinterpret_cast<const T*>(at);
+    };
+    arrays_.push_back({bytes, bytes_, &to, set});
+    bytes_ += (bytes.size() + 255) / 256 * 256;
   }
   void send(cudaStream_t stream) {
-    if (bytes_ == 0) return;
-    std::byte* host = host_.reserve(bytes_);
-    device_.reserve(bytes_);
-    for (const Array& a : arrays_)
-      if (a.bytes > 0) std::memcpy(host + a.at, a.data, a.bytes);
-    check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
-          "copying a query to the device");
+    if (bytes_ > 0) {
+      std::byte* host = host_.reserve(bytes_);
+      device_.reserve(bytes_);
+      for (const Array& a : arrays_)
+        if (!a.bytes.empty()) std::memcpy(host + a.at, a.bytes.data(), a.bytes.size());
+      check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
+            "copying a query to the device");
+    }
+    for (const Array& a : arrays_) a.set(a.to, device_.data() + a.at);
   }
   std::size_t device_size() const { return device_.size(); }
   /// Frees the host copy of data that is sent only once.
   void forget_host() { host_.release(); }
-  template <class T>
-  const T* at(std::size_t offset) const {
-    return reinterpret_cast<const T*>(device_.data() + offset);
-  }
 
  private:
   struct Array {
-    const void* data;
-    std::size_t bytes, at;
+    std::span<const std::byte> bytes;
+    std::size_t at;
+    void* to;
+    void (*set)(void* to, const std::byte* at);
   };
   std::vector<Array> arrays_;
   std::size_t bytes_ = 0;

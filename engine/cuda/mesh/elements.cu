@@ -20,18 +20,15 @@ void for_kinds(const ElementKinds& kinds, const Visit& visit) {
 
 void CudaElements::take(const Surface& surface) {
   const ElementArrays arrays(surface);
+  set_ = arrays.set;
   memory_.clear();
-  const std::size_t nodes = memory_.add(arrays.nodes), points = memory_.add(arrays.points),
-                    slabs = memory_.add(arrays.slabs), corners = memory_.add(std::span<const double>(arrays.corners)),
-                    parts = memory_.add(std::span<const std::uint32_t>(arrays.parts));
+  memory_.add(arrays.nodes, set_.nodes);
+  memory_.add(arrays.points, set_.points);
+  memory_.add(arrays.slabs, set_.slabs);
+  if (!surface.is_cloud()) memory_.add(arrays.corners, set_.corners);
+  memory_.add(arrays.parts, set_.parts);
   memory_.send(nullptr);
   check(cudaStreamSynchronize(nullptr), "copying elements to the device");
-  set_ = arrays.set;
-  set_.nodes = memory_.at<ElementNode>(nodes);
-  set_.points = memory_.at<float>(points);
-  set_.slabs = memory_.at<ElementSlab>(slabs);
-  set_.corners = surface.is_cloud() ? nullptr : memory_.at<double>(corners);
-  set_.parts = memory_.at<std::uint32_t>(parts);
   if (!surface.is_cloud()) memory_.forget_host();
 }
 
@@ -49,11 +46,11 @@ void QueryElements::begin(const QuerySetup& s, std::size_t bodies, cudaStream_t 
     set.body = of.body;
   }
   memory_.clear();
-  const std::size_t sets = memory_.add(std::span<const ElementSet>(sets_)),
-                    of_body = memory_.add(std::span<const std::uint32_t>(of_body_));
+  memory_.add(sets_, view_.sets);
+  memory_.add(of_body_, view_.of_body);
   memory_.send(stream);
-  view_ = {memory_.at<ElementSet>(sets), memory_.at<std::uint32_t>(of_body), static_cast<std::uint32_t>(sets_.size()),
-           s.element_kinds};
+  view_.count = static_cast<std::uint32_t>(sets_.size());
+  view_.kinds = s.element_kinds;
 }
 
 void start_element_boxes(const ElementsView& elements, const BodiesView& bodies, cudaStream_t stream) {

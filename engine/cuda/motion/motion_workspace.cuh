@@ -35,12 +35,13 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     const OnDevice here = on_device();
     const MotionArrays& arrays = *s.motions;
     tables_.clear();
-    const auto add = [&](const auto& array) { return tables_.add(std::span(array)); };
-    const std::size_t movers = add(arrays.movers), chains = add(arrays.chains), of_slot = add(arrays.chain_of_slot),
-                      views = add(arrays.views), of_pair = add(arrays.views_of_pair), reach = add(arrays.reach);
+    tables_.add(arrays.movers, at_.movers);
+    tables_.add(arrays.chains, at_.chains);
+    tables_.add(arrays.chain_of_slot, at_.chain_of_slot);
+    tables_.add(arrays.views, at_.views);
+    tables_.add(arrays.views_of_pair, at_.views_of_pair);
+    tables_.add(arrays.reach, at_.reach);
     tables_.send(slots_[0]->stream);
-    at_ = {tables_.at<Mover>(movers),      tables_.at<MotionChain>(chains),    tables_.at<std::uint32_t>(of_slot),
-           tables_.at<MotionViews>(views), tables_.at<std::uint32_t>(of_pair), tables_.at<double>(reach)};
     check(cudaEventRecord(sent_.event, slots_[0]->stream), "recording an event");
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, sent_.event), "waiting for an event");

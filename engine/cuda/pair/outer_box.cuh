@@ -14,6 +14,12 @@ __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref,
   const float4 p = __ldg(halves), q = __ldg(halves + 1);
   return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
 }
+struct PairBoxes {
+  OuterBox a, b;
+};
+__device__ inline PairBoxes boxes_of(const BodiesView& bodies, PairRef ref, std::uint32_t k) {
+  return {load_box(bodies, ref.a, k), load_box(bodies, ref.b, k)};
+}
 __device__ inline bool is_empty(const OuterBox& box) {
   return box.low_x > box.high_x;
 }

@@ -18,7 +18,7 @@ __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_con
   bool wanted = false;
   if (row < r.rows) {
     const Item item(r, static_cast<std::uint32_t>(row));
-    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
     if (is_empty(a) || is_empty(b)) {
       take_least(r.unusable + item.k, item.p);
     } else {

@@ -37,7 +37,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
     std::size_t group[2] = {0, 0};
     if (row < r.rows) {
       const Item item(r, static_cast<std::uint32_t>(row));
-      const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+      const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
       int n = 0;
       for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
       const bool usable = !is_empty(a) && !is_empty(b);
@@ -102,7 +102,7 @@ __global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_con
   bool wanted = false;
   if (row < r.rows) {
     const Item item(r, static_cast<std::uint32_t>(row));
-    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
     if (!is_empty(a) && !is_empty(b)) {
       const double gap = gap_below(a, b);
       for_groups(r, item,
@@ -120,7 +120,7 @@ __global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_con
   bool wanted = false;
   if (row < r.rows) {
     const Item item(r, static_cast<std::uint32_t>(row));
-    const OuterBox a = load_box(r.chunk.bodies, item.ref.a, item.k), b = load_box(r.chunk.bodies, item.ref.b, item.k);
+    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
     wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.pair_limits.max_distance);
   }
   const unsigned word = __ballot_sync(~0u, wanted);

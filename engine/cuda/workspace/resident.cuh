@@ -20,20 +20,18 @@ class ResidentHulls {
   ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
     check(cudaGetDevice(&device_), "getting the device");
     HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
-    Upload& m = memory_;
-    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),
-                      at_y = m.add<double>(arrays.y), at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
-                      at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(arrays.of_body),
-                      at_begin = m.add<std::uint32_t>(arrays.part_begin),
-                      at_parts = m.add<std::uint32_t>(arrays.part_hull);
-    m.send(nullptr);
+    memory_.add(arrays.heads, view_.heads);
+    memory_.add(arrays.x, view_.x);
+    memory_.add(arrays.y, view_.y);
+    memory_.add(arrays.z, view_.z);
+    memory_.add(arrays.f32, view_.f32);
+    memory_.add(arrays.words, view_.words);
+    memory_.add(arrays.of_body, view_.of_body);
+    memory_.add(arrays.part_begin, view_.part_begin);
+    memory_.add(arrays.part_hull, view_.part_hull);
+    memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
-    m.forget_host();
-    view_ = {m.at<HullHead>(at_heads),     m.at<double>(at_x),
-             m.at<double>(at_y),           m.at<double>(at_z),
-             m.at<float>(at_f32),          m.at<std::uint16_t>(at_words),
-             m.at<std::uint32_t>(at_of),   m.at<std::uint32_t>(at_begin),
-             m.at<std::uint32_t>(at_parts)};
+    memory_.forget_host();
     heads_ = std::move(arrays.heads);
     of_body_ = std::move(arrays.of_body);
     part_begin_ = std::move(arrays.part_begin);
@@ -62,13 +60,12 @@ class CudaPairs final : public ResidentPairs {
   CudaPairs(const ResidentHulls& hulls, MemoryCounters& counters, std::span<const PairRef> p,
             std::span<const std::uint32_t> at, std::span<const Group> tiles)
       : memory_(counters) {
-    const std::size_t at_pairs = memory_.add(p), at_position = memory_.add(at), at_tiles = memory_.add(tiles);
+    memory_.add(p, pairs);
+    memory_.add(at, position);
+    memory_.add(tiles, group_of_tile);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying pairs to the device");
     memory_.forget_host();
-    pairs = memory_.at<PairRef>(at_pairs);
-    position = memory_.at<std::uint32_t>(at_position);
-    group_of_tile = memory_.at<Group>(at_tiles);
     for (const Group& group : tiles) {
       const HullHead &a = hulls.head(group.hull_a), &b = hulls.head(group.hull_b);
       const bool same = group.hull_a == group.hull_b;
@@ -96,15 +93,14 @@ class CudaTable final : public ResidentTable {
  public:
   CudaTable(MemoryCounters& counters, const PairTable& table) : memory_(counters) {
     const PairTable::Arrays a = table.arrays();
-    const std::size_t at_static = memory_.add(a.is_static), at_movable = memory_.add(a.movable_before),
-                      at_rows = memory_.add(a.row_begin), at_begin = memory_.add(a.excluded_begin),
-                      at_excluded = memory_.add(a.excluded);
+    memory_.add(a.is_static, view.is_static);
+    memory_.add(a.movable_before, view.movable_before);
+    memory_.add(a.row_begin, view.row_begin);
+    memory_.add(a.excluded_begin, view.excluded_begin);
+    memory_.add(a.excluded, view.excluded);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying a table of pairs to the device");
     memory_.forget_host();
-    view = {memory_.at<std::uint8_t>(at_static), memory_.at<std::uint32_t>(at_movable),
-            memory_.at<std::uint64_t>(at_rows), memory_.at<std::uint32_t>(at_begin),
-            memory_.at<std::uint32_t>(at_excluded)};
   }
 
   TableView view;

@@ -89,49 +89,13 @@ class QuerySide : public Interface {
     fields_ = s.fields;
     joints_ = s.moved.robots.joints;
     given_count_ = s.moved.given_count;
-    setup_.clear();
-    find_moved_parts(s.moved.bodies);
-    const MovedSetup& m = s.moved;
-    const UncertaintySetup& u = s.uncertainty;
-    const std::size_t moved_body = setup_.add(m.bodies),
-                      parts = setup_.add(std::span<const std::uint32_t>(moved_part_begin_)),
-                      source = setup_.add(m.source), begin = setup_.add(m.chain_begin), chain = setup_.add(m.chain),
-                      own = setup_.add(m.own), base = setup_.add(m.base), has_base = setup_.add(m.has_base),
-                      slot_state = setup_.add(m.slot_state), margins = setup_.add(s.margins),
-                      steps = setup_.add(m.robots.steps), columns = setup_.add(m.robots.columns),
-                      robots = setup_.add(m.robots.robots), fixed_slack = setup_.add(u.fixed_slack),
-                      links = setup_.add(u.links), link_pairs = setup_.add(u.link_pairs),
-                      uncertainty_steps = setup_.add(u.steps), base_uncertainty = setup_.add(u.base),
-                      movers = setup_.add(s.movers.movers), mover_of_body = setup_.add(s.movers.of_body);
     const cudaStream_t stream = slots_[0]->stream;
+    pack_setup(s);
     setup_.send(stream);
-    UncertaintyView uncertainties{};
-    if (!u.fixed_slack.empty())
-      uncertainties = {setup_.at<BodySlack>(fixed_slack), nullptr, setup_.at<LinkPlace>(links),
-                       setup_.at<LinkPairError>(link_pairs)};
-    send_bodies(s, uncertainties, stream);
+    send_bodies(s, stream);
     if (s.chunks > 1) check(cudaEventRecord(ready_.event, stream), "recording an event");
     for (int i = 1; i < kSlots && static_cast<std::uint64_t>(i) < s.chunks; ++i)
       check(cudaStreamWaitEvent(slots_[i]->stream, ready_.event), "waiting for an event");
-    bodies_.moved_body = setup_.at<std::uint32_t>(moved_body);
-    bodies_.moved_part_begin = setup_.at<std::uint32_t>(parts);
-    bodies_.moved_count = static_cast<std::uint32_t>(m.bodies.size());
-    moves_ = {nullptr,
-              m.given_count,
-              setup_.at<std::uint32_t>(source),
-              setup_.at<Pose>(own),
-              setup_.at<std::uint32_t>(begin),
-              setup_.at<std::uint32_t>(chain),
-              setup_.at<BodyPlacement>(base),
-              setup_.at<std::uint8_t>(has_base),
-              setup_.at<std::uint8_t>(slot_state),
-              {setup_.at<KinematicStep>(steps), setup_.at<JointColumn>(columns), setup_.at<JointRobot>(robots),
-               static_cast<std::uint32_t>(m.robots.robots.size()), joints_, nullptr, nullptr, nullptr, nullptr},
-              setup_.at<UncertaintyStep>(uncertainty_steps),
-              setup_.at<PlacedUncertainty>(base_uncertainty)};
-    frames_ = m.robots.frames;
-    movers_ = {setup_.at<JointMover>(movers), setup_.at<std::uint32_t>(mover_of_body)};
-    margins_ = s.margins.empty() ? nullptr : setup_.at<double>(margins);
     pairs_ = static_cast<const CudaPairs*>(s.pairs);
   }
 
@@ -167,20 +131,57 @@ class QuerySide : public Interface {
     return view;
   }
 
+  // Packs the arrays of a query, whose views point to them once they are sent.
+  void pack_setup(const QuerySetup& s) {
+    const MovedSetup& m = s.moved;
+    const UncertaintySetup& u = s.uncertainty;
+    find_moved_parts(m.bodies);
+    setup_.clear();
+    bodies_ = {};
+    bodies_.moved_count = static_cast<std::uint32_t>(m.bodies.size());
+    setup_.add(m.bodies, bodies_.moved_body);
+    setup_.add(moved_part_begin_, bodies_.moved_part_begin);
+    if (!u.fixed_slack.empty()) {
+      setup_.add(u.fixed_slack, bodies_.uncertainties.fixed);
+      setup_.add(u.links, bodies_.uncertainties.links);
+      setup_.add(u.link_pairs, bodies_.uncertainties.link_pairs);
+    }
+    moves_ = {};
+    moves_.given_count = given_count_;
+    setup_.add(m.source, moves_.source);
+    setup_.add(m.own, moves_.own);
+    setup_.add(m.chain_begin, moves_.chain_begin);
+    setup_.add(m.chain, moves_.chain);
+    setup_.add(m.base, moves_.base);
+    setup_.add(m.has_base, moves_.has_base);
+    setup_.add(m.slot_state, moves_.slot_state);
+    setup_.add(u.steps, moves_.uncertainties);
+    setup_.add(u.base, moves_.base_uncertainty);
+    FramesView& frames = moves_.frames;
+    frames.robot_count = static_cast<std::uint32_t>(m.robots.robots.size());
+    frames.joints = joints_;
+    setup_.add(m.robots.steps, frames.steps);
+    setup_.add(m.robots.columns, frames.columns);
+    setup_.add(m.robots.robots, frames.robots);
+    frames_ = m.robots.frames;
+    setup_.add(s.movers.movers, movers_.movers);
+    setup_.add(s.movers.of_body, movers_.of_body);
+    margins_ = nullptr;
+    if (!s.margins.empty()) setup_.add(s.margins, margins_);
+  }
+
   // One allocation: state, components, boxes, outer boxes, boxes of convex parts. Only state and components are copied
   // from the host.
   std::size_t components_offset() const { return (std::size_t{fixed_count_} + 15) / 16 * 16; }
   std::size_t fixed_bytes() const {
     return components_offset() + std::size_t{fixed_count_} * kPoseComponents * sizeof(double);
   }
-  void send_bodies(const QuerySetup& s, const UncertaintyView& uncertainties, cudaStream_t stream) {
+  void send_bodies(const QuerySetup& s, cudaStream_t stream) {
     const std::size_t n = fixed_count_, boxes = s.boxes ? n * kBoxComponents * sizeof(double) : 0;
     const std::size_t outer_at = (fixed_bytes() + boxes + 15) / 16 * 16;
     const std::size_t parts_at = outer_at + (s.boxes ? n * sizeof(OuterBox) : 0);
     std::byte* memory = device_bodies_.reserve(parts_at + (hulls_.has_several() ? hulls_.parts() * kPartBoxBytes : 0));
     auto* outer = s.boxes ? reinterpret_cast<OuterBox*>(memory + outer_at) : nullptr;
-    bodies_ = {};
-    bodies_.uncertainties = uncertainties;
     bodies_.fixed = reinterpret_cast<const double*>(memory + components_offset());
     bodies_.fixed_state = reinterpret_cast<const std::uint8_t*>(memory);
     bodies_.fixed_box = outer;
