@@ -1,5 +1,5 @@
-# Precompiled headers that are expensive to compile and never change. The preset `fuzz` builds without them, and so
-# finds a file that lacks an include of its own.
+# Precompiled headers that are expensive to compile and never change. tests/modules finds a file that lacks an include of
+# its own.
 
 # clearance_use_standard_headers(target [source...]): the standard library's. The named sources have flags of their own, which
 # a precompiled header would have to share, and are compiled without it.

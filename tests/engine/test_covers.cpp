@@ -2,6 +2,7 @@
 #include <gtest/gtest.h>
 
 #include <cstdlib>
+#include <set>
 
 #include "engine/cover/cover_store.h"
 #include "engine/editor/scene_editor.h"

@@ -2,6 +2,7 @@
 // ZeroMQ.
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <cmath>
 #include <csignal>
 #include <cstdio>

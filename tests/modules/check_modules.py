@@ -1,12 +1,14 @@
 #!/usr/bin/env python3
 """Compares the tree's includes and folders with modules.txt, and compiles each header by itself.
 
-check_modules.py arrows                      checks that every include is allowed, and the order and size of modules
+check_modules.py arrows                      checks that every include is allowed, the order and size of modules, and
+                                             that the names of the standard library that a source has are included
 check_modules.py headers COMPILER FLAGS...   checks that every header compiles alone
 """
 
 import collections
 import concurrent.futures
+import functools
 import os
 import re
 import subprocess
@@ -17,6 +19,35 @@ ROOT = Path(__file__).resolve().parents[2]
 SOURCES = (".h", ".cpp", ".cu", ".cuh")
 FOLDERS = ("wire", "engine", "planner", "client", "server", "cli", "inspect", "bench", "tests")
 MOST = 25  # sources in a folder
+
+# Names of the standard library, and headers that have them. Precompiled headers hide that an include is missing.
+STANDARD_NAMES = {
+    r"std::array<": "array",
+    r"std::atomic": "atomic",
+    r"std::(from|to)_chars": "charconv",
+    r"std::chrono": "chrono",
+    r"std::(abs|ceil|cos|floor|hypot|isfinite|isnan|sin|sqrt)\(": "cmath",
+    r"std::mem(cmp|cpy|set)\(": "cstring",
+    r"std::deque<": "deque",
+    r"std::filesystem": "filesystem",
+    r"std::[io]?fstream": "fstream",
+    r"std::function<": "functional",
+    r"(EXPECT|ASSERT)_[A-Z]+\(": "gtest/gtest.h",
+    r"std::numeric_limits": "limits",
+    r"std::(unordered_)?map<": "map unordered_map",
+    r"std::(make_shared|make_unique|shared_ptr|unique_ptr)": "memory",
+    r"std::(lock_guard|mutex|scoped_lock|unique_lock)\b": "mutex",
+    r"std::optional<": "optional",
+    r"std::mt19937": "random",
+    r"std::(multi)?set<": "set",
+    r"std::span<": "span",
+    r"std::[io]?stringstream": "sstream",
+    r"std::(string|to_string)\b": "string",
+    r"std::string_view": "string string_view",
+    r"std::(thread|this_thread)": "thread",
+    r"std::variant<": "variant",
+    r"std::vector<": "vector",
+}
 
 
 class Modules:
@@ -64,6 +95,28 @@ def included_names(path: Path) -> list[str]:
 def includes(path: Path) -> list[Path]:
     """The headers of this tree that a source includes, in order."""
     return [source for name in included_names(path) if (ROOT / (source := source_of(name))).is_file()]
+
+
+@functools.cache
+def all_names(path: Path) -> "frozenset[str]":
+    """The includes of a source, and those of the headers of this tree among them."""
+    return frozenset(included_names(path)).union(*(all_names(target) for target in includes(path) if target != path))
+
+
+def check_standard_names() -> list[str]:
+    errors, uses = [], 0
+    for path in files():
+        text = re.sub(r"//.*", "", (ROOT / path).read_text())
+        for pattern, headers in STANDARD_NAMES.items():
+            if used := re.search(pattern, text):
+                uses += 1
+                if not all_names(path) & {*headers.split()}:
+                    errors.append(
+                        f"{path} has {used[0].rstrip('<(')}, and neither it nor a header of ours includes <{headers}>"
+                    )
+    if uses < 3000:
+        errors.append(f"only {uses} uses of the standard library were found: the check does not see them")
+    return errors
 
 
 def check_arrows() -> list[str]:
@@ -138,7 +191,7 @@ def check_headers(compiler: list[str]) -> list[str]:
 
 
 def main() -> None:
-    errors = check_arrows() if sys.argv[1] == "arrows" else check_headers(sys.argv[2:])
+    errors = check_arrows() + check_standard_names() if sys.argv[1] == "arrows" else check_headers(sys.argv[2:])
     if errors:
         sys.exit("\n".join(errors))
 

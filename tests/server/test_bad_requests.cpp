@@ -2,6 +2,7 @@
 // over ZeroMQ.
 #include <gtest/gtest.h>
 
+#include <set>
 #include <zmq.hpp>
 
 #include "client/client.h"

@@ -5,6 +5,7 @@
 
 #include <cstdlib>
 #include <cstring>
+#include <thread>
 
 #include "engine/cover/cover_record.h"
 #include "engine/cover/cover_store.h"

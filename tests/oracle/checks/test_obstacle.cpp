@@ -3,6 +3,7 @@
 
 #include <cmath>
 #include <cstring>
+#include <limits>
 
 #include "engine/bvh/surface.h"
 #include "engine/cover/point_gaps.h"
