@@ -8,7 +8,6 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/span_rates.h"
-#include "engine/robot/joint_curve.h"
 #include "engine/robot/link_twists.h"
 #include "engine/selection/joint_curve.h"
 
