@@ -298,7 +298,12 @@ MUTANTS = [
             "above(@shape.spread + norm(at - centre)@",
             "0.99 * shape.spread",
         ),
-        ("obstacle_corners", "cover/obstacle_shape.cpp", "return @support(part, n).value@; };", "0.9 * support(part, n).value"),
+        (
+            "obstacle_corners",
+            "cover/obstacle_shape.cpp",
+            "return @support(part, n).value@; };",
+            "0.9 * support(part, n).value",
+        ),
         ("obstacle_face", "cover/obstacle_shape.cpp", "@std::min({dot(n, a), dot(n, b), dot(n, c)})@ -", "reach(n)"),
         ("obstacle_flat", "cover/obstacle.cpp", "if (@!(o.inner_radius > 0)@)", "false"),
         ("gap_depth", "cover/point_gaps.h", "greater(@greater(beyond_x, beyond_y)@, beyond_z)", "beyond_x"),

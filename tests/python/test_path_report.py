@@ -84,6 +84,24 @@ def test_a_hit_has_its_contact_and_depth(front, joints, home):
     assert deepest.upper == all_depths.upper.min()
 
 
+def test_a_trajectory_that_overshoots(front, joints, home):
+    knots = turned(home, -0.4, 0.0)
+    still, fast = np.zeros(6), np.r_[9.0, np.zeros(5)]
+    assert front.check_path(knots, joints=joints, margin=MARGIN).free
+    spline = clearance.Trajectory.cubic([0, 1], knots, [still, fast])
+    calm = front.explain_path(clearance.Trajectory.linear([0, 1], knots), joints, margin=MARGIN)
+    straight = front.explain_path(knots, joints, margin=MARGIN)
+    assert calm.least == straight.least and (calm.nearest.positions == straight.nearest.positions).all()
+    report = front.explain_path(spline, joints, margin=MARGIN)
+    assert report.check.free == front.check_path(spline, joints=joints, margin=MARGIN).free
+    point = report.nearest if report.contact is None else report.contact
+    assert point.positions == pytest.approx(spline.at(point.t), abs=1e-12)
+    assert point.positions[0] < -0.4  # before the start, where the spline goes first
+    back = clearance.Trajectory.cubic([0, 1], turned(home, 0.0, 0.1), [fast, still])
+    hit = front.explain_path(back, joints, margin=MARGIN)
+    assert hit.check.hit and hit.nearest.upper < 0 and hit.nearest.positions[0] > 0.1
+
+
 def test_neither_free_nor_hit(front, joints, home):
     # Turning the arm as a whole does not change the distance of two links, which cannot be proved to be beyond itself.
     path, pair = turned(home, 0.0, 0.3), [("arm/upper_arm", "arm/gripper")]

@@ -12,6 +12,7 @@ from .._joints import JointsRef
 from .._names import Margin, Pairs
 from .path import PathCheck
 from .result import Result
+from .trajectory import Trajectory
 
 _POINT_FIELDS = ("default", "points", "pair")
 _MOTION_FIELDS = (*_POINT_FIELDS, "time", "first_contact")
@@ -57,25 +58,29 @@ def explain_path(
         raise ValueError("joints: expected some, that move")
     common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
     check = front.check_path(path, max_evaluations=max_evaluations, **common)
-    states = np.asarray(path, dtype=np.float64)
+    if isinstance(path, Trajectory):
+        curves = path.columns(front.joints(joints).names, "path")
+    else:
+        rows = np.asarray(path, dtype=np.float64)
+        curves = np.stack((rows[:-1], rows[1:]), axis=1)
     common["max_evaluations"] = max_evaluations
     if check.index is not None and check.hit:
-        return _of_hit(front, states, check, check.index, common)
-    nearest, least = _nearest(front, states, common)
-    until = None if check.index is None else (check.index, _contact_times(front, states, check.index, common)[0])
+        return _of_hit(front, curves[check.index], check, check.index, common)
+    nearest, least = _nearest(front, curves, common)
+    until = None if check.index is None else (check.index, _contact_times(front, curves[check.index], common)[0])
     return PathReport(check, until, None, nearest, least)
 
 
-def _of_hit(front: Any, states: np.ndarray, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
+def _of_hit(front: Any, curve: np.ndarray, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
     """Reports a path with a proved contact in motion `index`."""
-    proved, within = _contact_times(front, states, index, common)
+    proved, within = _contact_times(front, curve, common)
     if math.isinf(within):
         within = check.t or 0.0  # the search for the first one ended before
     at = {name: common[name] for name in ("joints", "pairs", "margin")}
-    if proved == 0.0 and front.check(states[index : index + 1], **at).hit[0]:
+    if proved == 0.0 and front.check(curve[:1], **at).hit[0]:
         within = 0.0
     times = np.linspace(within, 1.0, _STATES)
-    rows = states[index] + times[:, None] * (states[index + 1] - states[index])
+    rows = np.array([_at(curve, time) for time in times])
     of: dict[str, Any] = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
     deep = front.distances(configurations=rows, reduce="min", pairs=common["pairs"], **of)
     found = front.check(rows[:1], **at)
@@ -86,24 +91,30 @@ def _of_hit(front: Any, states: np.ndarray, check: PathCheck, index: int, common
     return PathReport(check, (index, proved), contact, _point(deep, k, index, float(times[k]), rows[k]), None)
 
 
-def _contact_times(front: Any, states: np.ndarray, index: int, common: dict[str, Any]) -> tuple[float, float]:
+def _at(curve: np.ndarray, t: float) -> np.ndarray:
+    """Returns the positions at a time of a motion with (D + 1, J) control points."""
+    while len(curve) > 1:
+        curve = curve[:-1] + t * (curve[1:] - curve[:-1])
+    return curve[0]
+
+
+def _contact_times(front: Any, curve: np.ndarray, common: dict[str, Any]) -> tuple[float, float]:
     """Returns the times of a motion until which it is proved free, and at which a pair is within its margin."""
-    r = front.motions(states[index : index + 1], states[index + 1 : index + 2], fields=_MOTION_FIELDS, **common)
+    r = front.motions(curve[None], fields=_MOTION_FIELDS, **common)
     proved, within = r.first_contact[0].tolist()
     return (0.0 if math.isinf(proved) else proved), within
 
 
-def _nearest(front: Any, states: np.ndarray, common: dict[str, Any]) -> tuple[PathPoint, tuple[float, float]]:
+def _nearest(front: Any, curves: np.ndarray, common: dict[str, Any]) -> tuple[PathPoint, tuple[float, float]]:
     """Returns the state of the least distance of all motions, and its bounds."""
     lower, nearest = math.inf, None
-    for first in range(0, len(states) - 1, _MOST_MOTIONS):
-        part = states[first : first + _MOST_MOTIONS + 1]
-        r = front.motions(part[:-1], part[1:], fields=_MOTION_FIELDS, **common)
+    for first in range(0, len(curves), _MOST_MOTIONS):
+        r = front.motions(curves[first : first + _MOST_MOTIONS], fields=_MOTION_FIELDS, **common)
         lower = min(lower, float(r.lower.min()))
         k = int(np.argmin(r.upper))
         if nearest is None or r.upper[k] < nearest.upper:
             time = float(r.time[k])
-            nearest = _point(r, k, first + k, time, part[k] + time * (part[k + 1] - part[k]))
+            nearest = _point(r, k, first + k, time, _at(curves[first + k], time))
     assert nearest is not None  # a path has a motion
     return nearest, (lower, nearest.upper)
 

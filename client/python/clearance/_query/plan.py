@@ -85,7 +85,7 @@ class Plans:
     ) -> PathReport:
         """Returns where a path comes closest to a contact, or why it is not free.
 
-        path: (N, J) positions of `joints`, radians and metres.
+        path: (N, J) positions of `joints`, radians and metres; or a Trajectory of them.
         joints, pairs, margin, max_evaluations: as in check_path().
 
         If the path is free: its least distance, to 1 mm, and where it is. Otherwise the first contact, its pair, and
