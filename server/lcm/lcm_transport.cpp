@@ -215,8 +215,7 @@ class LcmTransport final : public Transport {
     const std::span<const std::byte> payload = frame.subspan(sizeof header);
     if (payload.size() <= kLargePayload) return handler_->on_frame(header, payload, std::move(sink));
     const OwnPayload fetched{{owner, payload.data()}, payload.size()};
-    handler_->on_large_frame(
-        header, payload.size(), [fetched] { return fetched; }, std::move(sink));
+    handler_->on_large_frame(header, payload.size(), [fetched] { return fetched; }, std::move(sink));
   }
 
   void on_status(std::span<const std::byte> packet) {

@@ -43,15 +43,9 @@ class Site {
 #endif
     start();
   }
-  void start() {
-    daemon_.emplace(options_);
-  }
-  void kill() {
-    daemon_->stop(SIGKILL);
-  }
-  void signal(int number) {
-    ::kill(daemon_->pid(), number);
-  }
+  void start() { daemon_.emplace(options_); }
+  void kill() { daemon_->stop(SIGKILL); }
+  void signal(int number) { ::kill(daemon_->pid(), number); }
   std::string url(const std::string& scheme) const {
     return scheme == "shm" ? "shm://" + (folder_ / "s") : scheme == "ipc" ? "ipc://" + (folder_ / "z") : lcm_;
   }

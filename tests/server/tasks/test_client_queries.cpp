@@ -120,9 +120,7 @@ TEST_F(ClientQueriesTest, OtherOptionsAndArraysAreNot) {
       [](TestQuery& q) { q.header.max_distance = 0.5; },
       [](TestQuery& q) { q.header.fields = kFieldStatus; },
       [](TestQuery& q) { q.header.reduce = static_cast<std::uint8_t>(Reduce::kMin); },
-      [](TestQuery& q) {
-        q.joints = {1, 0};
-      },
+      [](TestQuery& q) { q.joints = {1, 0}; },
       [](TestQuery& q) { q.bodies = {2}; },
       [](TestQuery& q) { q.pairs[2][1] = 4; },
       [](TestQuery& q) { q.positions.resize(2), q.configurations.resize(1); },
