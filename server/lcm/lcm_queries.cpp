@@ -17,12 +17,8 @@ void read_options(const Message& message, QueryOptions& options) {
   });
 }
 
-}  // namespace
-
-std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints) {
-  QueryOptions options;
-  read_options(query, options);
-  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a valid body
+/// Throws WireError for a column that reply_t has no field for.
+void reject_columns(std::uint32_t fields) {
   for (const auto& [field, name] : {std::pair{kFieldPairLower, "pair_lower"},
                                     {kFieldGradientJoints, "gradient_joints"},
                                     {kFieldTime, "time"},
@@ -30,8 +26,17 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::
                                     {kFieldSteps, "steps"},
                                     {kFieldFreeScale, "free_scale"},
                                     {kFieldVerdict, "verdict"}})
-    if (options.fields & field)
+    if (fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
+}
+
+}  // namespace
+
+std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints) {
+  QueryOptions options;
+  read_options(query, options);
+  if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a valid body
+  reject_columns(options.fields);
   // LCM has no message for the pair table, so by default each row has its pair.
   if (query.fields == 0) options.fields |= kFieldPair;
   wire::QueryHeader header;

@@ -187,6 +187,38 @@ TEST_F(LcmJoints, MotionsAreAnsweredAllTheWay) {
   EXPECT_EQ(negative->error_text, "query: max_evaluations must be 0 to 65536, got 4294967295");
 }
 
+TEST_F(LcmJoints, ConfigurationsOfBodiesMayBeMotionsAndGoWithThoseOfJoints) {
+  start("", {}, arm_scene());
+  set_poses(1, 0.0);
+  query_t message = query_message();
+  message.reduce = query_t::REDUCE_MIN;
+  message.abs_tol = 1e-3;
+  message.pair_count = 1;
+  message.pairs = {{0, 1}};  // the table below, and a ball
+  message.body_count = 1;
+  message.bodies = {1};
+  message.configuration_count = 2;
+  message.configurations = {{{-1, 0, 2, 1, 0, 0, 0}}, {{1, 0, 1, 1, 0, 0, 0}}};
+  const auto states = evaluate(message);
+  ASSERT_TRUE(states);
+  ASSERT_EQ(states->lower.size(), 2u);
+  message.max_evaluations = 64;
+  const auto motion = evaluate(message);
+  ASSERT_TRUE(motion);
+  ASSERT_EQ(motion->error_code, 0) << motion->error_text;
+  ASSERT_EQ(motion->lower.size(), 1u);
+  EXPECT_NEAR(motion->upper[0], states->upper[1], 1e-3) << "its end is the nearest";
+  message.joint_count = 1;
+  message.joints = {"arm0/joint1"};
+  message.row_count = 2;
+  message.positions = {{0.1}, {0.2}};
+  const auto both = evaluate(message);
+  ASSERT_TRUE(both);
+  ASSERT_EQ(both->error_code, 0) << both->error_text;
+  ASSERT_EQ(both->lower.size(), 1u);
+  EXPECT_EQ(both->lower[0], motion->lower[0]) << "the pair has no link";
+}
+
 TEST_F(LcmJoints, AQueryWaitsForPositionsOfItsStamp) {
   start("", {}, arm_scene());
   publish_positions(positions(1, 0.1));
