@@ -83,7 +83,7 @@ class JointTableMaker {
         evaluate(std::span(evaluated).subspan(begin, count), shift, way, is_last);
         for (std::size_t i = 0; i < count; ++i) {
           Block block = evaluated[begin + i];
-          block.lower = bounds_[i].throughout, block.upper = bounds_[i].upper + (way + error_);
+          block.lower = bounds_[i].least, block.upper = bounds_[i].most;
           if (is_last || suffice(bounds_[i], block.lower, block.upper, way) || is_hopeless(bounds_[i], shift))
             fill(block, shift, cell(block.lower, block.upper));
           else
@@ -105,13 +105,14 @@ class JointTableMaker {
   };
   struct Bounds {
     double lower, upper;  // in the middle
-    double throughout;    // lower bound throughout the block
+    double least, most;   // throughout the block
   };
 
   void take_error();
   void take_cells();
   void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way, bool is_last);
   void evaluate_parts(double way, bool is_last);
+  void narrow_block(const PartTask& task, const Vec3d& normal, const Vec3d& middle, Bounds& bounds);
   void evaluate_meshes(double way);
   std::uint32_t fine_shift(int c) const {
     return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
@@ -242,50 +243,63 @@ void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_
       const Pose& X = poses_[k * links + link];
       places_.push_back({rotation_of(X), X.translation, X});
     }
-  bounds_.assign(count, {kInf, kInf, kInf});
+  bounds_.assign(count, {kInf, kInf, kInf, kInf});
   if (has_mesh_)
     evaluate_meshes(way);
   else
     evaluate_parts(way, is_last);
   for (std::size_t k = 0; k < count; ++k)
-    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf, -kInf};
+    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf, -kInf, kInf};
 }
 
 void JointTableMaker::evaluate_meshes(double way) {
   for (std::size_t k = 0; k < bounds_.size(); ++k) {
     const MeshGap gap =
         mesh_gaps_.of(bodies_[0], places_[2 * k], bodies_[1], places_[2 * k + 1], way / 4, kFar + way + error_);
-    bounds_[k] = {gap.lower, gap.upper, gap.lower - (way + error_)};
+    bounds_[k] = {gap.lower, gap.upper, gap.lower - (way + error_), gap.upper + (way + error_)};
   }
 }
 
-// Planes take time, so only the last blocks have them: the others are halved, or far apart.
 void JointTableMaker::evaluate_parts(double way, bool is_last) {
-  const std::size_t count = bounds_.size(), links = robot_.links();
+  const std::size_t count = bounds_.size();
   tasks_.clear();
   for (std::size_t k = 0; k < count; ++k)
     for (const ConvexPartPtr& a : pair_.a.parts)
       for (const ConvexPartPtr& b : pair_.b.parts)
         tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
                           static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
-  const auto take = [&](const PartTask& task, double lower, double upper, const Vec3d& normal) {
-    double throughout = lower - (way + error_);
-    if (is_last && lower > 0 && throughout < kFar) {
-      planes_->take_middle(std::span(poses_).subspan(task.id * links, links));
-      throughout = std::max(throughout, planes_->gap(*task.a, *task.pose_a, *task.b, *task.pose_b, normal));
-    }
+  const auto take = [&](const PartTask& task, double lower, double upper, const Vec3d& normal, const Vec3d& middle) {
+    Bounds of_parts{lower, upper, lower - (way + error_), upper + (way + error_)};
+    if (is_last) narrow_block(task, normal, middle, of_parts);
     Bounds& bounds = bounds_[task.id];
-    bounds = {std::min(bounds.lower, lower), std::min(bounds.upper, upper), std::min(bounds.throughout, throughout)};
+    bounds = {std::min(bounds.lower, of_parts.lower), std::min(bounds.upper, of_parts.upper),
+              std::min(bounds.least, of_parts.least), std::min(bounds.most, of_parts.most)};
   };
   PartBatch batch({.limits = {.abs_tol = way / 16}, .lanes = &lane_kernels()[0], .f32 = true});
   batch.run(
       tasks_,
       [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
-        take(task, lane.lower, lane.upper, witness.n * (1 / witness.n_length));
+        take(task, lane.lower, lane.upper, witness.n * (1 / witness.n_length), {0, 0, 0});
       },
       [&](const PartTask& task, const NarrowAnswer& answer) {
-        take(task, answer.bounds.lower, answer.bounds.upper, answer.normal);
+        const Vec3d middle = (task.pose_a->t_w + answer.point_a + task.pose_b->t_w + answer.point_b) * 0.5;
+        take(task, answer.bounds.lower, answer.bounds.upper, answer.normal, middle);
       });
+}
+
+// Narrows the bounds of two parts throughout a block that will not be halved.
+// \param normal, middle of the parts in its middle; the latter for parts that overlap
+void JointTableMaker::narrow_block(const PartTask& task, const Vec3d& normal, const Vec3d& middle, Bounds& bounds) {
+  const bool is_apart = bounds.lower > 0 && bounds.least < kFar, overlaps = bounds.upper <= 0 && bounds.most >= 0;
+  if (!is_apart && !overlaps) return;
+  planes_->take_middle(std::span(poses_).subspan(task.id * robot_.links(), robot_.links()));
+  if (is_apart)
+    bounds.least = std::max(bounds.least, planes_->gap(*task.a, *task.pose_a, *task.b, *task.pose_b, normal));
+  if (!overlaps) return;
+  const std::size_t count_b = pair_.b.parts.size(),
+                    number = static_cast<std::size_t>(&task - tasks_.data()) % (pair_.a.parts.size() * count_b);
+  const double held = planes_->shared(number / count_b, *task.pose_a, number % count_b, *task.pose_b, middle);
+  if (held > 0) bounds.most = std::min(bounds.most, -held);
 }
 
 }  // namespace
