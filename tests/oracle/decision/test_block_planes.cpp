@@ -89,15 +89,16 @@ Blocks check_blocks(const TwoLinks& links, double travel, int count) {
 }
 
 // Depths in a block are at least the radius that both links are said to hold.
-int check_overlaps(const TwoLinks& links, int count) {
+// \param far, wide limits of the middles and halves of blocks
+int check_overlaps(const TwoLinks& links, int count, double far, double wide) {
   test::RobotRandom random(9);
   const TablePair& pair = *links.pair();
   PlacedLinks placed(links);
   BlockPlanes planes(pair, 1);
   int held = 0, overlapping = 0;
   for (int n = 0; n < count; ++n) {
-    const Positions middle{random.uniform(-0.8, 0.8), random.uniform(-0.8, 0.8)};
-    const Positions half{random.uniform(0.001, 0.03), random.uniform(0.001, 0.03)};
+    const Positions middle{random.uniform(-far, far), random.uniform(-far, far)};
+    const Positions half{random.uniform(0.001, wide), random.uniform(0.001, wide)};
     planes.take_size(std::span(half).first(pair.columns.size()));
     placed.place(middle);
     planes.take_middle(placed.poses());
@@ -170,8 +171,19 @@ TEST(BlockPlanes, SharedPointsStayInBothLinks) {
            joint("j", "revolute", "root", "base", "0 0 0", "0 1 0.2", limits(-3, 3)) +
            joint("k", "revolute", "root", "tip", "0.2 0.1 0", "0.6 0 0.8", limits(-3, 3)));
   ASSERT_TRUE(slide.pair() && both.pair());
-  EXPECT_GT(check_overlaps(slide, 600), 100);
-  EXPECT_GT(check_overlaps(both, 600), 50);
+  EXPECT_GT(check_overlaps(slide, 600, 0.8, 0.03), 100);
+  EXPECT_GT(check_overlaps(both, 600, 0.8, 0.03), 50);
+}
+
+// The tip dips into the wall, along which it moves: acceleration alone takes it out.
+TEST(BlockPlanes, SharedPointsStayInTipsThatTurnAway) {
+  for (const char* const depth : {"-0.2901", "-0.2902", "-0.2905"}) {  // the tip's centre, 0.1 mm to 0.5 mm too far
+    const TwoLinks links(link("base", collision("-1 0 0", "box size='2 8 8'")) +
+                         link("tip", collision(depth + std::string(" 0 0"), "box size='0.02 0.002 0.002'")) +
+                         joint("j", "revolute", "base", "tip", "0.3 0 0", "0 0 1", limits(-3, 3)));
+    ASSERT_TRUE(links.pair());
+    EXPECT_GT(check_overlaps(links, 300, 0.01, 0.08), 20);
+  }
 }
 
 }  // namespace
