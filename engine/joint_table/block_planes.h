@@ -1,5 +1,5 @@
-// Bounds on the distance of two links throughout a block of positions, from a plane that separates them in its middle, or
-// from a point that both hold there (docs/bounds_tables.md, "Planes").
+// Bounds on the distance of two links throughout a block of positions, from a plane that separates them in its middle,
+// or from a point that both hold there (docs/bounds_tables.md, "Planes").
 #pragma once
 
 #include <array>

@@ -88,7 +88,7 @@ Blocks check_blocks(const TwoLinks& links, double travel, int count) {
   return blocks;
 }
 
-// Depths in a block are at least the radius that both links are said to hold.
+// Depths in a block are at least the radius of the ball that both links are found to hold.
 // \param far, wide limits of the middles and halves of blocks
 int check_overlaps(const TwoLinks& links, int count, double far, double wide) {
   test::RobotRandom random(9);
