@@ -3,8 +3,11 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <optional>
+#include <utility>
 
 #include "engine/hull/support.h"
+#include "engine/joint_table/joint_table.h"
 
 namespace clearance {
 
@@ -19,6 +22,16 @@ double reach_of_part(const ConvexPart& part, const PoseMatrix& pose, const Vec3d
   return support(part, pose.R_wb.transpose_times(n)).value + part.radius * norm(n);
 }
 
+std::vector<HullPlanes> planes_of_parts(const TableLink& link) {
+  constexpr std::size_t kMostCorners = 256;
+  std::vector<HullPlanes> planes;
+  for (const ConvexPartPtr& part : link.parts) {
+    auto hull = part->primitive || part->surface ? std::nullopt : few_vertices(part->vertices, kMostCorners);
+    planes.push_back(hull ? std::move(hull->planes) : HullPlanes());
+  }
+  return planes;
+}
+
 }  // namespace
 
 BlockPlanes::BlockPlanes(const TablePair& pair, double travel)
@@ -29,6 +42,8 @@ BlockPlanes::BlockPlanes(const TablePair& pair, double travel)
       b_from_a_(pair.robot->kinematics, pair.a.link, pair.b.link, pair.b.ball),
       a_(pair.robot->kinematics, pair.a.link, pair.a.ball),
       b_(pair.robot->kinematics, pair.b.link, pair.b.ball),
+      planes_a_(planes_of_parts(pair.a)),
+      planes_b_(planes_of_parts(pair.b)),
       error_(
           pair.robot->kinematics.error_between(pair.a.link, pair.a.extent, pair.b.link, pair.b.extent).at(travel, 0)),
       change_(pair.robot->kinematics.columns(), 0),
@@ -87,6 +102,40 @@ double BlockPlanes::gap(const ConvexPart& a, const PoseMatrix& pose_a, const Con
                gap = dot(n, apart) - still - most;
   const double lengths = norm(pose_a.t_w) + norm(pose_b.t_w) + pair_.a.extent + pair_.b.extent;
   return (gap - bend_ - kPlaneRounding * lengths) / kPlaneLonger;
+}
+
+// A point fixed to the moving part moves by less than it may in each plane of the other one. It begins at `point`, and
+// goes inward from the plane that it is closest to.
+double BlockPlanes::shared(std::size_t index_a, const PoseMatrix& pose_a, std::size_t index_b, const PoseMatrix& pose_b,
+                           const Vec3d& point) const {
+  constexpr int kMostSteps = 24;
+  constexpr double kFirstStep = 0.002, kShorter = 0.85;  // metres; of each step to the one before
+  const PoseMatrix &moving = moves_b_ ? pose_b : pose_a, &still = moves_b_ ? pose_a : pose_b;
+  const HullPlanes &of_moving = moves_b_ ? planes_b_[index_b] : planes_a_[index_a],
+                   &of_still = moves_b_ ? planes_a_[index_a] : planes_b_[index_b];
+  if (of_moving.empty() || of_still.empty()) return 0;
+  const double lengths = norm(point) + norm(pose_a.t_w) + norm(pose_b.t_w) + pair_.a.extent + pair_.b.extent;
+  Vec3d at = point;
+  double step = kFirstStep, spare = 0;
+  for (int k = 0; k < kMostSteps; ++k, step *= kShorter) {
+    const Vec3d from_moving = at - moving.t_w, in_moving = moving.R_wb.transpose_times(from_moving),
+                in_still = still.R_wb.transpose_times(at - still.t_w);
+    Vec3d ways[2]{};  // in the still part's axes
+    for (std::size_t c = 0; c < half_.size(); ++c)
+      ways[c] = still.R_wb.transpose_times(movement_[c].shift + cross(movement_[c].turn, from_moving));
+    const std::size_t worst = of_moving.highest(in_moving);
+    spare = -of_moving.above(worst, in_moving);
+    Vec3d inward = -(moving.R_wb * of_moving.normal(worst));
+    for (std::size_t i = 0; i < of_still.count(); ++i) {
+      const Vec3d n = of_still.normal(i);
+      const double left = -of_still.above(i, in_still) - std::abs(dot(n, ways[0])) - std::abs(dot(n, ways[1])) - bend_;
+      if (left < spare) spare = left, inward = -(still.R_wb * n);
+    }
+    spare -= kPlaneRounding * lengths;
+    if (spare > 2 * JointTable::kUnit) break;
+    at += inward * step;
+  }
+  return spare;
 }
 
 }  // namespace clearance

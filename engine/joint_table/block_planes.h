@@ -1,5 +1,5 @@
-// Bounds on the distance of two links throughout a block of positions, from a plane that separates them in its middle
-// (docs/bounds_covers.md, "Planes of a table").
+// Bounds on the distance of two links throughout a block of positions, from a plane that separates them in its middle,
+// or from a point that both hold there (docs/bounds_covers.md, "Planes of a table").
 #pragma once
 
 #include <array>
@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "engine/base/vec.h"
+#include "engine/cover/hull_planes.h"
 #include "engine/hull/convex_part.h"
 #include "engine/joint_table/joint_table_maker.h"
 #include "engine/pose/placed.h"
@@ -32,12 +33,18 @@ class BlockPlanes {
   /// \param n about a unit vector, from a towards b
   double gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b,
              const Vec3d& n) const;
+  /// Radius of a ball that two parts of the links hold throughout the block, in metres; meaningful if positive.
+  /// \param index_a, index_b of the parts in their links
+  /// \param point likely to be in both in the middle, world axes
+  double shared(std::size_t index_a, const PoseMatrix& pose_a, std::size_t index_b, const PoseMatrix& pose_b,
+                const Vec3d& point) const;
 
  private:
   const TablePair& pair_;
   const double travel_;
   const LinkTwists twists_;
   const MotionPath a_from_b_, b_from_a_, a_, b_;  // relative to the other link, and to the root
+  std::vector<HullPlanes> planes_a_, planes_b_;   // of the parts; empty for round ones
   double error_ = 0;                              // of the links' places, metres
   bool moves_b_ = false;                          // seen from a; otherwise a moves, seen from b
   double bend_ = 0;                               // bound on what velocities leave out, metres

@@ -8,10 +8,7 @@
 
 #include "engine/base/fp_environment.h"
 #include "engine/hull/primitive.h"
-#include "engine/joint_table/block_planes.h"
-#include "engine/joint_table/mesh_gap.h"
-#include "engine/narrow/part_batch.h"
-#include "engine/pose/placed.h"
+#include "engine/joint_table/block_bounds.h"
 #include "engine/scene/body_ball.h"
 
 namespace clearance {
@@ -22,12 +19,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kCellsShift[2] = {12, 16};  // cells of a table for one joint, and for two
 constexpr std::uint32_t kLeastShift = 3;            // of each of two columns
 constexpr std::uint32_t kFiner = 2;                 // halvings of a cell in each column, where the links are close
-constexpr double kFar = JointTable::kUnit * TableCell::kNoHigh;  // greater distances are not distinguished
-constexpr double kDeep = 0.03;                                   // nor deeper overlaps; metres
-constexpr double kPrecision = 8;                                 // a distance to 1 / kPrecision suffices
-constexpr std::size_t kMostEvaluated = 400'000;  // positions; the rest keeps the bounds of larger blocks
-constexpr std::size_t kMostOfMeshes = 100'000;   // the same for meshes, which take longer
-constexpr std::size_t kBatch = 1024;             // positions of one evaluation
+constexpr std::size_t kMostEvaluated = 400'000;     // positions; the rest keeps the bounds of larger blocks
+constexpr std::size_t kMostOfMeshes = 100'000;      // the same for meshes, which take longer
+constexpr std::size_t kBatch = 1024;                // positions of one evaluation
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kAbove = 1 + 0x1p-40;
 
@@ -38,31 +32,26 @@ class JointTableMaker {
       : pair_(pair),
         robot_(pair.robot->kinematics),
         paths_(paths_between(robot_, pair.a.link, pair.a.ball, pair.b.link, pair.b.ball)) {
-    for (const TableLink* link : {&pair.a, &pair.b}) {
-      Body& body = bodies_.emplace_back();
-      body.parts = link->parts;
-      body.reach = link->extent;
-      has_mesh_ |= has_surface(body);
-    }
     table_.column_count = static_cast<std::uint32_t>(pair.columns.size());
     for (std::size_t c = 0; c < pair.columns.size(); ++c)
       table_.columns[c] = *table_column(*pair.robot, pair.columns[c]);
-    take_error();
+    take_travel();
     take_cells();
-    planes_.emplace(pair, travel_);
   }
 
   JointTable take() { return std::move(table_); }
   std::optional<JointTable> make(const std::atomic<bool>* stopped) {
+    BlockBounds bounds(pair_, travel_);
+    has_mesh_ = bounds.has_mesh();
     std::vector<Block> blocks{{{0, 0}, -kInf, kInf}}, evaluated, next;
     std::uint32_t shift[2] = {fine_shift(0), fine_shift(1)};  // of the blocks' sizes, in fine cells
     std::size_t seen = 0;
     for (;;) {
       const double half[2] = {half_of(0, shift[0]), half_of(1, shift[1])};
       const double way = way_of(half);
-      planes_->take_size(std::span(half).first(table_.column_count));
       const bool is_last =
           shift[0] + shift[1] == 0 || (seen += blocks.size()) > (has_mesh_ ? kMostOfMeshes : kMostEvaluated);
+      bounds.take_size({std::span(half).first(table_.column_count), way, is_last});
       next.clear();
       evaluated.clear();
       // The wider axis is halved next.
@@ -80,11 +69,11 @@ class JointTableMaker {
       for (std::size_t begin = 0; begin < evaluated.size(); begin += kBatch) {
         if (stopped && *stopped) return {};
         const std::size_t count = std::min(kBatch, evaluated.size() - begin);
-        evaluate(std::span(evaluated).subspan(begin, count), shift, way, is_last);
+        const auto found = bounds.of(middles(std::span(evaluated).subspan(begin, count), shift));
         for (std::size_t i = 0; i < count; ++i) {
           Block block = evaluated[begin + i];
-          block.lower = bounds_[i].throughout, block.upper = bounds_[i].upper + (way + error_);
-          if (is_last || suffice(bounds_[i], block.lower, block.upper, way) || is_hopeless(bounds_[i], shift))
+          block.lower = found[i].least, block.upper = found[i].most;
+          if (is_last || suffice(found[i], way) || is_hopeless(found[i], shift))
             fill(block, shift, cell(block.lower, block.upper));
           else
             halve(block);
@@ -103,16 +92,11 @@ class JointTableMaker {
     std::uint32_t at[2];  // first fine cell in each column
     double lower, upper;  // known of the distance, from a block that holds it
   };
-  struct Bounds {
-    double lower, upper;  // in the middle
-    double throughout;    // lower bound throughout the block
-  };
 
-  void take_error();
+  void take_travel();
   void take_cells();
-  void evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way, bool is_last);
-  void evaluate_parts(double way, bool is_last);
-  void evaluate_meshes(double way);
+  // Positions in the middles of blocks: (blocks, columns of the robot).
+  std::vector<double> middles(std::span<const Block> blocks, const std::uint32_t (&shift)[2]) const;
   std::uint32_t fine_shift(int c) const {
     return c < static_cast<int>(table_.column_count) ? table_.columns[c].shift + kFiner : 0;
   }
@@ -135,18 +119,19 @@ class JointTableMaker {
     const double half[2] = {c == 0 ? by : 0, c == 1 ? by : 0};
     return way_of(half);
   }
-  static bool suffice(const Bounds& at_centre, double lower, double upper, double way) {
-    return lower >= kFar || upper <= -kDeep || way * kPrecision <= std::max(at_centre.lower, -at_centre.upper);
+  static bool suffice(const BlockBounds::Bounds& bounds, double way) {
+    return bounds.least >= BlockBounds::kFar || bounds.most <= -BlockBounds::kDeep ||
+           way * BlockBounds::kPrecision <= std::max(bounds.lower, -bounds.upper);
   }
   // Whether the bounds at a block's middle may end its halving.
   bool may_suffice(const Block& block, const std::uint32_t (&shift)[2], double way) const {
-    return block.upper >= kFar || block.lower <= -kDeep || is_cell(shift) ||
-           way * kPrecision <= std::max(block.upper, -block.lower);
+    return block.upper >= BlockBounds::kFar || block.lower <= -BlockBounds::kDeep || is_cell(shift) ||
+           way * BlockBounds::kPrecision <= std::max(block.upper, -block.lower);
   }
   bool is_cell(const std::uint32_t (&shift)[2]) const { return has_mesh_ && shift[0] <= kFiner && shift[1] <= kFiner; }
   // Meshes that overlap in a cell have no depth that would decide more of it.
-  bool is_hopeless(const Bounds& at_centre, const std::uint32_t (&shift)[2]) const {
-    return at_centre.lower <= 0 && is_cell(shift);
+  bool is_hopeless(const BlockBounds::Bounds& bounds, const std::uint32_t (&shift)[2]) const {
+    return bounds.lower <= 0 && is_cell(shift);
   }
   // Rounded outward.
   static TableCell cell(double lower, double upper) {
@@ -177,28 +162,17 @@ class JointTableMaker {
   const std::vector<MotionPath> paths_;
   JointTable table_;
   double travel_ = 0;  // of all positions of the table
-  double error_ = 0;   // of the poses' distance, from their exact one
-  std::vector<Bounds> bounds_;
-  std::vector<double> positions_;
-  std::vector<Pose> poses_;
-  std::vector<Status> status_;
-  std::vector<PoseMatrix> places_;
-  std::vector<PartTask> tasks_;
-  std::vector<Body> bodies_;  // both links
   bool has_mesh_ = false;
-  MeshGapSearch mesh_gaps_;
-  std::optional<BlockPlanes> planes_;
 };
 
 // Sliding joints are farthest out at a corner of the table.
-void JointTableMaker::take_error() {
+void JointTableMaker::take_travel() {
   std::vector<double> corner(robot_.columns(), 0);
   for (int k = 0; k < 4; ++k) {
     for (std::size_t c = 0; c < table_.column_count; ++c)
       corner[table_.columns[c].column] = k >> c & 1 ? table_.columns[c].most : table_.columns[c].least;
     travel_ = std::max(travel_, robot_.travel(corner) * kAbove);
   }
-  error_ = robot_.error_between(pair_.a.link, pair_.a.extent, pair_.b.link, pair_.b.extent).at(travel_, 0);
 }
 
 // Cells of both columns move the links by about the same distance.
@@ -224,68 +198,14 @@ void JointTableMaker::take_cells() {
   table_.cells.assign(std::size_t{1} << shifts, {TableCell::kNoHigh, TableCell::kNoLow});
 }
 
-void JointTableMaker::evaluate(std::span<const Block> blocks, const std::uint32_t (&shift)[2], double way,
-                               bool is_last) {
-  const std::size_t count = blocks.size(), columns = robot_.columns(), links = robot_.links();
-  positions_.assign(count * columns, 0);
-  poses_.resize(count * links);
-  status_.resize(count);
-  for (std::size_t k = 0; k < count; ++k)
+std::vector<double> JointTableMaker::middles(std::span<const Block> blocks, const std::uint32_t (&shift)[2]) const {
+  const std::size_t columns = robot_.columns();
+  std::vector<double> positions(blocks.size() * columns, 0);
+  for (std::size_t k = 0; k < blocks.size(); ++k)
     for (int c = 0; c < static_cast<int>(table_.column_count); ++c)
-      positions_[k * columns + table_.columns[c].column] =
+      positions[k * columns + table_.columns[c].column] =
           table_.columns[c].begin + (blocks[k].at[c] + 0.5 * (1u << shift[c])) * fine_width(c);
-  const std::vector<Pose> roots(robot_.roots().size());
-  robot_.place(positions_, roots, poses_, status_);
-  places_.clear();
-  for (std::size_t k = 0; k < count; ++k)
-    for (const std::uint32_t link : {pair_.a.link, pair_.b.link}) {
-      const Pose& X = poses_[k * links + link];
-      places_.push_back({rotation_of(X), X.translation, X});
-    }
-  bounds_.assign(count, {kInf, kInf, kInf});
-  if (has_mesh_)
-    evaluate_meshes(way);
-  else
-    evaluate_parts(way, is_last);
-  for (std::size_t k = 0; k < count; ++k)
-    if (status_[k] != Status::kOk) bounds_[k] = {-kInf, kInf, -kInf};
-}
-
-void JointTableMaker::evaluate_meshes(double way) {
-  for (std::size_t k = 0; k < bounds_.size(); ++k) {
-    const MeshGap gap =
-        mesh_gaps_.of(bodies_[0], places_[2 * k], bodies_[1], places_[2 * k + 1], way / 4, kFar + way + error_);
-    bounds_[k] = {gap.lower, gap.upper, gap.lower - (way + error_)};
-  }
-}
-
-// Planes take time, so only the last blocks have them: the others are halved, or far apart.
-void JointTableMaker::evaluate_parts(double way, bool is_last) {
-  const std::size_t count = bounds_.size(), links = robot_.links();
-  tasks_.clear();
-  for (std::size_t k = 0; k < count; ++k)
-    for (const ConvexPartPtr& a : pair_.a.parts)
-      for (const ConvexPartPtr& b : pair_.b.parts)
-        tasks_.push_back({a.get(), b.get(), &places_[2 * k], &places_[2 * k + 1], kFar + way + error_,
-                          static_cast<std::uint32_t>(k), std::min(kDeep + way + error_, way * kPrecision + error_)});
-  const auto take = [&](const PartTask& task, double lower, double upper, const Vec3d& normal) {
-    double throughout = lower - (way + error_);
-    if (is_last && lower > 0 && throughout < kFar) {
-      planes_->take_middle(std::span(poses_).subspan(task.id * links, links));
-      throughout = std::max(throughout, planes_->gap(*task.a, *task.pose_a, *task.b, *task.pose_b, normal));
-    }
-    Bounds& bounds = bounds_[task.id];
-    bounds = {std::min(bounds.lower, lower), std::min(bounds.upper, upper), std::min(bounds.throughout, throughout)};
-  };
-  PartBatch batch({.limits = {.abs_tol = way / 16}, .lanes = &lane_kernels()[0], .f32 = true});
-  batch.run(
-      tasks_,
-      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
-        take(task, lane.lower, lane.upper, witness.n * (1 / witness.n_length));
-      },
-      [&](const PartTask& task, const NarrowAnswer& answer) {
-        take(task, answer.bounds.lower, answer.bounds.upper, answer.normal);
-      });
+  return positions;
 }
 
 }  // namespace

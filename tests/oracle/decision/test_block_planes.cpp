@@ -1,4 +1,4 @@
-// Planes that separate two links: their bounds hold throughout a block of positions.
+// Planes that separate two links, and points that both hold: their bounds hold throughout a block of positions.
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -33,7 +33,9 @@ class PlacedLinks {
   const std::vector<Pose>& poses() const { return poses_; }
   PoseMatrix a() const { return matrix(pair_.a.link); }
   PoseMatrix b() const { return matrix(pair_.b.link); }
-  NarrowAnswer nearest() const { return narrow_phase(*pair_.a.parts[0], a(), *pair_.b.parts[0], b(), {}); }
+  NarrowAnswer nearest() const {
+    return narrow_phase(*pair_.a.parts[0], a(), *pair_.b.parts[0], b(), {.signed_distance = true});
+  }
 
  private:
   PoseMatrix matrix(std::uint32_t link) const {
@@ -86,6 +88,39 @@ Blocks check_blocks(const TwoLinks& links, double travel, int count) {
   return blocks;
 }
 
+// Depths in a block are at least the radius of the ball that both links are found to hold.
+// \param far, wide limits of the middles and halves of blocks
+int check_overlaps(const TwoLinks& links, int count, double far, double wide) {
+  test::RobotRandom random(9);
+  const TablePair& pair = *links.pair();
+  PlacedLinks placed(links);
+  BlockPlanes planes(pair, 1);
+  int held = 0, overlapping = 0;
+  for (int n = 0; n < count; ++n) {
+    const Positions middle{random.uniform(-far, far), random.uniform(-far, far)};
+    const Positions half{random.uniform(0.001, wide), random.uniform(0.001, wide)};
+    planes.take_size(std::span(half).first(pair.columns.size()));
+    placed.place(middle);
+    planes.take_middle(placed.poses());
+    const NarrowAnswer nearest = placed.nearest();
+    if (!(nearest.bounds.upper < 0)) continue;
+    ++overlapping;
+    const PoseMatrix a = placed.a(), b = placed.b();
+    const double radius = planes.shared(0, a, 0, b, (a.t_w + nearest.point_a + b.t_w + nearest.point_b) * 0.5);
+    if (!(radius > 0)) continue;
+    ++held;
+    for (int k = 0; k < 20; ++k) {
+      Positions at = middle;
+      for (std::size_t c = 0; c < 2; ++c)
+        at[c] += half[c] * (k >= 4 ? random.uniform(-1, 1) : (k >> c & 1) != 0 ? 1 : -1);
+      placed.place(at);
+      EXPECT_LE(placed.nearest().bounds.lower, -radius + 1e-14);
+    }
+  }
+  std::printf("%d of %d held\n", held, overlapping);
+  return held;
+}
+
 const std::string kWall = collision("-1.5 0 0", "box size='2 8 8'"),
                   kBall = collision("0 0 0.3", "sphere radius='0.02'");
 const std::string kRod = collision("0 0 0.2", "cylinder radius='0.02' length='0.3'"),
@@ -124,6 +159,31 @@ TEST(BlockPlanes, HoldForOneJointAndASlide) {
   ASSERT_TRUE(one.pair() && slide.pair());
   EXPECT_GT(check_blocks(one, 0, 500).tight, 100);
   EXPECT_GT(check_blocks(slide, 1, 1000).tight, 50);
+}
+
+// Boxes that graze each other: the depth is often little more than their movement.
+TEST(BlockPlanes, SharedPointsStayInBothLinks) {
+  const std::string flat = collision("0 0 -0.05", "box size='0.6 0.6 0.1'");
+  const TwoLinks slide(link("base", flat) + link("mid") + link("tip", collision("0 0 0.1", "box size='0.3 0.1 0.2'")) +
+                       joint("j", "revolute", "base", "mid", "0 0 -0.003", "0.1 0 1", limits(-3, 3)) +
+                       joint("k", "prismatic", "mid", "tip", "0 0 0", "0.9 0.1 0.01", limits(-1, 1))),
+      both(link("root") + link("base", flat) + link("tip", collision("0 0 0.1", "box size='0.05 0.3 0.2'")) +
+           joint("j", "revolute", "root", "base", "0 0 0", "0 1 0.2", limits(-3, 3)) +
+           joint("k", "revolute", "root", "tip", "0.2 0.1 0", "0.6 0 0.8", limits(-3, 3)));
+  ASSERT_TRUE(slide.pair() && both.pair());
+  EXPECT_GT(check_overlaps(slide, 600, 0.8, 0.03), 100);
+  EXPECT_GT(check_overlaps(both, 600, 0.8, 0.03), 50);
+}
+
+// The tip dips into the wall, along which it moves: acceleration alone takes it out.
+TEST(BlockPlanes, SharedPointsStayInTipsThatTurnAway) {
+  for (const char* const depth : {"-0.2901", "-0.2902", "-0.2905"}) {  // the tip's centre, 0.1 mm to 0.5 mm too far
+    const TwoLinks links(link("base", collision("-1 0 0", "box size='2 8 8'")) +
+                         link("tip", collision(depth + std::string(" 0 0"), "box size='0.02 0.002 0.002'")) +
+                         joint("j", "revolute", "base", "tip", "0.3 0 0", "0 0 1", limits(-3, 3)));
+    ASSERT_TRUE(links.pair());
+    EXPECT_GT(check_overlaps(links, 300, 0.01, 0.08), 20);
+  }
 }
 
 }  // namespace
