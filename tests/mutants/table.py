@@ -172,6 +172,12 @@ MUTANTS = [
             "middle - 1e-3",
         ),
         ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
+        (
+            "mesh_far",
+            "cover/mesh/mesh_depth.cpp",
+            "far_ = @(high + rounding_) * (high + rounding_)@",
+            "0.25 * high * high",
+        ),
         ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() / 2"),
         (
             "cover_cylinder",
