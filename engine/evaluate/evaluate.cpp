@@ -12,8 +12,21 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
+// Tolerances of elements and parts where bodies have many. If each were only known to a wider one, many would be rivals
+// of the nearest, and a wide tolerance would cost more than a narrow one; it only ends the search sooner (gather()).
+// Besides, no distance becomes a contact because of a wide tolerance.
+constexpr double kMostAbsTol = 1e-6, kMostRelTol = 0x1p-6;
 
 }  // namespace
+
+// Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
+NarrowOptions Evaluator::narrow_options(const engine::Scene& scene, NarrowOptions options) {
+  if (!scene.has_surfaces()) return options;
+  options.want_points = true;
+  options.limits.abs_tol = std::min(options.limits.abs_tol, kMostAbsTol);
+  options.limits.rel_tol = std::min(options.limits.rel_tol, kMostRelTol);
+  return options;
+}
 
 bool is_unusable(const engine::Scene& scene, const BodyPoses& placement, BodyPair pair) {
   for (const std::uint32_t body : {pair.a, pair.b})
@@ -78,7 +91,8 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(
+        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
@@ -101,9 +115,9 @@ std::size_t most_bodies(const engine::Scene& scene, std::span<const PlacedBodies
 }  // namespace
 
 // The answer holds the flags of the bodies already.
-void Evaluator::finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer) {
+void Evaluator::finish(const PlacedBodies& bodies, double max_distance, const BodiesAnswer& found, PairAnswer& answer) {
   NarrowLimits limits = options_.limits;
-  limits.max_distance = bodies.max_distance;
+  limits.max_distance = max_distance;
   const NarrowAnswer& best = found.best;
   const double lower = found.lower;
   const Body &a = scene_.bodies()[bodies.pair.a], &b = scene_.bodies()[bodies.pair.b];
@@ -143,6 +157,7 @@ void Evaluator::begin(std::span<const PlacedBodies> pairs, std::span<PairAnswer>
   in_round_ = gathering_ = false;
   tasks_.clear();
   searches_.clear();
+  again_.clear();
 }
 
 bool Evaluator::advance(WorkMeter& meter) {
@@ -161,7 +176,7 @@ bool Evaluator::advance(WorkMeter& meter) {
         },
         [&](const PartTask& task, const NarrowAnswer& answer) {
           if (is_single(task))
-            finish(pairs_[task.id], {answer, answer.bounds.lower}, answers_[task.id]);
+            finish(pairs_[task.id], pairs_[task.id].max_distance, {answer, answer.bounds.lower}, answers_[task.id]);
           else
             found_[task.id] = answer;
         });
@@ -196,7 +211,7 @@ bool Evaluator::begin_round(WorkMeter& meter) {
       finish_search(s, meter);
       return true;
     });
-  } while (tasks_.empty() && next_ < pairs_.size());
+  } while (tasks_.empty() && (next_ < pairs_.size() || !again_.empty()));
   if (tasks_.empty()) return false;
   found_.resize(tasks_.size() - singles_);
   batch_.begin(tasks_);
@@ -206,7 +221,10 @@ bool Evaluator::begin_round(WorkMeter& meter) {
 // Takes in pairs: single parts become tasks, other pairs searches, and some are answered at once.
 void Evaluator::take_in(WorkMeter& meter) {
   part_pairs_.clear();
-  for (std::size_t elements = 0; next_ < pairs_.size() && part_pairs_.size() < kMostPartPairs; ++next_) {
+  std::size_t elements = 0;
+  for (; !again_.empty() && elements < kMostElementSearches; again_.pop_back(), ++elements)
+    begin_element_search(again_.back(), pairs_[again_.back()].max_distance_alone);
+  for (; next_ < pairs_.size() && part_pairs_.size() < kMostPartPairs; ++next_) {
     const auto i = static_cast<std::uint32_t>(next_);
     const BodyPair pair = pairs_[i].pair;
     const BodyPoses& placement = *pairs_[i].placement;
@@ -223,7 +241,7 @@ void Evaluator::take_in(WorkMeter& meter) {
     } else if (!by_hulls && scene_.has_surfaces() &&
                (has_surface(scene_.bodies()[pair.a]) || has_surface(scene_.bodies()[pair.b]))) {
       if (elements++ == kMostElementSearches) break;
-      begin_element_search(pairs_[i], i);
+      begin_element_search(i, pairs_[i].max_distance);
     } else {
       if (searches_.empty()) boxes_.expect(most_bodies(scene_, pairs_));
       begin_search(pairs_[i], i, meter);

@@ -40,6 +40,8 @@ struct PlacedBodies {
   double max_distance;  ///< replaces that of the limits
   /// The search may stop at an upper bound no higher than this, in metres.
   double stop_below = -std::numeric_limits<double>::infinity();
+  /// That of the pair alone: `max_distance` is less if a nearer pair is known.
+  double max_distance_alone = -std::numeric_limits<double>::infinity();
 };
 
 /// Replaces an answer except its flags.
@@ -78,23 +80,22 @@ class Evaluator {
     std::size_t sorted;      // part pairs before this one are sorted, and nearer than the others
     std::size_t task_count;  // tasks of this round
     Slack slack;             // of the pair
+    double max_distance;     // of the search
     double min_penetration = 0;
     PartSearch state;
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
+    bool is_cut = false;                        // max_distance has ruled elements out
   };
-  // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
-  static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options) {
-    options.want_points |= scene.has_surfaces();
-    return options;
-  }
+  static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options);
   bool begin_round(WorkMeter& meter);
   void take_in(WorkMeter& meter);
-  void finish(const PlacedBodies& bodies, const BodiesAnswer& found, PairAnswer& answer);
+  void finish(const PlacedBodies& bodies, double max_distance, const BodiesAnswer& found, PairAnswer& answer);
 
   // evaluate_search.cpp
   void begin_search(const PlacedBodies& bodies, std::uint32_t index, WorkMeter& meter);
-  bool drops(double gap, const PlacedBodies& bodies) const;
+  bool drops(double max_distance) const;
+  bool is_searched_again(const PairSearch& search) const;
   void sort_ahead(PairSearch& search, double cut_off);
   bool add_tasks(PairSearch& search);
   void drop_losers(PairSearch& search, std::size_t end, double cut_off);
@@ -104,7 +105,7 @@ class Evaluator {
   void finish_search(PairSearch& search, WorkMeter& meter);
 
   // evaluate_elements.cpp
-  void begin_element_search(const PlacedBodies& bodies, std::uint32_t index);
+  void begin_element_search(std::uint32_t index, double max_distance);
   bool gather(PairSearch& search, WorkMeter& meter);
   bool add_element_tasks(PairSearch& search);
   bool take_hulls(PairSearch& search, std::span<const NarrowAnswer> answers);
@@ -128,6 +129,7 @@ class Evaluator {
   bool in_round_ = false;    // tasks_ are being answered
   std::vector<PartTask> tasks_;
   std::vector<PairSearch> searches_;
+  std::vector<std::uint32_t> again_;  // pairs to search without regard to nearer ones
   std::vector<PartPair> part_pairs_;
   std::vector<NarrowAnswer> found_;
   std::vector<std::unique_ptr<ElementSearch>> unused_;  // for reuse

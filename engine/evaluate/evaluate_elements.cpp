@@ -13,10 +13,19 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 
 }  // namespace
 
-void Evaluator::begin_element_search(const PlacedBodies& bodies, std::uint32_t index) {
+void Evaluator::begin_element_search(std::uint32_t index, double max_distance) {
+  const PlacedBodies& bodies = pairs_[index];
   const BodyPoses& placement = *bodies.placement;
-  PairSearch& search = searches_.emplace_back(PairSearch{
-      index, 0, std::numeric_limits<std::size_t>::max(), 0, 0, pair_slack(placement, bodies.pair), 0, {}, {}});
+  PairSearch& search = searches_.emplace_back(PairSearch{index,
+                                                         0,
+                                                         std::numeric_limits<std::size_t>::max(),
+                                                         0,
+                                                         0,
+                                                         pair_slack(placement, bodies.pair),
+                                                         max_distance,
+                                                         0,
+                                                         {},
+                                                         {}});
   if (unused_.empty()) unused_.push_back(std::make_unique<ElementSearch>());
   search.elements = std::move(unused_.back());
   unused_.pop_back();
@@ -28,11 +37,10 @@ void Evaluator::begin_element_search(const PlacedBodies& bodies, std::uint32_t i
 // Returns false if the slice is over.
 bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
   if (search.next == search.end) return true;
-  const PlacedBodies& bodies = pairs_[search.index];
   ElementSearch& elements = *search.elements;
-  const double user = search.slack.cut_off(bodies.max_distance), upper = search.state.upper;
+  const double user = search.slack.cut_off(search.max_distance), upper = search.state.upper;
   if (search.state.round == 1) {
-    if (drops(elements.left(), bodies)) return true;
+    if (drops(search.max_distance) && elements.left() > user) return true;
     if (!elements.are_hulls_taken() && (options_.limits.signed_distance || !elements.leave_hulls())) {
       elements.begin_hulls(options_.limits.signed_distance);
       return true;
@@ -40,6 +48,7 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
     if (elements.begin_near(user)) return true;
     search.state.round = 2;
   }
+  search.is_cut |= !(upper <= user);
   double cut_off = search.state.cut_off(user);
   // All pairs around a nearest vertex are equally near: leaves out those that keep the interval within half of the
   // tolerance.

@@ -47,12 +47,12 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   if (part_pairs_.size() > begin) {
     left = far.gap;
     std::swap(part_pairs_[begin], part_pairs_[nearest]);
-  } else if (drops(far.gap, bodies)) {
+  } else if (drops(bodies.max_distance) && far.gap > loser_beyond(cut_off, options_.limits)) {
     return replace_answer(answers_[index], beyond_answer(slack.true_lower(far.gap)));
   } else {
     part_pairs_.push_back(far);
   }
-  searches_.push_back({index, begin, part_pairs_.size(), begin + 1, 0, slack, 0, {}, {}});
+  searches_.push_back({index, begin, part_pairs_.size(), begin + 1, 0, slack, bodies.max_distance, 0, {}, {}});
   PartSearch& state = searches_.back().state;
   state.lower = left;
   if (options_.reference) state.round = part_pairs_.size() - begin;  // all at once
@@ -64,6 +64,11 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   BodiesAnswer& found = search.found;
   found.lower = search.state.lower;
   const bool by_elements = search.elements != nullptr;
+  if (is_searched_again(search)) {
+    again_.push_back(search.index);
+    unused_.push_back(std::move(search.elements));
+    return;
+  }
   if (by_elements) {
     take_containment(search, meter);
     const ElementSearch::HullsGap hulls = search.elements->hulls_gap();
@@ -77,16 +82,23 @@ void Evaluator::finish_search(PairSearch& search, WorkMeter& meter) {
   PairAnswer& answer = answers_[search.index];
   const double true_lower = search.slack.true_lower(found.lower);
   const bool has_upper = found.best.bounds.upper < kInf;
-  if (by_elements && !has_upper && true_lower > bodies.max_distance)
+  if (by_elements && !has_upper && true_lower > search.max_distance)
     return replace_answer(answer, beyond_answer(true_lower));
-  finish(bodies, found, answer);
+  finish(bodies, search.max_distance, found, answer);
 }
 
-// Whether the gap of its boxes suffices to answer a pair.
-bool Evaluator::drops(double gap, const PlacedBodies& bodies) const {
-  const NarrowLimits& limits = options_.limits;
-  return (options_.drops_beyond || bodies.max_distance < limits.max_distance) &&
-         gap > loser_beyond(pair_slack(*bodies.placement, bodies.pair).cut_off(bodies.max_distance), limits);
+// Whether a gap beyond max_distance suffices to answer a pair.
+bool Evaluator::drops(double max_distance) const {
+  return options_.drops_beyond || max_distance < options_.limits.max_distance;
+}
+
+// Whether the bits of a pair's interval matter, but may depend on the nearer pairs that were evaluated before: a cloud
+// has elements that are equally near, and a cut-off changes their order.
+bool Evaluator::is_searched_again(const PairSearch& search) const {
+  const PlacedBodies& bodies = pairs_[search.index];
+  if (!search.is_cut || !(search.max_distance < bodies.max_distance_alone) || options_.reference) return false;
+  return (is_cloud(scene_.bodies()[bodies.pair.a]) || is_cloud(scene_.bodies()[bodies.pair.b])) &&
+         !(search.slack.true_lower(search.state.lower) > search.max_distance);
 }
 
 // Sorts the part pairs of the next round, since most searches end after a few. The nearest beyond the cut-off comes
@@ -158,7 +170,7 @@ void Evaluator::drop_losers(PairSearch& search, std::size_t end, double cut_off)
 }
 
 double Evaluator::cut_off_of(const PairSearch& search) const {
-  const double user = search.slack.cut_off(pairs_[search.index].max_distance);
+  const double user = search.slack.cut_off(search.max_distance);
   return options_.reference ? user : search.state.cut_off(user);
 }
 

@@ -154,12 +154,13 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-  const double far = loser_beyond(w.cut_off, options_.limits);
-  if (!candidate_gaps_.empty()) leave_out_far(w, far);
+  // Elements are searched in an order of their own, so that it does not matter whether a far pair is evaluated.
+  const double far = scene_.has_surfaces() ? w.cut_off : loser_beyond(w.cut_off, options_.limits);
+  if (!candidate_gaps_.empty()) leave_out_far(w);
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);
-    const double cut = std::min(cut_off(positions[i]), far);
-    to_evaluate.push_back({pairs[i], &placement, cut, any() ? cut : -kInf});
+    const double alone = cut_off(positions[i]), cut = std::min(alone, far);
+    to_evaluate.push_back({pairs[i], &placement, cut, any() ? cut : -kInf, alone});
   }
 }
 
@@ -177,9 +178,9 @@ void Reduction::sort_candidates(const BodyPoses& placement) {
 }
 
 // Candidates whose boxes are farther apart can neither win nor lower the interval. They come last.
-void Reduction::leave_out_far(WorkerState& w, double far) {
+void Reduction::leave_out_far(WorkerState& w) {
   assert(stage_ == kCandidates && w.end == candidates_.size());
-  while (w.end > w.first && candidate_gaps_[w.end - 1] > far) --w.end;
+  while (w.end > w.first && candidate_gaps_[w.end - 1] > w.cut_off) --w.end;
   candidates_.resize(w.end);
   candidate_pairs_.resize(w.end);
   candidate_answers_.resize(w.end);

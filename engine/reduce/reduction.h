@@ -126,7 +126,7 @@ class Reduction {
   void find_cutoffs();
   void collect_candidates();
   void sort_candidates(const BodyPoses& placement);
-  void leave_out_far(WorkerState& worker, double far);
+  void leave_out_far(WorkerState& worker);
   void offer(std::uint64_t begin, std::span<const BodyPair> pairs, std::span<const double> gap, WorkerState& worker,
              const BodyPoses& placement) const;
   void offer(std::uint64_t position, BodyPair pair, double gap, WorkerState& worker, const BodyPoses& placement) const;

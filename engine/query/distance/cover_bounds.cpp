@@ -18,7 +18,7 @@ constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
 // Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 // Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
-// wide tolerance.
+// wide tolerance. Where there are surfaces, it keeps to that at any tolerance.
 constexpr double kMostContact = 1e-6;
 constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of bounds by covers
 
@@ -53,6 +53,7 @@ bool CoverBounds::may_bound(const Plan& plan, bool light) {
 CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool light)
     : plan_(plan),
       groups_(plan, scene, is_by_pair(plan) ? kPacketsOfPair : kPacketsOfGroup),
+      has_surfaces_(scene.has_surfaces()),
       wide_(is_wide(plan, light)),
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
@@ -80,8 +81,9 @@ void CoverBounds::set_limits() {
 CoverBounds::Tolerance CoverBounds::exact_tolerance() const {
   const double abs_tol = plan_.query.abs_tol, rel_tol = plan_.query.rel_tol;
   if (!wide_) return {abs_tol, rel_tol};
-  return {std::min(abs_tol, kMostContact),
-          is_by_pair(plan_) ? rel_tol : std::max(kShareOfExact * rel_tol, std::min(rel_tol, 1e-6))};
+  const double share = is_by_pair(plan_) ? 1 : kShareOfExact;
+  return {std::max(std::min(abs_tol, kMostContact), has_surfaces_ ? share * abs_tol : 0),
+          std::max(share * rel_tol, std::min(rel_tol, 1e-6))};
 }
 
 void CoverBounds::take(const CoverPlan& covers) {

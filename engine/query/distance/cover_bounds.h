@@ -66,7 +66,7 @@ class CoverBounds {
 
   const Plan& plan_;
   PairGroups groups_;
-  bool wide_, writes_rows_;
+  bool has_surfaces_, wide_, writes_rows_;
   DistanceLimits limits_;
   std::vector<float> moved_inner_;
 };

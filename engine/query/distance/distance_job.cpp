@@ -211,24 +211,12 @@ class DistanceJob final : public CoveredJob {
   std::uint64_t first_of_batch_ = 0, written_ = 0, total_ = 0;
 };
 
-// Whether a pair has a cloud. The bits of its interval may depend on the pairs evaluated before, whose distances bound
-// the search: equal distances of neighbouring voxels are found in another order.
-bool has_cloud(const engine::Scene& scene, const Plan& plan) {
-  const std::vector<Body>& bodies = scene.bodies();
-  const auto is_cloud_at = [&](std::uint32_t b) { return b < bodies.size() && is_cloud(bodies[b]); };
-  if (std::none_of(bodies.begin(), bodies.end(), [](const Body& body) { return is_cloud(body); })) return false;
-  for (std::uint64_t p = 0; p < plan.pairs.size(); ++p)
-    if (const BodyPair pair = plan.pairs.at(p); is_cloud_at(pair.a) || is_cloud_at(pair.b)) return true;
-  return false;
-}
-
 }  // namespace
 
 bool covers_may_bound(const JobContext& context, const Plan& plan) {
   return context.covers && !context.reference && context.near_by != NearBy::kTree &&
          (plan.query.reduce != Reduce::kNearest || context.scene->bodies().size() <= kMostGroups) &&
-         CoverBounds::may_bound(plan, answers_fast(context)) && CoverPlan::may_decide(plan) &&
-         (CoverBounds::is_wide(plan, answers_fast(context)) || !has_cloud(*context.scene, plan));
+         CoverBounds::may_bound(plan, answers_fast(context)) && CoverPlan::may_decide(plan);
 }
 
 std::unique_ptr<Job::State> make_distance_job(const JobContext& context, Plan&& plan, const ReplyView& reply) {

@@ -60,13 +60,6 @@ inline int expect_true_rows(const Answer& exact, const Answer& rows, const Toler
   return apart;
 }
 
-inline std::vector<BodyPair> pairs_without_clouds(const engine::Engine& engine) {
-  std::vector<BodyPair> pairs = engine.pairs({});
-  const auto is_of_cloud = [&](std::uint32_t b) { return is_cloud(engine.scene().bodies()[b]); };
-  std::erase_if(pairs, [&](const BodyPair& pair) { return is_of_cloud(pair.a) || is_of_cloud(pair.b); });
-  return pairs;
-}
-
 /// Two engines on one scene, the first with the covers of another.
 struct SameCovers {
   engine::Engine with, without;

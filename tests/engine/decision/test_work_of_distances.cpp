@@ -36,14 +36,13 @@ std::vector<double> work_of(const engine::Engine& engine, const ArmStates& state
 
 /// \param most_more states whose work may grow by more than a quarter: covers do not suffice, and the exact engine is
 /// as fast for their few, small bodies
-void wider_tolerances_need_no_more(const CoverEngines& engines, const char* name, Reduce reduce, double max_distance,
+void wider_tolerances_need_no_more(const engine::Engine& engine, const char* name, Reduce reduce, double max_distance,
                                    int most_more) {
-  ArmStates states = least_distances(engines.with.scene(), kQueries);
+  ArmStates states = least_distances(engine.scene(), kQueries);
   states.query.reduce = reduce;
   states.query.max_distance = max_distance;
   for (const double abs : {0.5, 0.05, 0.02, 0.01, 0.005, 0.001}) {
-    const std::vector<double> wide = work_of(engines.with, states, {abs, 0}),
-                              narrow = work_of(engines.with, states, {abs / 10, 0});
+    const std::vector<double> wide = work_of(engine, states, {abs, 0}), narrow = work_of(engine, states, {abs / 10, 0});
     double sum = 0, sum_narrow = 0;
     int more = 0;
     for (std::size_t k = 0; k < wide.size(); ++k) {
@@ -62,10 +61,12 @@ TEST(WorkOfDistances, AWiderToleranceNeedsNoMore) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   const CoverEngines engines;
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
-  wider_tolerances_need_no_more(engines, "min", Reduce::kMin, kInf, 40);
-  wider_tolerances_need_no_more(engines, "nearest", Reduce::kNearest, kInf, 150);
-  wider_tolerances_need_no_more(engines, "none", Reduce::kNone, kInf, 0);
-  wider_tolerances_need_no_more(engines, "within", Reduce::kWithin, 0.15, 130);
+  wider_tolerances_need_no_more(engines.with, "min", Reduce::kMin, kInf, 40);
+  wider_tolerances_need_no_more(engines.with, "nearest", Reduce::kNearest, kInf, 150);
+  wider_tolerances_need_no_more(engines.with, "none", Reduce::kNone, kInf, 0);
+  wider_tolerances_need_no_more(engines.with, "within", Reduce::kWithin, 0.15, 130);
+  wider_tolerances_need_no_more(engines.without, "min without covers", Reduce::kMin, kInf, 0);
+  wider_tolerances_need_no_more(engines.without, "nearest without covers", Reduce::kNearest, kInf, 0);
 }
 
 }  // namespace
