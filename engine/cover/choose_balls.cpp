@@ -86,8 +86,9 @@ class BallChooser {
  private:
   struct Ball {
     Vec3d centre;
-    double inside;  ///< CoverShape::inside(), or 0
-    double step;    ///< length of the next trials
+    double inside;           ///< CoverShape::inside(), or 0
+    double step;             ///< length of the next trials
+    std::uint32_t near = 0;  ///< of CoverShape::inside()
     float stand_out = 0;
     float without = 0;                 ///< least stand-out of the other balls with its simplices
     float handicap = 0;                ///< metres, in the competition for simplices
@@ -103,7 +104,13 @@ class BallChooser {
   }
   Ball ball_about(const Vec3d& c, double step) const {
     const Vec3d centre = as_float(c);
-    return {centre, std::max(shape_.inside(centre), 0.0), step};
+    Ball ball{centre, 0, step};
+    ball.inside = inside_of(ball, centre, 0);
+    return ball;
+  }
+  /// CoverShape::inside(), or 0.
+  double inside_of(Ball& ball, const Vec3d& c, double enough) const {
+    return shape_.has_inside() ? std::max(shape_.inside(c, std::max(enough, 0.0), ball.near), 0.0) : 0;
   }
   /// Gives each simplex to the ball that holds it best. Balls that stand out most get fewer, so that all become equal
   /// sooner.
@@ -185,9 +192,9 @@ void BallChooser::improve(Ball& ball) {
     Vec3d to;
     for (int c = 0; c < 3; ++c) to[c] = ball.centre[c] + ball.step * random_.uniform(-1, 1);
     to = as_float(to);
-    const double inside = std::max(shape_.inside(to), 0.0);
-    const float stand_out =
-        greatest_radius(held_.data(), held_.size(), rounded(to - origin_)) - static_cast<float>(inside);
+    const float radius = greatest_radius(held_.data(), held_.size(), rounded(to - origin_));
+    const double inside = inside_of(ball, to, double{radius} - ball.stand_out);
+    const float stand_out = radius - static_cast<float>(inside);
     ball.step *= stand_out < ball.stand_out ? 1.4 : 0.88;
     if (stand_out < ball.stand_out) ball.stand_out = stand_out, ball.centre = to, ball.inside = inside;
   }

@@ -272,8 +272,8 @@ void CoverShape::add(const Fan& fan, double growth) {
   }
 }
 
-double CoverShape::Part::inside(const Vec3d& c) const {
-  if (surface) return depth_in_mesh(*surface, c) + radius;
+double CoverShape::Part::inside(const Vec3d& c, double enough, std::uint32_t& near) const {
+  if (surface) return depth_in_mesh(*surface, c, enough - radius, near) + radius;
   if (core) {
     const double depth = in_core(*core, c);
     return (depth > 0 ? depth : -length(c)) + radius;  // the origin is a point of the core
@@ -287,9 +287,9 @@ double CoverShape::Part::inside(const Vec3d& c) const {
   return radius - to_hull(vertices, c);
 }
 
-double CoverShape::inside(const Vec3d& c) const {
+double CoverShape::inside(const Vec3d& c, double enough, std::uint32_t& near) const {
   double most = -std::numeric_limits<double>::infinity();
-  for (const Part& part : parts_) most = std::max(most, part.inside(c));
+  for (const Part& part : parts_) most = std::max(most, part.inside(c, std::max(enough, most), near));
   return most - 0x1p-50 * std::abs(most);  // the rounding of sums with the radius
 }
 

@@ -2,6 +2,8 @@
 #pragma once
 
 #include <array>
+#include <cstdint>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <span>
@@ -32,7 +34,13 @@ class CoverShape {
   double reach() const { return reach_; }
   /// If above 0, the radius of a ball about `c` that lies in the body. Otherwise, a point of the body is no farther than
   /// the negated value from `c`.
-  double inside(const Vec3d& c) const;
+  double inside(const Vec3d& c) const {
+    std::uint32_t near = 0;
+    return inside(c, -std::numeric_limits<double>::infinity(), near);
+  }
+  /// \param enough a result that is no greater may be any number that is no greater
+  /// \param near of depth_in_mesh()
+  double inside(const Vec3d& c, double enough, std::uint32_t& near) const;
   /// Whether inside() can be above 0.
   bool has_inside() const { return has_inside_; }
 
@@ -45,7 +53,7 @@ class CoverShape {
     HullPlanes planes;                       ///< of a hull with volume
     double radius = 0;
 
-    double inside(const Vec3d& c) const;
+    double inside(const Vec3d& c, double enough, std::uint32_t& near) const;
   };
 
   void add(const ConvexPart& part, std::size_t most_vertices);

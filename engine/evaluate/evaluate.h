@@ -80,11 +80,12 @@ class Evaluator {
     std::size_t sorted;      // part pairs before this one are sorted, and nearer than the others
     std::size_t task_count;  // tasks of this round
     Slack slack;             // of the pair
-    double max_distance;
+    double max_distance;     // of the search
     double min_penetration = 0;
     PartSearch state;
     BodiesAnswer found;                         // without the lower bound
     std::unique_ptr<ElementSearch> elements{};  // source of part pairs for bodies that are not convex, else null
+    bool is_cut = false;                        // max_distance has ruled elements out
   };
   static NarrowOptions narrow_options(const engine::Scene& scene, NarrowOptions options);
   bool begin_round(WorkMeter& meter);

@@ -48,6 +48,7 @@ bool Evaluator::gather(PairSearch& search, WorkMeter& meter) {
     if (elements.begin_near(user)) return true;
     search.state.round = 2;
   }
+  search.is_cut |= !(upper <= user);
   double cut_off = search.state.cut_off(user);
   // All pairs around a nearest vertex are equally near: leaves out those that keep the interval within half of the
   // tolerance.

@@ -96,7 +96,7 @@ bool Evaluator::drops(double max_distance) const {
 // has elements that are equally near, and a cut-off changes their order.
 bool Evaluator::is_searched_again(const PairSearch& search) const {
   const PlacedBodies& bodies = pairs_[search.index];
-  if (!search.elements || !(search.max_distance < bodies.max_distance_alone) || options_.reference) return false;
+  if (!search.is_cut || !(search.max_distance < bodies.max_distance_alone) || options_.reference) return false;
   return (is_cloud(scene_.bodies()[bodies.pair.a]) || is_cloud(scene_.bodies()[bodies.pair.b])) &&
          !(search.slack.true_lower(search.state.lower) > search.max_distance);
 }

@@ -195,6 +195,15 @@ MUTANTS = [
         "covers MeshCover.InnerRadiiHold",
         ("mesh_side", "cover/mesh/mesh_depth.cpp", "&& @winding_number(surface, c) != 0@)", "true"),
     ),
+    *mutants_of(
+        "covers MeshCover.*",
+        (
+            "mesh_far",
+            "cover/mesh/mesh_depth.cpp",
+            "far_ = @(high + rounding_) * (high + rounding_)@",
+            "0.25 * high * high",
+        ),
+    ),
     # Meshes and point clouds: the search through elements, and containment.
     *mutants_of(
         "surfaces",

@@ -51,37 +51,33 @@ std::array<double, 3> nearest_weights(const std::array<Vec3d, 3>& t, const Vec3d
   return {std::max(1 - v - w, 0.0), v, w};
 }
 
-/// Any nearest point gives a valid upper bound, and any direction to it a lower one.
-DistanceBounds to_triangle(const std::array<Vec3d, 3>& t, const Vec3d& p) {
-  const std::array<double, 3> weight = nearest_weights(t, p);
-  const Vec3d nearest = t[0] * weight[0] + t[1] * weight[1] + t[2] * weight[2], n = p - nearest;
-  const double away = norm(n), rounding = 8 * kRounding * (norm(p) + norm(t[0]) + norm(t[1]) + norm(t[2])) + kUnderflow;
-  double low = std::numeric_limits<double>::infinity();
-  for (const Vec3d& v : t) low = std::min(low, dot(n, p - v));
-  return {away > kUnderflow ? low / away - rounding : 0, away * kUp + rounding};
-}
-
+/// Search for the triangle nearest to a point. Any point of a triangle gives a valid upper bound, and any direction to it
+/// a lower one.
 class DepthSearch {
  public:
-  DepthSearch(const Surface& surface, const Vec3d& p)
+  DepthSearch(const Surface& surface, const Vec3d& p, std::uint32_t& near)
       : surface_(surface),
+        near_(near),
         p_(p),
         from_centre_(p - surface.centre()),
-        rounding_(4 * kRounding * (norm(p) + norm(surface.centre())) + kUnderflow) {}
+        rounding_(8 * kRounding * (norm(p) + 3 * reach_of(surface)) + kUnderflow) {}
 
-  DistanceBounds run() {
-    std::vector<Open> open{{0, gap(0)}};
-    while (!open.empty()) {
+  /// Ends once the upper bound is no greater than `enough`.
+  DistanceBounds run(double enough) {
+    take(near_ < surface_.size() ? near_ : 0);
+    static thread_local std::vector<Open> open;
+    open.assign(1, {0, squared_gap(0)});
+    while (!open.empty() && found_.high > enough) {
       const Open next = open.back();
       open.pop_back();
-      if (next.gap >= found_.high) continue;
+      if (next.squared_gap >= far_) continue;
       const Surface::Node& node = surface_.nodes()[next.node];
       if (node.is_leaf()) {
-        for (std::uint32_t e = node.begin(); e < node.end(); ++e) take(to_triangle(surface_.corners(e), p_));
+        for (std::uint32_t e = node.begin(); e < node.end(); ++e) take(e);
         continue;
       }
-      Open far{next.node + 1, gap(next.node + 1)}, near{node.right, gap(node.right)};
-      if (far.gap < near.gap) std::swap(far, near);
+      Open far{next.node + 1, squared_gap(next.node + 1)}, near{node.right, squared_gap(node.right)};
+      if (far.squared_gap < near.squared_gap) std::swap(far, near);
       open.push_back(far);
       open.push_back(near);
     }
@@ -91,10 +87,20 @@ class DepthSearch {
  private:
   struct Open {
     std::uint32_t node;
-    double gap;  // lower bound on the distance from its elements
+    double squared_gap;  // of its box
   };
 
-  double gap(std::uint32_t at) const {
+  /// Bound on the distance of the corners from the origin.
+  static double reach_of(const Surface& surface) {
+    const Surface::Node& root = surface.nodes()[0];
+    double sum = 0;
+    for (std::size_t k = 0; k < 3; ++k) {
+      const double most = std::max(std::abs(double{root.low[k]}), std::abs(double{root.high[k]}));
+      sum += most * most;
+    }
+    return (norm(surface.centre()) + std::sqrt(sum)) * kUp;
+  }
+  double squared_gap(std::uint32_t at) const {
     const Surface::Node& node = surface_.nodes()[at];
     double sum = 0;
     for (int k = 0; k < 3; ++k) {
@@ -102,25 +108,40 @@ class DepthSearch {
       const double out = std::max({double{node.low[i]} - from_centre_[k], from_centre_[k] - double{node.high[i]}, 0.0});
       sum += out * out;
     }
-    return std::sqrt(sum) * (1 - 0x1p-48) - rounding_;
+    return sum;
   }
-  void take(const DistanceBounds& of_element) {
-    found_.low = std::min(found_.low, of_element.low);
-    found_.high = std::min(found_.high, of_element.high);
+  void take(std::uint32_t triangle) {
+    const std::array<Vec3d, 3> t = surface_.corners(triangle);
+    const std::array<double, 3> weight = nearest_weights(t, p_);
+    const Vec3d nearest = t[0] * weight[0] + t[1] * weight[1] + t[2] * weight[2], n = p_ - nearest;
+    double low = std::numeric_limits<double>::infinity();
+    for (const Vec3d& v : t) low = std::min(low, dot(n, p_ - v));
+    const double squared = squared_norm(n);
+    if (low > 0 && squared > kUnderflow * kUnderflow && low * low > far_ * squared) return;  // another one is nearer
+    const double away = std::sqrt(squared);
+    found_.low = std::min(found_.low, away > kUnderflow ? low / away - rounding_ : 0);
+    if (const double high = away * kUp + rounding_; high < found_.high) {
+      found_.high = high;
+      near_ = triangle;
+      far_ = (high + rounding_) * (high + rounding_) * (1 + 0x1p-46);
+    }
   }
 
   const Surface& surface_;
+  std::uint32_t& near_;
   const Vec3d p_, from_centre_;
-  const double rounding_;
+  const double rounding_;  // of a distance from a triangle or box
   DistanceBounds found_{std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
+  double far_ = std::numeric_limits<double>::infinity();  // squared distance from which on nothing is nearer
 };
 
 }  // namespace
 
-double depth_in_mesh(const Surface& surface, const Vec3d& c) {
-  const DistanceBounds distance = DepthSearch(surface, c).run();
+double depth_in_mesh(const Surface& surface, const Vec3d& c, double enough, std::uint32_t& near) {
+  const DistanceBounds distance = DepthSearch(surface, c, near).run(enough);
   // winding_number() needs a point that is farther than 1e-59 m from the triangles.
-  if (surface.is_solid() && distance.low > 1e-50 && winding_number(surface, c) != 0) return distance.low;
+  if (surface.is_solid() && distance.low > std::max(enough, 1e-50) && winding_number(surface, c) != 0)
+    return distance.low;
   return -distance.high;
 }
 
