@@ -43,8 +43,7 @@ std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
   if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
   if (obstacle_pairs_.empty() && out_->moved_pairs_.empty()) return nullptr;
   if (plan_.query.max_evaluations > 0)
-    out_->rates_ = std::make_unique<const SpanRates>(plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()),
-                                                     out_->moved_pairs_);
+    out_->rates_ = std::make_unique<const SpanRates>(plan_, sources_, static_cast<std::uint32_t>(out_->bodies_.size()));
   finish();
   return std::move(out_);
 }
@@ -207,7 +206,8 @@ bool CoverPlanBuilder::take_sources() {
       ball.centre = rotation_of(decided.constant) * ball.centre + decided.constant.translation;
       ball.radius = ball.radius * (1 + 0x1p-40) + 0x1p-40 * (cover(i)->reach + norm(decided.constant.translation));
     }
-    sources_.push_back({i, link.robot, link.link, ball});
+    const Kinematics& robot = plan_.motions[link.robot].robot().kinematics;
+    sources_.push_back({i, link.robot, link.link, ball, MotionPath(robot, link.link, ball)});
     errors_[i] += SpanRates::rounding(plan_, sources_.back());
   }
   return true;

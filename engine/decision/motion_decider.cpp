@@ -19,13 +19,36 @@ SpanTwist within_half(const Twist& twist, double half) {
           {number(twist.shift.x), number(twist.shift.y), number(twist.shift.z)}};
 }
 
+// Whether all joints on the way to the links that a motion moves have positions.
+bool are_placed(const LinkMotion& motion) {
+  const std::vector<std::uint8_t> facts = bits_along_links(motion.robot(), motion.column_facts());
+  return std::none_of(motion.links().begin(), motion.links().end(),
+                      [&](std::uint32_t link) { return facts[link] & (kLinkUnplaced | kLinkBad); });
+}
+
+// Puts a hit before the others.
+template <class Hit>
+void put_first(Hit hit, std::vector<Hit>& hits) {
+  constexpr std::size_t kMostHits = 8;
+  const auto known = std::find(hits.begin(), hits.end(), hit);
+  if (known != hits.end())
+    std::rotate(hits.begin(), known, known + 1);
+  else
+    hits.insert(hits.begin(), hit);
+  if (hits.size() > kMostHits) hits.pop_back();
+}
+
 }  // namespace
 
 MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
     : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]) {
   const std::size_t columns = covers.view().columns;
   for (const LinkMotion& motion : plan.motions) {
+    is_placed_ &= are_placed(motion);
     robots_.emplace_back(motion.robot().kinematics);
+    std::vector<DoubleInLanes>& positions = positions_.emplace_back();
+    for (const double position : motion.positions()) std::fill_n(positions.emplace_back().lane, kMostLanes, position);
+    lanes_.emplace_back(motion.robot().kinematics);
     along_.emplace_back(motion.robot().model.columns.size());
     changes_.change.emplace_back(motion.robot().model.columns.size());
     links_begin_.push_back(links_of_span_);
@@ -39,12 +62,20 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   reach_.resize(plan.joints.size());
   is_left_.resize(covers.view().moved_pair_count);
   pair_rates_.resize(covers.view().moved_pair_count);
+  views_.resize(covers.view().moved_pair_count);
   link_twists_.resize(links_of_span_);
+  links_.resize(links_of_span_);
+  poses_.resize(plan.bodies.size());
+  for (std::uint32_t b = 0; b < covers.view().body_count; ++b) {
+    const CoverPlan::LinkOf& of = covers.link_of(b);
+    body_frames_.push_back(of.robot == kNone ? nullptr : lanes_[of.robot].frames()[of.link].part[0].lane);
+  }
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
 
 // Takes the motion's positions. Returns false if the bounds do not hold for them.
 bool MotionDecider::begin(std::uint64_t motion) {
+  if (!is_placed_) return false;
   const std::size_t joints = plan_.joints.size(), points = plan_.query.control_points;
   const std::span<const double> all = plan_.positions.subspan(points * motion * joints, points * joints);
   start_ = all.first(joints);
@@ -65,9 +96,16 @@ bool MotionDecider::begin(std::uint64_t motion) {
       changes_.change[m][moving.column] = std::abs(by) * kMotionSlack;
       total_ += std::abs(by);
     }
+  has_rates_ = false;
+  return true;
+}
+
+// Takes the rates of the motion, or of a span that changes_ are of.
+void MotionDecider::take_rates() {
   for (std::uint32_t b = 0; b < covers_.view().body_count; ++b)
     if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, changes_);
-  return true;
+  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
+  has_rates_ = true;
 }
 
 void MotionDecider::begin_curves() {
@@ -88,22 +126,32 @@ void MotionDecider::take_curves(double middle, double half) {
       changes_.bend[m][moving.column] = span.bend;
       reach_[moving.at] = span.change * half;
     }
-  for (std::uint32_t b = 0; b < covers_.view().body_count; ++b)
-    if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, changes_);
-  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
+  take_rates();
 }
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
   left_.clear();
-  std::fill(is_left_.begin(), is_left_.end(), 0);
-  std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
   if (!begin(motion)) return Verdict::kUnresolved;
+  const double half = begin_spans();
+  if (hits_again()) return Verdict::kHit;
+  const Verdict verdict = decide_spans(half);
+  return verdict == Verdict::kUnresolved && is_hit_at_first() ? Verdict::kHit : verdict;
+}
+
+// Lists the first spans and places their middles. Returns half their length.
+double MotionDecider::begin_spans() {
   std::size_t count = 1;
   double half = 0.5;
   for (; count < kTogether && half * total_ > kRootSpan; count *= 2) half *= 0.5;
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
+  place(spans_);
+  return half;
+}
+
+Verdict MotionDecider::decide_spans(double half) {
+  std::fill(is_left_.begin(), is_left_.end(), 0);
   int divided = 0;
   bool is_first = true;
   for (; !spans_.empty(); half *= 0.5) {
@@ -113,14 +161,13 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
     bool is_undecided = false;
     for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
       const std::size_t together = std::min(kTogether, spans_.size() - first);
-      place(std::span(spans_).subspan(first, together));
-      if (is_first && hits_again(half)) return Verdict::kHit;
+      if (!is_first) place(std::span(spans_).subspan(first, together));
       is_first = false;
       for (std::size_t k = 0; k < together; ++k) {
         const Span& span = spans_[first + k];
         const SpanDecision decision = decide(k, std::span(items_).subspan(span.begin, span.end - span.begin), half);
         if (decision.verdict == Verdict::kHit) {
-          remember(decision.hit);
+          remember(decision.hit, k);
           return Verdict::kHit;
         }
         if (decision.verdict == Verdict::kFree) continue;
@@ -177,9 +224,9 @@ Verdict MotionDecider::leave_pairs() {
   return left_.empty() ? Verdict::kFree : Verdict::kUnresolved;
 }
 
-// Places the links in the middles of spans.
+// Takes the positions in the middles of spans.
 void MotionDecider::place(std::span<const Span> spans) {
-  const std::size_t bodies = plan_.bodies.size(), joints = plan_.joints.size();
+  const std::size_t joints = plan_.joints.size();
   rows_.resize(spans.size() * joints);
   middles_.clear();
   for (std::size_t k = 0; k < spans.size(); ++k) {
@@ -188,74 +235,111 @@ void MotionDecider::place(std::span<const Span> spans) {
       rows_[k * joints + j] =
           curves_.empty() ? start_[j] + spans[k].middle * (end_[j] - start_[j]) : curves_[j].at(spans[k].middle);
   }
-  poses_.resize(spans.size() * bodies);
-  facts_.resize(spans.size() * bodies);
-  links_.resize(spans.size() * links_of_span_);
-  std::size_t at = 0;
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
-    const LinkMotion& motion = plan_.motions[m];
-    const std::size_t links = motion.robot().kinematics.links();
-    motion.make(rows_, spans.size(), poses_.data() + at, facts_.data() + at, bodies, scratch_);
-    for (std::size_t k = 0; k < spans.size(); ++k)
-      std::copy_n(scratch_.poses.begin() + static_cast<std::ptrdiff_t>(k * links), links,
-                  links_.begin() + static_cast<std::ptrdiff_t>(k * links_of_span_ + links_begin_[m]));
-    at += motion.links().size();
-  }
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
+    for (const LinkMotion::Moving& moving : plan_.motions[m].moving())
+      for (std::size_t k = 0; k < spans.size(); ++k)
+        positions_[m][moving.column].lane[k] = rows_[k * joints + moving.at];
+  are_links_placed_ = false;
 }
 
-bool MotionDecider::is_placed(std::size_t k) const {
-  const auto facts = std::span(facts_).subspan(k * plan_.bodies.size(), plan_.bodies.size());
-  return std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
+// Places the links in all middles. Separate, since tables need no links.
+void MotionDecider::place_links() {
+  for (std::size_t m = 0; m < plan_.motions.size() && !are_links_placed_; ++m) lanes_[m].place(positions_[m]);
+  are_links_placed_ = true;
+}
+
+// Takes the links' poses in middle k.
+void MotionDecider::take_poses(std::size_t k) {
+  place_links();
+  std::size_t at = 0;
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
+    Pose* const links = links_.data() + links_begin_[m];
+    for (std::uint32_t i = 0; i < lanes_[m].frames().size(); ++i) links[i] = lanes_[m].pose(i, k);
+    for (const std::uint32_t i : plan_.motions[m].links()) poses_[at++] = links[i];
+  }
 }
 
 // Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
 SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
-  if (!is_placed(k)) return {};
-  if (!curves_.empty()) take_curves(middles_[k], half);
-  take_twists(k, half);
-  return kernel_.run_span({&covers_.view(), poses_.data() + k * plan_.bodies.size(), bodies_.data(), &pair_span, this,
+  if (!curves_.empty())
+    take_curves(middles_[k], half);
+  else if (!has_rates_)
+    take_rates();
+  take_poses(k);
+  take_twists(half);
+  return kernel_.run_span({&covers_.view(), poses_.data(), bodies_.data(), &pair_span, this,
                            items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
                            is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
-// Whether a ball that was in an obstacle in an earlier motion is so in a span of this one. It decides nothing else:
-// that span would be found to hit in its turn, too.
-bool MotionDecider::hits_again(double half) {
+// Whether a table or ball that hit in an earlier motion hits in the middle of one of the first spans.
+bool MotionDecider::hits_again() {
+  const std::size_t count = spans_.size();
+  for (const std::uint32_t table : tables_)
+    for (std::size_t k = 0; k < count; ++k)
+      if (is_in_table(table, k)) {
+        put_first(table, tables_);
+        ++guessed_;
+        return true;
+      }
   if (hits_.empty()) return false;
-  const GuessedHit guess =
-      kernel_.guess_hit({&covers_.view(), poses_.data(), plan_.bodies.size(), spans_.size(), hits_});
-  if (!guess.hit) return false;
-  const BallHit hit = *guess.hit;
-  const SpanItem item{hit.obstacle, hit.body};
-  if (decide(guess.state, {&item, 1}, half).verdict != Verdict::kHit) return false;
-  remember(hit);
+  place_links();
+  const GuessedHit found = kernel_.guess_hit({&covers_.view(), body_frames_.data(), count, hits_});
+  if (!found.hit) return false;
+  put_first(*found.hit, hits_);
   ++guessed_;
   return true;
 }
 
-void MotionDecider::remember(const BallHit& hit) {
-  if (hit.obstacle == kNone || !covers_.view().bodies[hit.body].is_direct) return;
-  const auto known = std::find(hits_.begin(), hits_.end(), hit);
-  if (known != hits_.end())
-    std::rotate(hits_.begin(), known, known + 1);
-  else
-    hits_.insert(hits_.begin(), hit);
-  if (hits_.size() > kMostHits) hits_.pop_back();
+// Whether covers find a hit in the middle of one of the first spans, whatever its movement. hits_again() finds no
+// others, so that the order of motions changes no verdict.
+bool MotionDecider::is_hit_at_first() {
+  begin_spans();
+  state_open_.resize(open_.size());
+  for (std::size_t k = 0; k < spans_.size(); ++k) {
+    take_poses(k);
+    const std::uint8_t usable = 1;
+    Decision decision;
+    kernel_.run({&covers_.view(), poses_.data(), poses_.size(), 1, &usable, true,
+                 rows_.data() + k * plan_.joints.size(), plan_.joints.size()},
+                {&decision, state_open_.data(), static_cast<std::uint32_t>(state_open_.size())});
+    if (decision.verdict == Verdict::kHit) return true;
+  }
+  return false;
+}
+
+// Whether the pair of a joint table is within its margin in middle k.
+bool MotionDecider::is_in_table(std::uint32_t table, std::size_t k) const {
+  const TabledPair& pair = covers_.view().tabled[table];
+  const double* const row = rows_.data() + k * plan_.joints.size();
+  const auto position = [&](int c) { return pair.at[c] == kNone ? pair.fixed[c] : row[pair.at[c]]; };
+  const double at[2] = {position(0), position(1)};
+  return pair.table.at(at).high < pair.hit_below;
+}
+
+// Remembers the ball that hit in middle k, or the table if it is none.
+void MotionDecider::remember(const BallHit& hit, std::size_t k) {
+  if (hit.obstacle == kNone) {
+    for (std::uint32_t t = 0; t < covers_.view().tabled_count; ++t)
+      if (is_in_table(t, k)) return put_first(t, tables_);
+  } else if (covers_.view().bodies[hit.body].is_direct) {
+    put_first(hit, hits_);
+  }
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.
-void MotionDecider::take_twists(std::size_t k, double half) {
+void MotionDecider::take_twists(double half) {
   half_ = half;
   for (std::size_t m = 0; m < robots_.size(); ++m) {
     const std::size_t links = plan_.motions[m].robot().kinematics.links();
-    robots_[m].at(std::span(links_).subspan(k * links_of_span_ + links_begin_[m], links), along_[m],
+    robots_[m].at(std::span(links_).subspan(links_begin_[m], links), along_[m],
                   std::span(link_twists_).subspan(links_begin_[m], links));
   }
   const DecisionView& view = covers_.view();
   for (std::uint32_t b = 0; b < view.body_count; ++b) {
     const DecidedBody& body = view.bodies[b];
     if (body.carrier != kNone) {  // fixed to its carrier
-      const Pose& X = poses_[k * plan_.bodies.size() + view.bodies[body.carrier].pose];
+      const Pose& X = poses_[view.bodies[body.carrier].pose];
       const Vec3d offset = turned_by(X, body.constant.translation);
       twists_[b] = {twists_[body.carrier].turn,
                     twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
@@ -263,7 +347,7 @@ void MotionDecider::take_twists(std::size_t k, double half) {
     } else if (body.pose != kNone) {
       const CoverPlan::LinkOf& of = covers_.link_of(b);
       twists_[b] = link_twists_[links_begin_[of.robot] + of.link];
-      origins_[b] = poses_[k * plan_.bodies.size() + body.pose].translation;
+      origins_[b] = poses_[body.pose].translation;
     }
     if (!body.packets) continue;
     const SpanRates::Rates& rates = rates_[b];
@@ -280,7 +364,9 @@ PairSpan MotionDecider::pair_span(void* self, std::uint32_t pair) {
 PairSpan MotionDecider::pair_span(std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
   std::optional<SpanRates::PairRates>& known = pair_rates_[index];
-  if (!known) known = covers_.rates()->of_pair(index, changes_);
+  std::vector<SpanRates::View>& views = views_[index];
+  if (views.empty()) views = covers_.rates()->views_of(pair);
+  if (!known) known = covers_.rates()->of_pair(views, changes_);
   const SpanRates::PairRates rates = *known;
   const auto seen = [&](std::uint32_t body) -> Twist {
     if (rates.seer == kNone) return twists_[body];

@@ -8,6 +8,7 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/span_rates.h"
+#include "engine/robot/lane_kinematics.h"
 #include "engine/robot/link_twists.h"
 #include "engine/selection/joint_curve.h"
 
@@ -30,7 +31,7 @@ class MotionDecider {
   Verdict decide(std::uint64_t motion);
   /// By position, once each. Empty if the motion is open as a whole.
   std::span<const OpenPair> open() const { return left_; }
-  /// Motions that were found to hit by a ball that had hit in an earlier one.
+  /// Motions that were found to hit by a ball or a joint table that had hit in an earlier one.
   std::uint64_t guessed() const { return guessed_; }
 
  private:
@@ -44,19 +45,23 @@ class MotionDecider {
     std::size_t begin, end;  // in items_; empty for all
   };
 
-  static constexpr std::size_t kMostHits = 8;
-
   bool begin(std::uint64_t motion);
   void begin_curves();
+  void take_rates();
   void take_curves(double middle, double half);
-  bool hits_again(double half);
-  void remember(const BallHit& hit);
+  double begin_spans();
+  Verdict decide_spans(double half);
+  bool hits_again();
+  bool is_hit_at_first();
+  bool is_in_table(std::uint32_t table, std::size_t k) const;
+  void remember(const BallHit& hit, std::size_t k);
   void place(std::span<const Span> spans);
-  bool is_placed(std::size_t k) const;
+  void place_links();
+  void take_poses(std::size_t k);
   SpanDecision decide(std::size_t k, std::span<const SpanItem> items, double half);
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
-  void take_twists(std::size_t k, double half);
+  void take_twists(double half);
   static PairSpan pair_span(void* self, std::uint32_t pair);
   PairSpan pair_span(std::uint32_t pair);
 
@@ -69,15 +74,20 @@ class MotionDecider {
   std::vector<std::vector<double>> along_;                       // by robot and column
   SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes
+  bool has_rates_ = false;                                       // whether rates_ are those of the motion
   std::vector<SpanRates::Rates> rates_;                          // by body
+  std::vector<std::vector<SpanRates::View>> views_;              // by moved pair, once requested
   std::vector<std::optional<SpanRates::PairRates>> pair_rates_;  // by moved pair, once requested for a motion
-  std::vector<double> rows_, reach_;      // (spans, joints) middles; (joints,) changes until a span's end
-  std::vector<double> middles_;           // (spans,) times
-  std::vector<Pose> poses_, links_;       // (spans, Plan::bodies); (spans, links) of each robot in turn
-  std::vector<std::size_t> links_begin_;  // by robot: in links_, per span
+  std::vector<double> rows_, reach_;                   // (spans, joints) middles; (joints,) changes until a span's end
+  std::vector<double> middles_;                        // (spans,) times
+  bool is_placed_ = true;                              // whether the joints that stay have positions
+  std::vector<std::vector<DoubleInLanes>> positions_;  // (columns,) of each robot; spans are lanes
+  std::vector<LaneKinematics> lanes_;                  // of each robot
+  bool are_links_placed_ = false;                      // whether lanes_ are at positions_
+  std::vector<const double*> body_frames_;             // by body, in lanes_; null for a body that no link moves
+  std::vector<Pose> poses_, links_;       // of one span: (Plan::bodies,); of the links of each robot in turn
+  std::vector<std::size_t> links_begin_;  // by robot: in links_
   std::size_t links_of_span_ = 0;
-  std::vector<std::uint8_t> facts_;
-  LinkMotion::LinkScratch scratch_;
   std::vector<Twist> link_twists_;
   std::vector<Twist> twists_;   // by body, in the common frame
   std::vector<Vec3d> origins_;  // likewise
@@ -86,7 +96,9 @@ class MotionDecider {
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
   std::vector<OpenPair> left_;
-  std::vector<BallHit> hits_;  // of the last motions, the latest first
+  std::vector<BallHit> hits_;          // of the last motions, the latest first
+  std::vector<std::uint32_t> tables_;  // likewise: DecisionView::tabled
+  std::vector<std::uint64_t> state_open_;
   std::uint64_t guessed_ = 0;
   std::vector<std::uint8_t> is_left_;  // by moved pair: in this motion the exact engine decides it
 };

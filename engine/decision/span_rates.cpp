@@ -25,41 +25,41 @@ double greatest_travel(const SceneRobot& robot) {
 
 }  // namespace
 
-SpanRates::SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_t body_count,
-                     std::span<const MovedPair> pairs)
+SpanRates::SpanRates(const Plan& plan, std::span<const Source> sources, std::uint32_t body_count)
     : bodies_(body_count) {
   for (const LinkMotion& motion : plan.motions) travel_.push_back(greatest_travel(motion.robot()));
-  std::vector<const Source*> of(body_count, nullptr);
   for (const Source& source : sources) {
-    of[source.body] = &source;
     const Kinematics& robot = plan.motions[source.robot].robot().kinematics;
     Body& body = bodies_[source.body];
-    body.path = {source.robot, MotionPath(robot, source.link, source.ball).movers()};
+    body.robot = &robot;
+    body.link = source.link;
+    body.ball = source.ball;
+    body.path = {source.robot, source.path.movers()};
     body.reach = (norm(source.ball.centre) + source.ball.radius) * kUp;
     const PlacementError error = robot.error(source.link, body.reach);
     body.turn_error = error.turn;
     body.error = error.at(travel_[source.robot], 0) + rounding(plan, source);
     body.reach = (body.reach + robot.reach(source.link, body.reach) + 2 * travel_[source.robot]) * kUp;
   }
-  for (const MovedPair& pair : pairs) {
-    std::vector<View>& views = pairs_.emplace_back();
-    views.push_back({bodies_[pair.a].path, bodies_[pair.b].path, kNone});
-    if (!of[pair.a] || !of[pair.b]) continue;  // one stays
-    const Source &a = *of[pair.a], &b = *of[pair.b];
-    const Kinematics& robot = plan.motions[a.robot].robot().kinematics;
-    if (a.robot != b.robot || robot.root_of(a.link) != robot.root_of(b.link)) continue;
-    views.push_back({{}, {b.robot, MotionPath(robot, a.link, b.link, b.ball).movers()}, pair.a});
-    views.push_back({{a.robot, MotionPath(robot, b.link, a.link, a.ball).movers()}, {}, pair.b});
-  }
+}
+
+std::vector<SpanRates::View> SpanRates::views_of(const MovedPair& pair) const {
+  const Body &a = bodies_[pair.a], &b = bodies_[pair.b];
+  std::vector<View> views{{a.path, b.path, kNone}};
+  if (!a.robot || !b.robot) return views;  // one stays
+  const Kinematics& robot = *a.robot;
+  if (a.path.robot != b.path.robot || robot.root_of(a.link) != robot.root_of(b.link)) return views;
+  views.push_back({{}, {b.path.robot, MotionPath(robot, a.link, b.link, b.ball).movers()}, pair.a});
+  views.push_back({{a.path.robot, MotionPath(robot, b.link, a.link, a.ball).movers()}, {}, pair.b});
+  return views;
 }
 
 double SpanRates::rounding(const Plan& plan, const Source& source) {
   const SceneRobot& robot = plan.motions[source.robot].robot();
   const double by = (plan.query.control_points - 1) * kTimeRounding * kMostPosition * kUp,
                travel = greatest_travel(robot);
-  const MotionPath path(robot.kinematics, source.link, source.ball);
   double sum = 0;
-  for (const Mover& mover : path.movers()) sum += way_of_mover(mover, travel) * by;
+  for (const Mover& mover : source.path.movers()) sum += way_of_mover(mover, travel) * by;
   return sum * kUp;
 }
 
@@ -84,9 +84,9 @@ SpanRates::Rates SpanRates::of(std::uint32_t body, const Changes& changes) const
   return result;
 }
 
-SpanRates::PairRates SpanRates::of_pair(std::uint32_t pair, const Changes& changes) const {
+SpanRates::PairRates SpanRates::of_pair(std::span<const View> views, const Changes& changes) const {
   PairRates best{HUGE_VAL, HUGE_VAL, kNone};
-  for (const View& view : pairs_[pair]) {
+  for (const View& view : views) {
     const MotionRates a = rates(view.a, changes), b = rates(view.b, changes);
     best.speed = std::min(best.speed, (a.speed + b.speed) * kUp);
     if (const double acceleration = (a.acceleration + b.acceleration) * kUp; acceleration < best.acceleration)

@@ -26,12 +26,23 @@ class SpanRates {
     std::uint32_t body;   ///< index in the decided bodies
     std::uint32_t robot;  ///< of its link in Plan::motions
     std::uint32_t link;
-    LinkBall ball;  ///< of its points and of its balls' centres, in the link's frame
+    LinkBall ball;    ///< of its points and of its balls' centres, in the link's frame
+    MotionPath path;  ///< of that ball, from the link's root
   };
   /// Rates per unit of time, without rounding of the twists.
   struct Rates {
     MotionRates motion;
     double twist_error = 0;  ///< metres
+  };
+  /// Movers of a point relative to a frame.
+  struct Path {
+    std::uint32_t robot = 0;
+    std::vector<Mover> movers;
+  };
+  /// A pair relative to a reference body.
+  struct View {
+    Path a, b;
+    std::uint32_t seer = kNone;
   };
   /// Rates of a pair, relative to a reference body.
   struct PairRates {
@@ -40,7 +51,7 @@ class SpanRates {
   };
 
   /// \param sources of all bodies with covers
-  SpanRates(const Plan& plan, std::vector<Source> sources, std::uint32_t body_count, std::span<const MovedPair> pairs);
+  SpanRates(const Plan& plan, std::span<const Source> sources, std::uint32_t body_count);
 
   /// Of the columns of each of Plan::motions.
   struct Changes {
@@ -48,29 +59,24 @@ class SpanRates {
     std::vector<std::vector<double>> bend;    ///< JointSpan::bend of curves; empty for straight motions
   };
   Rates of(std::uint32_t body, const Changes& changes) const;
-  PairRates of_pair(std::uint32_t pair, const Changes& changes) const;
+  /// Finds the movers of a pair, which takes longer than the rates of many motions.
+  std::vector<View> views_of(const MovedPair& pair) const;
+  PairRates of_pair(std::span<const View> views, const Changes& changes) const;
   /// Bound on the distance of a body's points from their places, since q(t) is rounded. Metres.
   static double rounding(const Plan& plan, const Source& source);
 
  private:
-  /// Movers of a point relative to a frame.
-  struct Path {
-    std::uint32_t robot = 0;
-    std::vector<Mover> movers;
-  };
   struct Body {
-    Path path;  ///< none without a cover
+    const Kinematics* robot = nullptr;  ///< null without a cover, and for bodies that stay
+    std::uint32_t link = kNone;
+    LinkBall ball;
+    Path path;
     double turn_error = 0, error = 0, reach = 0;
-  };
-  struct View {
-    Path a, b;
-    std::uint32_t seer = kNone;
   };
   MotionRates rates(const Path& path, const Changes& changes) const;
 
   std::vector<double> travel_;  // of each of Plan::motions
   std::vector<Body> bodies_;
-  std::vector<std::vector<View>> pairs_;
 };
 
 }  // namespace clearance

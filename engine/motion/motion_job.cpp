@@ -2,6 +2,8 @@
 
 #include <algorithm>
 #include <limits>
+#include <mutex>
+#include <optional>
 #include <string>
 #include <utility>
 
@@ -21,15 +23,29 @@ constexpr std::uint32_t kOfVerdict = kFieldVerdict | kFieldConfiguration;
 constexpr std::uint32_t kOfFree = kOfVerdict | kFieldUpper | kFieldStatus | kFieldFlags | kFieldPair | kFieldPairLower |
                                   kFieldTime | kFieldFirstContact;
 
+/// The exact search of a job's motions.
+struct ExactMotions {
+  /// The references must outlive this.
+  ExactMotions(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options,
+               std::span<const Aabb> all_boxes, int workers)
+      : boxes(all_boxes), bounds(scene, plan), query{scene, plan, bounds} {
+    for (int i = 0; i < workers; ++i) blocks.emplace_back(query, options, boxes, MotionBlock::most(plan, workers));
+  }
+
+  const std::span<const Aabb> boxes;
+  const MotionBounds bounds;
+  const MotionQuery query;
+  std::vector<MotionBlock> blocks;  // one per worker
+};
+
 class MotionJob final : public ParallelJob {
  public:
   MotionJob(const JobContext& context, Plan&& plan, const ReplyView& reply)
-      : ParallelJob(context, std::move(plan), reply), bounds_(scene(), plan_) {
+      : ParallelJob(context, std::move(plan), reply) {
     set_motion_options(plan_, options_);
-    const std::uint64_t most = MotionBlock::most(plan_, workers());
-    for (int i = 0; i < workers(); ++i) blocks_.emplace_back(motion_query_, options_, boxes(), most);
-    block_ = most;
-    left_.resize(blocks_.size());
+    block_ = MotionBlock::most(plan_, workers());
+    left_.resize(static_cast<std::size_t>(workers()));
+    has_begun_.resize(left_.size());
     if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kOfFree) != 0) return;
     may_use_covers_ = true;
     still_ = StillPairs::find(scene(), plan_, options_, boxes());
@@ -73,17 +89,26 @@ class MotionJob final : public ParallelJob {
 
  private:
   bool run(std::uint64_t unit, int worker, std::uint64_t count, WorkMeter& meter) {
-    MotionBlock& block = blocks_[static_cast<std::size_t>(worker)];
-    if (!block.has_begun() && !begin(block, first_ + unit * block_, count, worker, meter)) return true;
+    std::uint8_t& has_begun = has_begun_[static_cast<std::size_t>(worker)];
+    if (!has_begun && !begin(first_ + unit * block_, count, worker, meter)) return true;
+    has_begun = true;
+    MotionBlock& block = exact_block(worker);
     if (!block.advance(meter)) return false;
+    has_begun = false;
     evaluated_.fetch_add(block.end(rows_[unit]), std::memory_order_relaxed);
     return true;
   }
 
+  // Makes the exact search when the first motion is left to it. Thread-safe.
+  MotionBlock& exact_block(int worker) {
+    std::call_once(exact_made_, [&] { exact_.emplace(scene(), plan_, options_, boxes(), workers()); });
+    return exact_->blocks[static_cast<std::size_t>(worker)];
+  }
+
   // Decides motions by covers as far as the requested columns allow. Returns false if none is left to evaluate.
-  bool begin(MotionBlock& block, std::uint64_t first, std::uint64_t count, int worker, WorkMeter& meter) {
+  bool begin(std::uint64_t first, std::uint64_t count, int worker, WorkMeter& meter) {
     if (deciders_.empty()) {
-      block.begin(first, count, meter);
+      exact_block(worker).begin(first, count, meter);
       return true;
     }
     std::vector<OpenMotion>& left = left_[static_cast<std::size_t>(worker)];
@@ -101,7 +126,7 @@ class MotionJob final : public ParallelJob {
         left.push_back({k, {decider.open().begin(), decider.open().end()}});
     }
     meter.count(count * kUnitsPerDecision);
-    if (!left.empty()) block.begin(left, meter);
+    if (!left.empty()) exact_block(worker).begin(left, meter);
     return !left.empty();
   }
 
@@ -135,10 +160,10 @@ class MotionJob final : public ParallelJob {
 
   static constexpr std::uint64_t kUnitsPerDecision = 8;
 
-  MotionBounds bounds_;
-  MotionQuery motion_query_{scene(), plan_, bounds_};
-  std::vector<MotionBlock> blocks_;    // one per worker
-  std::unique_ptr<StillPairs> still_;  // null if there are none, or without covers
+  std::once_flag exact_made_;
+  std::optional<ExactMotions> exact_;
+  std::vector<std::uint8_t> has_begun_;  // by worker: whether the exact search has a unit of its own
+  std::unique_ptr<StillPairs> still_;    // null if there are none, or without covers
   std::unique_ptr<const CoverPlan> covers_;
   std::vector<MotionDecider> deciders_;        // one per worker; none without covers
   std::vector<std::vector<OpenMotion>> left_;  // motions that they leave open; one per worker

@@ -1,4 +1,5 @@
 #define CLEARANCE_ISA lanes_kinematics_avx2
+#include "engine/robot/lane_kinematics.h"
 #include "engine/robot/lanes_kinematics.h"
 
 namespace clearance {
@@ -6,5 +7,7 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsAvx2;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsAvx2 =
     kinematic_functions<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>();
+extern const PlaceLanes kPlaceLanesAvx2;  // lane_kinematics.cpp
+constexpr PlaceLanes kPlaceLanesAvx2 = place_lanes<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>;
 
 }  // namespace clearance

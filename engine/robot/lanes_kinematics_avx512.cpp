@@ -1,4 +1,5 @@
 #define CLEARANCE_ISA lanes_kinematics_avx512
+#include "engine/robot/lane_kinematics.h"
 #include "engine/robot/lanes_kinematics.h"
 
 namespace clearance {
@@ -6,5 +7,8 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsAvx512;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsAvx512 =
     kinematic_functions<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>();
+extern const PlaceLanes kPlaceLanesAvx512;  // lane_kinematics.cpp
+constexpr PlaceLanes kPlaceLanesAvx512 =
+    place_lanes<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>;
 
 }  // namespace clearance

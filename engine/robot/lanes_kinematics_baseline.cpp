@@ -1,4 +1,5 @@
 #define CLEARANCE_ISA lanes_kinematics_baseline
+#include "engine/robot/lane_kinematics.h"
 #include "engine/robot/lanes_kinematics.h"
 
 namespace clearance {
@@ -6,5 +7,8 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsBaseline;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsBaseline =
     kinematic_functions<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>();
+extern const PlaceLanes kPlaceLanesBaseline;  // lane_kinematics.cpp
+constexpr PlaceLanes kPlaceLanesBaseline =
+    place_lanes<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>;
 
 }  // namespace clearance

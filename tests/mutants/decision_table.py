@@ -358,8 +358,8 @@ DECISION_MUTANTS = [
         ),
         (
             "span_ball",
-            "decision/span_rates.cpp",
-            "MotionPath(robot, source.link, @source.ball@).movers()}",
+            "decision/cover_plan.cpp",
+            "MotionPath(robot, link.link, @ball@)",
             "LinkBall{}",
         ),
         (

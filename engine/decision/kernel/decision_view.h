@@ -163,14 +163,14 @@ struct SpanDecision {
   BallHit hit;           ///< of kHit by a ball; without an obstacle for other hits
 };
 
-/// Balls that were inside obstacles in other spans, to be tried in the middles of some.
+/// Balls that were inside obstacles in other motions, to be tried in some states.
 struct HitGuess {
   const DecisionView* view;
-  const Pose* poses;              ///< (states, stride)
-  std::size_t stride, states;     ///< at most 8 states
+  const double* const* frames;    ///< (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in each state
+  std::size_t states;             ///< up to 8
   std::span<const BallHit> hits;  ///< of bodies with a pose of their own (DecidedBody::is_direct)
 };
-/// The first ball that seems to be inside its obstacle again, without a proof, and the state.
+/// The first ball that is inside its obstacle again, and the state.
 struct GuessedHit {
   const BallHit* hit = nullptr;
   std::size_t state = 0;

@@ -1,6 +1,7 @@
 // Balls that hit in earlier motions are tried first in later ones. That changes no verdict.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <vector>
 
 #include "engine/cover/cover_store.h"
@@ -39,6 +40,23 @@ std::uint32_t balls_of(const DecidedBody& body) {
   return body.is_direct && body.root_packets > 0 ? body.packets[0].count : 0;
 }
 
+/// The frames of bodies with poses of their own in eight states.
+struct StatesInLanes {
+  StatesInLanes(const DecisionView& view, std::span<const Pose> poses, std::size_t stride) : parts(view.body_count) {
+    for (std::uint32_t b = 0; b < view.body_count; ++b) {
+      frames.push_back(parts[b].data());
+      for (std::size_t k = 0; k < 8 && view.bodies[b].is_direct; ++k) {
+        const Pose& X = poses[k * stride + view.bodies[b].pose];
+        const double numbers[7] = {X.qw, X.qx, X.qy, X.qz, X.translation.x, X.translation.y, X.translation.z};
+        for (std::size_t i = 0; i < 7; ++i) parts[b][8 * i + k] = numbers[i];
+      }
+    }
+  }
+
+  std::vector<std::array<double, 56>> parts;
+  std::vector<const double*> frames;
+};
+
 TEST(HitGuess, EarlierMotionsChangeNoVerdict) {
   constexpr std::uint32_t kMotions = 400;
   Crowded crowded(2 * kMotions);
@@ -75,13 +93,13 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
   decision_kernels()[0].run({&view, block.poses.data(), plan.bodies.size(), kStates, usable.data(), true},
                             {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
   std::size_t guessed = 0;
-  for (std::uint32_t first = 0; first < kStates; first += kTogether)
+  for (std::uint32_t first = 0; first < kStates; first += kTogether) {
+    const StatesInLanes lanes(view, block.poses.subspan(first * plan.bodies.size()), plan.bodies.size());
     for (std::uint32_t b = 0; b < view.body_count; ++b)
       for (std::uint32_t o = 0; o < view.obstacle_count; ++o)
         for (std::uint32_t ball = 0; ball < balls_of(view.bodies[b]); ++ball) {
           const BallHit hit{o, b, 0, ball};
-          const HitGuess guess{
-              &view, block.poses.data() + first * plan.bodies.size(), plan.bodies.size(), kTogether, {&hit, 1}};
+          const HitGuess guess{&view, lanes.frames.data(), kTogether, {&hit, 1}};
           const GuessedHit found = decision_kernels()[0].guess_hit(guess);
           for (const DecisionKernel& kernel : decision_kernels()) {
             const GuessedHit same = kernel.guess_hit(guess);
@@ -92,6 +110,7 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
           ++guessed;
           EXPECT_EQ(decisions[first + found.state].verdict, Verdict::kHit);
         }
+  }
   EXPECT_GT(guessed, 20u);
 }
 

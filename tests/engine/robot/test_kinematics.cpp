@@ -4,6 +4,7 @@
 #include <cmath>
 #include <cstring>
 
+#include "engine/robot/lane_kinematics.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/source_file.h"
@@ -183,6 +184,31 @@ TEST(Kinematics, AllInstructionSetsGiveTheSameBits) {
 }
 
 // A bad configuration does not affect its neighbours in other lanes.
+TEST(Kinematics, StatesInLanesHaveTheSameBits) {
+  RobotRandom random(5);
+  for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
+    const RobotModel robot = read_urdf(kFolder + file);
+    const Kinematics kinematics(robot);
+    std::vector<double> q(kMostLanes * robot.columns.size());
+    std::vector<DoubleInLanes> positions(robot.columns.size());
+    for (std::size_t c = 0; c < positions.size(); ++c)
+      for (std::size_t k = 0; k < kMostLanes; ++k)
+        q[k * positions.size() + c] = positions[c].lane[k] = random.uniform(-4, 4);
+    std::vector<Pose> poses(kMostLanes * robot.links.size());
+    std::vector<Status> status(kMostLanes);
+    kinematics.place(q, {}, poses, status);
+    for (const PlaceLanes kernel : lane_kinematics()) {
+      LaneKinematics lanes(kinematics);
+      lanes.place(positions, kernel);
+      for (std::size_t k = 0; k < kMostLanes; ++k)
+        for (std::uint32_t link = 0; link < robot.links.size(); ++link) {
+          const Pose pose = lanes.pose(link, k);
+          EXPECT_EQ(std::memcmp(&pose, &poses[k * robot.links.size() + link], sizeof pose), 0) << file << " " << link;
+        }
+    }
+  }
+}
+
 TEST(Kinematics, PositionsThatCannotBeUsedAreBadPoses) {
   const RobotModel robot = read_urdf(kFolder + "every_joint.urdf");
   const Kinematics kinematics(robot);
