@@ -206,9 +206,10 @@ void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
 
 void MotionBounds::take_span(double begin, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
+  moving.span.take(moving.curves, begin, end);
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
-      const JointSpan span = moving.curves[joint.at].span(begin, end);
+      const JointSpan& span = moving.span.joints()[joint.at];
       moving.along[m][joint.column] = span.slope;
       moving.change[m][joint.column] = span.change;
       moving.bend[m][joint.column] = span.bend;
