@@ -53,6 +53,7 @@ GPU_QUERIES = {
     "motions of joints, `min` with `max_distance`": {"max_evaluations": 256, "reduce": "min", "max_distance": 1.0},
     "motions of joints, `min` with `pair_lower`": {"max_evaluations": 256, "reduce": "min", "fields": "pair_lower"},
     "motions of joints, `any`": {"max_evaluations": 256, "reduce": "any"},
+    "motions of joints along curves": {"max_evaluations": 256, "reduce": "any", "control_points": 4},
     "motions of bodies by poses": {"max_evaluations": 256, "reduce": "any", "given_bodies": 1},
 }
 
@@ -143,7 +144,7 @@ def gpu() -> str:
     for name, members in GPU_QUERIES.items():
         q = SimpleNamespace(
             **{"reduce": "none", "fields": "", "max_evaluations": 0, "max_distance": math.inf, "max_pose_age_ns": 0,
-               "signed_distance": False, "given_bodies": 0} | members
+               "signed_distance": False, "given_bodies": 0, "control_points": 2} | members
         )  # fmt: skip
         plan = SimpleNamespace(given_bodies=q.given_bodies, joints=[] if q.given_bodies else [0])
         names = {"q": q, "plan": plan, "math": math}

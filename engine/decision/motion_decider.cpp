@@ -118,9 +118,10 @@ void MotionDecider::begin_curves() {
 
 // Takes the rates of a span, which are those of a straight motion apart from the bend.
 void MotionDecider::take_curves(double middle, double half) {
+  curve_span_.take(curves_, middle - half, middle + half);
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
-      const JointSpan span = curves_[moving.at].span(middle - half, middle + half);
+      const JointSpan& span = curve_span_.joints()[moving.at];
       along_[m][moving.column] = span.slope;
       changes_.change[m][moving.column] = span.change;
       changes_.bend[m][moving.column] = span.bend;

@@ -71,6 +71,7 @@ class MotionDecider {
   std::vector<LinkTwists> robots_;                               // for each of Plan::motions
   std::span<const double> start_, end_;                          // positions
   std::vector<JointCurve> curves_;                               // of Plan::joints; none for straight motions
+  CurveSpan curve_span_;                                         // the span under way
   std::vector<std::vector<double>> along_;                       // by robot and column
   SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes

@@ -21,6 +21,7 @@ namespace clearance {
 struct MovingBodies {
   std::uint64_t motion = 0;                   ///< index in the plan
   std::vector<JointCurve> curves;             ///< of Plan::joints; none for straight motions
+  CurveSpan span;                             ///< of them: the last one in MotionBounds::take_span()
   std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives
   std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded
   std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up; JointSpan::change of curves

@@ -32,15 +32,16 @@ void MotionPoses::take_row(std::size_t k) {
   const Instant& instant = instants_[k];
   const std::size_t joints = plan_.joints.size();
   double* const row = rows_.data() + k * joints;
+  if (const std::span<const JointCurve> curves = instant.moving->curves; !curves.empty()) {
+    span_.take(curves, instant.begin, instant.end);
+    for (std::size_t j = 0; j < joints; ++j) {
+      row[j] = are_usable(curves[j]) ? span_.joints()[j].middle : std::numeric_limits<double>::quiet_NaN();
+      slopes_[k * joints + j] = span_.joints()[j].slope;
+    }
+    return;
+  }
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
   for (std::size_t j = 0; j < joints; ++j) {
-    if (!instant.moving->curves.empty()) {
-      const JointCurve& curve = instant.moving->curves[j];
-      const JointSpan span = curve.span(instant.begin, instant.end);
-      row[j] = are_usable(curve) ? span.middle : std::numeric_limits<double>::quiet_NaN();
-      slopes_[k * joints + j] = span.slope;
-      continue;
-    }
     const double q0 = start[j], q1 = start[joints + j];
     const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
     row[j] = good ? position_at(q0, q1, instant.time()) : std::numeric_limits<double>::quiet_NaN();

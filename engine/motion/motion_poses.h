@@ -46,6 +46,7 @@ class MotionPoses {
   std::vector<Twist> links_;                      // of all links of a robot
   std::vector<double> rows_;                      // (instants, joints)
   std::vector<double> slopes_, slopes_of_robot_;  // likewise, of curves; by column of a robot
+  CurveSpan span_;
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
   std::vector<double> travels_;  // (instants, Plan::bodies)

@@ -70,6 +70,7 @@ class MotionSearch {
     double way;          // upper bound on the approach until the ends of the span, in metres
     double inner;        // Slack::inner of the pair
     PairRates rates;
+    double pace = 1;  // CurveSpan::pace(); 1 for straight motions
   };
 
   /// Poses and velocities of bodies in the middle of a span.

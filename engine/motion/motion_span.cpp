@@ -75,7 +75,7 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& no
 MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& node, BodyPair pair,
                                                     const BodyPoses& placed) {
   const std::uint64_t position = node.open[i];
-  PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}};
+  PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}, is_curved() ? moving.span.pace() : 1};
   Slack slack;
   if (!is_unusable(motion_query_.scene, placed, pair)) {
     request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
@@ -164,7 +164,7 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
       // A curve's mean speed bounds nothing before the ends of the span.
       const ProvedShare by_way = is_curved() ? ProvedShare() : proved_until(answer.lower, by_speed, target),
                         most = std::max(by_way, by_normal);
-      half.proved = std::min(half.proved, most.share * node.half());
+      half.proved = std::min(half.proved, most.share * request.pace * node.half());
       half.proved_low.push_back(most.low);
     }
   }

@@ -69,33 +69,69 @@ double JointCurve::length() const {
   return sum;
 }
 
-JointSpan JointCurve::span(double begin, double end) const {
+void JointCurve::divide(double begin, double end, double* points) const {
   assert(0 <= begin && begin < end && end <= 1);
-  double before[kMostPoints], after[kMostPoints];
+  double *const before = points, *const after = points + degree_ + 1;
   std::copy_n(points_, degree_ + 1, before);
   if (begin > 0) keep_after(before, degree_, begin);
   if (end < 1) keep_before(before, degree_, (end - begin) / (1 - begin));
   std::copy_n(before, degree_ + 1, after);
-  const double half = 0.5 * (end - begin);
-  JointSpan span;
-  span.middle = at(0.5 * begin + 0.5 * end);
-  span.slope = (before[degree_] - before[0]) / (end - begin);
   keep_before(before, degree_, 0.5);
   keep_after(after, degree_, 0.5);
-  double way = 0, rest = 0;
-  for (std::uint32_t i = 0; i <= degree_; ++i) {
-    const double along = half * i / degree_, p = before[i] - span.middle, q = after[i] - span.middle;
-    way = std::max({way, std::abs(p), std::abs(q)});
-    rest = std::max({rest, std::abs(p - span.slope * (along - half)), std::abs(q - span.slope * along)});
-  }
-  const double error = kSpanErrors * rounding_;
-  span.change = (way + error) / half * kCurveSlack;
-  span.bend = 2 * (rest + error) / (half * half) * kCurveSlack;
-  return span;
+  const double middle = at(0.5 * begin + 0.5 * end);
+  const bool is_finite = rounding_ < HUGE_VAL;  // otherwise the joint has no positions
+  for (std::uint32_t i = 0; i < 2 * (degree_ + 1); ++i) points[i] = is_finite ? points[i] - middle : 0;
 }
 
 bool JointCurve::stays_within(double lower, double upper) const {
   return is_curve_within(points_, degree_, lower, upper, kMostHalvings);
+}
+
+// Projects the control points on the chord. Progress is 0 in the middle, and has the sign of the time.
+void CurveSpan::take_progress(std::uint32_t degree) {
+  progress_.assign(points_, 0);
+  double squared = 0;
+  for (std::size_t j = 0; j < joints_.size(); ++j) {
+    const double* const p = &points_of_[j * points_];
+    const double chord = joints_[j].slope = p[points_ - 1] - p[0];
+    squared += chord * chord;
+    for (std::uint32_t i = 0; i < points_; ++i) progress_[i] += chord * p[i];
+  }
+  double step = 0;
+  farthest_ = 0;
+  for (std::uint32_t i = 0; i < points_; ++i) {
+    double& r = progress_[i];
+    const bool is_middle = i == degree || i == degree + 1;
+    r = squared > 0 && !is_middle ? r / squared : 0;
+    r = i <= degree ? std::min(r, 0.0) : std::max(r, 0.0);
+    farthest_ = std::max(farthest_, std::abs(r));
+    if (i != 0) step = std::max(step, std::abs(r - progress_[i - 1]));
+  }
+  pace_ = step > 0 ? std::min(farthest_ / (degree * step), 1.0) * (1 - 0x1p-30) : 1;
+}
+
+void CurveSpan::take(std::span<const JointCurve> curves, double begin, double end) {
+  const std::uint32_t degree = curves.empty() ? 1 : curves[0].degree();
+  points_ = 2 * (degree + 1);
+  points_of_.resize(curves.size() * points_);
+  joints_.assign(curves.size(), {});
+  for (std::size_t j = 0; j < curves.size(); ++j) curves[j].divide(begin, end, &points_of_[j * points_]);
+  take_progress(degree);
+  const double half = 0.5 * (end - begin);
+  for (std::size_t j = 0; j < curves.size(); ++j) {
+    JointSpan& joint = joints_[j];
+    double way = 0, rest = 0;
+    for (std::uint32_t i = 0; i < points_; ++i) {
+      const double p = points_of_[j * points_ + i];
+      way = std::max(way, std::abs(p));
+      rest = std::max(rest, std::abs(p - joint.slope * progress_[i]));
+    }
+    const double error = kSpanErrors * curves[j].rounding();
+    joint.middle = curves[j].at(0.5 * begin + 0.5 * end);
+    joint.slope *= farthest_ / half;
+    joint.change = std::max((way + error) / half * kCurveSlack, std::abs(joint.slope));
+    joint.bend = 2 * (rest + error) / (half * half) * kCurveSlack;
+  }
 }
 
 }  // namespace clearance

@@ -4,14 +4,17 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <span>
+#include <vector>
 
 namespace clearance {
 
-/// A joint in a span of time [m - h, m + h], as a motion at a constant rate and what remains. For |s| <= h, q(m + s) is
-/// within `change` h of q(m), and within `bend` h^2 / 2 of q(m) + `slope` s. Bounds are rounded up.
+/// A joint in a span of time [m - h, m + h], as a part of a straight motion and a remainder. For |s| <= h, q(m + s) is
+/// within `change` h of q(m), and within `bend` h^2 / 2 of q(m) + `slope` r, where r in [-h, h] is the same for all
+/// joints. Bounds are rounded up.
 struct JointSpan {
   double middle = 0;  ///< q(m), rounded
-  double slope = 0;   ///< of the chord, per unit of time; at most `change`
+  double slope = 0;   ///< per unit of time; at most `change`
   double change = 0;
   double bend = 0;
 };
@@ -35,8 +38,11 @@ class JointCurve {
   double greatest() const { return greatest_; }
   /// Length of the control polygon, and so a bound on that of the curve. Rounded.
   double length() const;
+  /// Control points of the span's parts before and after its middle, each in order, relative to at() of the middle.
   /// \param begin, end ascending, in [0, 1]; multiples of 2^-48
-  JointSpan span(double begin, double end) const;
+  /// \param points (2, degree() + 1)
+  void divide(double begin, double end, double* points) const;
+  std::uint32_t degree() const { return degree_; }
   /// Returns whether all positions are within limits, apart from rounding. False if subdivision does not show it.
   bool stays_within(double lower, double upper) const;
 
@@ -44,6 +50,27 @@ class JointCurve {
   double points_[kMostPoints];
   std::uint32_t degree_;
   double least_, greatest_, rounding_ = 0;
+};
+
+/// All joints of a motion in a span of time. Reusable memory.
+class CurveSpan {
+ public:
+  /// \param curves of the joints, of one degree
+  /// \param begin, end as in JointCurve::divide()
+  void take(std::span<const JointCurve> curves, double begin, double end);
+
+  std::span<const JointSpan> joints() const { return joints_; }
+  /// r (JointSpan) has the sign of s, and |r| <= h x for |s| <= pace() h x, if x <= 1. Rounded down; at most 1.
+  double pace() const { return pace_; }
+
+ private:
+  void take_progress(std::uint32_t degree);
+
+  std::uint32_t points_ = 0;       // of a joint, in both parts
+  std::vector<double> points_of_;  // (joints, points_), as of JointCurve::divide()
+  std::vector<double> progress_;   // (points_,) of r: control points for a chord of 1
+  std::vector<JointSpan> joints_;
+  double farthest_ = 0, pace_ = 1;  // greatest |progress_|
 };
 
 }  // namespace clearance

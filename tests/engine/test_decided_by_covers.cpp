@@ -65,14 +65,31 @@ struct Edges : ArmStates {
   }
 };
 
-void motions_have_the_verdicts_that_they_have_without(const CoverEngines& engines) {
-  Edges c(engines.with.scene());
+/// Motions along curves of degree 5, whose control points are near the first.
+struct Curves : ArmStates {
+  static constexpr std::size_t kPoints = 6;
+
+  explicit Curves(const engine::Scene& scene) : ArmStates(scene, 1800) {
+    const std::size_t each = joints.size();
+    for (std::size_t k = 0; k < 1800; ++k)
+      for (std::size_t j = 0; j < each; ++j) {
+        double& q = positions[k * each + j];
+        const double start = positions[k / kPoints * kPoints * each + j];
+        q = start + 0.06 * (q - start);
+      }
+    query.max_evaluations = 256;
+    query.control_points = kPoints;
+  }
+};
+
+/// \param count of motions
+void motions_have_the_verdicts_that_they_have_without(const CoverEngines& engines, ArmStates&& c, int count) {
   c.query.fields = kFieldVerdict;
   for (const double margin : {0.0, 0.005, 0.02}) {
     c.query.margin = margin;
     const Answer without = evaluate(engines.without, c.query), with = evaluate(engines.with, c.query);
     int free = 0, hit = 0;
-    for (int k = 0; k < 300; ++k) {
+    for (int k = 0; k < count; ++k) {
       EXPECT_EQ(without.view.verdict[k], with.view.verdict[k]) << k << ", margin " << margin;
       free += with.view.verdict[k] == static_cast<std::uint8_t>(Status::kBeyond);
       hit += with.view.verdict[k] == static_cast<std::uint8_t>(Status::kOk);
@@ -263,7 +280,8 @@ TEST(DecidedByCovers, AnswersAreThoseWithoutOnEveryInstructionSet) {
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
   rows_have_the_bits_that_they_have_without(engines);
   verdicts_and_pairs_are_those_of_the_rows(engines);
-  motions_have_the_verdicts_that_they_have_without(engines);
+  motions_have_the_verdicts_that_they_have_without(engines, Edges(engines.with.scene()), 300);
+  motions_have_the_verdicts_that_they_have_without(engines, Curves(engines.with.scene()), 300);
   motions_have_the_rows_that_they_have_without(engines);
   motions_leave_the_pairs_that_are_near(engines);
   every_kernel_gives_the_same_decisions(engines);

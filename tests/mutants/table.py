@@ -393,16 +393,17 @@ MUTANTS = [
             "take_span(@node.begin@, node.end, moving)",
             "(0.5 * node.begin + 0.5 * node.end)",
         ),
-        ("curve_way", "selection/joint_curve.cpp", "way = std::max({way, @std::abs(p)@,", "0.0"),
+        ("curve_way", "selection/joint_curve.cpp", "way = std::max(way, @std::abs(p)@)", "0.9 * std::abs(p)"),
         (
             "curve_rest",
             "selection/joint_curve.cpp",
-            "rest = std::max({rest, @std::abs(p - span.slope * (along - half))@,",
-            "0.0",
+            "std::abs(p - joint.slope * @progress_[i]@)",
+            "(1.1 * progress_[i])",
         ),
-        ("curve_degree", "selection/joint_curve.cpp", "along = half * i / @degree_@", "(degree_ + 1)"),
-        ("curve_bend", "selection/joint_curve.cpp", "span.bend = @2@ * (rest + error)", "1.9"),
-        ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * rounding_", "0.0"),
+        ("curve_bend", "selection/joint_curve.cpp", "joint.bend = @2@ * (rest + error)", "1.9"),
+        ("curve_pace", "selection/joint_curve.cpp", "farthest_ / (@degree@ * step)", "1"),
+        ("curve_sign", "selection/joint_curve.cpp", "i <= degree ? @std::min(r, 0.0)@", "r"),
+        ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * curves[j].rounding()", "0.0"),
     ),
     # Joint tables.
     *mutants_of(
