@@ -17,22 +17,22 @@ Vec3d unit(const Vec3d& v) {
   return length > 0 ? v * (1 / length) : v;
 }
 
-struct Edge {
+struct TriangleEdge {
   std::uint64_t key;  // its corners, the smaller one first
   std::uint32_t triangle, k;
   bool ascending;
 };
 
 // The edges of all triangles, in the order of their keys.
-std::vector<Edge> edges_of(std::span<const Triangle> triangles) {
-  std::vector<Edge> edges;
+std::vector<TriangleEdge> edges_of(std::span<const Triangle> triangles) {
+  std::vector<TriangleEdge> edges;
   edges.reserve(3 * triangles.size());
   for (std::uint32_t t = 0; t < triangles.size(); ++t)
     for (std::uint32_t k = 0; k < 3; ++k) {
       const std::uint32_t a = triangles[t][k], b = triangles[t][(k + 1) % 3];
       edges.push_back({std::uint64_t{std::min(a, b)} << 32 | std::max(a, b), t, k, a < b});
     }
-  std::sort(edges.begin(), edges.end(), [](const Edge& a, const Edge& b) { return a.key < b.key; });
+  std::sort(edges.begin(), edges.end(), [](const TriangleEdge& a, const TriangleEdge& b) { return a.key < b.key; });
   return edges;
 }
 
@@ -53,7 +53,7 @@ TriangleTree::TriangleTree(std::span<const Vec3d> vertices, std::span<const Tria
 
 // Finds the triangles at each edge, the connected components, and those that enclose a volume.
 void TriangleTree::find_parts() {
-  const std::vector<Edge> edges = edges_of(triangles_);
+  const std::vector<TriangleEdge> edges = edges_of(triangles_);
   std::vector<std::uint32_t> part(triangles_.size());  // a forest: each triangle's component is that of its root
   std::iota(part.begin(), part.end(), 0);
   const auto root = [&part](std::uint32_t t) {

@@ -1,9 +1,8 @@
 // Teams of a warp's threads, and their comparison of the boxes of all pairs of a configuration.
 #pragma once
 
-#include "engine/cuda/pair/hull.cuh"
+#include "engine/cuda/pair/items.cuh"
 #include "engine/cuda/pair/outer_box.cuh"
-#include "engine/device/reduced_layout.h"
 
 namespace clearance::cuda {
 
