@@ -153,29 +153,40 @@ struct PinnedKind {
 using DeviceBuffer = Buffer<DeviceKind>;
 using PinnedBuffer = Buffer<PinnedKind>;
 
-/// Arrays packed into pinned memory and copied to the device in one transfer.
+/// Arrays packed into pinned memory and copied to the device, in one transfer unless the device holds a part of them.
 class Upload {
  public:
   explicit Upload(MemoryCounters& counters) : host_(counters), device_(counters) {}
 
-  void clear() { arrays_.clear(), bytes_ = 0; }
+  void clear() { arrays_.clear(), bytes_ = new_bytes_ = 0; }
   /// \returns the array's offset
   template <class T>
   std::size_t add(std::span<const T> array) {
-    const std::size_t at = bytes_;
-    arrays_.push_back({array.data(), array.size_bytes(), at});
-    bytes_ += (array.size_bytes() + 255) / 256 * 256;
+    return add_after(static_cast<const T*>(nullptr), 0, array);
+  }
+  /// The same for an array whose beginning is on this device already.
+  /// \param held (count,) device memory, valid until send() has completed
+  template <class T>
+  std::size_t add_after(const T* held, std::size_t count, std::span<const T> array) {
+    const std::size_t at = bytes_, held_bytes = count * sizeof(T);
+    arrays_.push_back({array.data(), array.size_bytes(), new_bytes_, at + held_bytes, held, held_bytes});
+    bytes_ += aligned(held_bytes + array.size_bytes());
+    new_bytes_ += aligned(array.size_bytes());
     return at;
   }
   void send(cudaStream_t stream) {
     if (bytes_ == 0) return;
-    std::byte* host = host_.reserve(bytes_);
-    device_.reserve(bytes_);
+    std::byte* const host = host_.reserve(new_bytes_);
+    std::byte* const device = device_.reserve(bytes_);
     for (const Array& a : arrays_)
-      if (a.bytes > 0) std::memcpy(host + a.at, a.data, a.bytes);
-    check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
-          "copying a query to the device");
+      if (a.bytes > 0) std::memcpy(host + a.at_host, a.data, a.bytes);
+    if (bytes_ == new_bytes_) return copy(device, host, bytes_, cudaMemcpyHostToDevice, stream);
+    for (const Array& a : arrays_) {
+      copy(device + a.at - a.held_bytes, a.held, a.held_bytes, cudaMemcpyDeviceToDevice, stream);
+      copy(device + a.at, host + a.at_host, a.bytes, cudaMemcpyHostToDevice, stream);
+    }
   }
+  std::size_t new_bytes() const { return new_bytes_; }  ///< that send() copies from host memory
   std::size_t device_size() const { return device_.size(); }
   /// Frees the host copy of data that is sent only once.
   void forget_host() { host_.release(); }
@@ -187,10 +198,16 @@ class Upload {
  private:
   struct Array {
     const void* data;
-    std::size_t bytes, at;
+    std::size_t bytes, at_host, at;
+    const void* held;
+    std::size_t held_bytes;
   };
+  static std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
+  static void copy(std::byte* to, const void* from, std::size_t bytes, cudaMemcpyKind kind, cudaStream_t stream) {
+    if (bytes > 0) check(cudaMemcpyAsync(to, from, bytes, kind, stream), "copying a query to the device");
+  }
   std::vector<Array> arrays_;
-  std::size_t bytes_ = 0;
+  std::size_t bytes_ = 0, new_bytes_ = 0;
   PinnedBuffer host_;
   DeviceBuffer device_;
 };

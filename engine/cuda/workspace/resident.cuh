@@ -17,14 +17,22 @@ class ResidentHulls {
  public:
   /// On the calling thread's device.
   /// \param most_shared bytes of a block's shared memory that two hulls may use
-  ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
+  /// \param before hulls of another scene on this device; may be null. Those of both scenes are copied on the device.
+  ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters, const ResidentHulls* before)
+      : memory_(counters) {
     check(cudaGetDevice(&device_), "getting the device");
-    HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
+    const bool shares = before && before->most_shared_ == most_shared && before->held_.suits(scene);
+    static const HeldHulls none;
+    const HeldHulls& held = shares ? before->held_ : none;
+    const HullsView from = shares ? before->view_ : HullsView{};
+    HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared), held);
     Upload& m = memory_;
-    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add<double>(arrays.x),
-                      at_y = m.add<double>(arrays.y), at_z = m.add<double>(arrays.z), at_f32 = m.add<float>(arrays.f32),
-                      at_words = m.add<std::uint16_t>(arrays.words), at_of = m.add<std::uint32_t>(arrays.of_body),
-                      at_begin = m.add<std::uint32_t>(arrays.part_begin),
+    const std::size_t n = held.vertices;
+    const std::size_t at_heads = m.add<HullHead>(arrays.heads), at_x = m.add_after<double>(from.x, n, arrays.x),
+                      at_y = m.add_after<double>(from.y, n, arrays.y), at_z = m.add_after<double>(from.z, n, arrays.z),
+                      at_f32 = m.add_after<float>(from.f32, 4 * n, arrays.f32),
+                      at_words = m.add_after<std::uint16_t>(from.words, held.words, arrays.words),
+                      at_of = m.add<std::uint32_t>(arrays.of_body), at_begin = m.add<std::uint32_t>(arrays.part_begin),
                       at_parts = m.add<std::uint32_t>(arrays.part_hull);
     m.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
@@ -34,16 +42,18 @@ class ResidentHulls {
              m.at<float>(at_f32),          m.at<std::uint16_t>(at_words),
              m.at<std::uint32_t>(at_of),   m.at<std::uint32_t>(at_begin),
              m.at<std::uint32_t>(at_parts)};
-    heads_ = std::move(arrays.heads);
+    held_ = arrays.held();
+    most_shared_ = most_shared;
     of_body_ = std::move(arrays.of_body);
     part_begin_ = std::move(arrays.part_begin);
     has_several_ = std::ranges::find(of_body_, kSeveral) != of_body_.end();
   }
+  std::size_t uploaded_bytes() const { return memory_.new_bytes(); }  ///< the rest was on the device before
   const HullsView& view() const { return view_; }
   int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
-  const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
-  bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
+  const HullHead& head(std::uint32_t hull) const { return held_.heads[hull]; }
+  bool is_shared(std::uint32_t hull) const { return held_.heads[hull].count <= kMostSharedVertices; }
   bool has_several() const { return has_several_; }         ///< whether a body has several convex parts
   std::size_t parts() const { return part_begin_.back(); }  ///< of all bodies on the device
   std::uint32_t convex_parts_of(std::uint32_t body) const { return part_begin_[body + 1] - part_begin_[body]; }
@@ -52,7 +62,8 @@ class ResidentHulls {
   int device_ = 0;
   Upload memory_;
   std::vector<std::uint32_t> of_body_, part_begin_;
-  std::vector<HullHead> heads_;
+  HeldHulls held_;
+  int most_shared_ = 0;
   bool has_several_ = false;
   HullsView view_;
 };
