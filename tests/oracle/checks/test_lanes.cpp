@@ -73,6 +73,7 @@ struct Requested {
 
 struct Seen {
   int converged = 0, unresolved = 0, beyond = 0;
+  int round_again = 0;  // with a round core, unresolved in lanes, though float64 converges with them apart
 };
 
 void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& requested, bool same_hulls,
@@ -99,7 +100,10 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& request
     const std::string& where = requested.names[k];
     if (!answers[k].converged) {
       ++seen.unresolved;
-      if (is_round(a) || is_round(b)) continue;  // answered alone from the beginning
+      if (is_round(a) || is_round(b)) {  // answered alone from the beginning
+        seen.round_again += alone.converged && alone.bounds.lower > 0 && limits.rel_tol > 0;
+        continue;
+      }
       const NarrowAnswer finished = narrow_phase(a, at_a, b, at_b, limits, &rest[k]);
       EXPECT_TRUE(same_bits(finished.bounds.lower, alone.bounds.lower)) << where;
       EXPECT_TRUE(same_bits(finished.bounds.upper, alone.bounds.upper)) << where;
@@ -216,6 +220,7 @@ TEST_P(Lanes, HoldRoundCoresAndHullsSideBySide) {
     EXPECT_GT(seen.converged, kind == 1 ? 20 : 400);
     EXPECT_GT(seen.unresolved, 100);
     EXPECT_GT(seen.beyond, kind == 1 ? 10 : 50);
+    EXPECT_LT(seen.round_again, seen.converged / 10);
   }
 }
 
