@@ -101,7 +101,8 @@ class Controller {
     try {
       take(client_.distances(query_.query));
     } catch (const RequestError& error) {
-      if (error.code != static_cast<std::uint16_t>(wire::ErrorCode::kPosesLate)) throw;
+      const auto code = static_cast<wire::ErrorCode>(error.code);
+      if (code != wire::ErrorCode::kPosesLate && code != wire::ErrorCode::kDeadline) throw;
       ++late_poses_;
     }
   }

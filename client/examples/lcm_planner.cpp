@@ -99,7 +99,7 @@ class Planner {
 
   /// The parts of the answer, in order. Repeats the query if a part or poses are lost.
   const std::map<int, reply_t>& ask(query_t question) {
-    question.deadline_ns = 200'000'000;
+    question.deadline_ns = 500'000'000;
     question.wait_for_one = true;
     question.wait_for = poses_.rbegin()->first;  // the last body published: a message applies as a whole
     std::string why = "no answer";

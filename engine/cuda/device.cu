@@ -1,4 +1,5 @@
 // Device side of the cuda backend: resident hulls, workspaces, launches. A separate library (device_module.h).
+#include <map>
 #include <memory>
 #include <mutex>
 
@@ -99,11 +100,12 @@ std::unique_ptr<DenseWorkspace> make_dense(const ResidentHulls& hulls, WorkCount
 // On the calling thread's device.
 class CudaDevice final : public Device, public std::enable_shared_from_this<CudaDevice> {
  public:
-  CudaDevice(const engine::Scene& scene, std::uint64_t memory_limit)
+  /// \param before a device of another scene with the same number, or null
+  CudaDevice(const engine::Scene& scene, std::uint64_t memory_limit, const CudaDevice* before)
       : budget_{memory_limit},
         scene_memory_(budget_),
         work_(budget_),
-        hulls_(scene, most_shared(), scene_memory_),
+        hulls_(scene, most_shared(), scene_memory_, before ? &before->hulls_ : nullptr),
         dense_(hulls_, work_, make_dense),
         reduced_(hulls_, work_, make_reduced),
         motions_(hulls_, work_, make_motions) {
@@ -154,6 +156,7 @@ class CudaDevice final : public Device, public std::enable_shared_from_this<Cuda
   DeviceCounters counters() const override {
     DeviceCounters c;
     c.scene_bytes = scene_memory_.device_bytes;
+    c.scene_bytes_uploaded = hulls_.uploaded_bytes();
     c.query_bytes = work_.memory.device_bytes;
     c.pinned_bytes = work_.memory.pinned_bytes;
     c.allocations = work_.memory.allocations;
@@ -184,11 +187,23 @@ std::string name_of(int number) {
   return properties.name;
 }
 
+/// The devices opened last, by number. A changed scene shares the hulls of the one before.
+struct NewestDevices {
+  std::mutex mutex;
+  std::map<int, std::weak_ptr<CudaDevice>> by_number;
+};
+
 std::shared_ptr<Device> open(const engine::Scene& scene, int number, std::uint64_t memory_limit) {
   if (!installed().present) throw DeviceError(DeviceError::kLost, installed().reason);
   if (number == kCurrentDevice) check(cudaGetDevice(&number), "getting the device");
   const OnDevice here(number);
-  return std::make_shared<CudaDevice>(scene, memory_limit);
+  static auto& newest = *new NewestDevices;  // never destroyed: queries may outlast main()
+  const std::lock_guard lock(newest.mutex);
+  std::weak_ptr<CudaDevice>& last = newest.by_number[number];
+  const std::shared_ptr<CudaDevice> before = last.lock();  // alive until its hulls are copied
+  auto opened = std::make_shared<CudaDevice>(scene, memory_limit, before.get());
+  last = opened;
+  return opened;
 }
 
 bool is_pinned_memory(const void* memory) {

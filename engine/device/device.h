@@ -40,11 +40,12 @@ inline constexpr int kCurrentDevice = -1;  ///< device number for the calling th
 
 /// Device counters.
 struct DeviceCounters {
-  std::uint64_t scene_bytes = 0;     ///< geometry, uploaded once
-  std::uint64_t query_bytes = 0;     ///< device memory of queries, kept for reuse
-  std::uint64_t pinned_bytes = 0;    ///< pinned host memory of queries, kept for reuse
-  std::uint64_t allocations = 0;     ///< number of times either of these had to grow
-  std::uint64_t kernel_ns = 0;       ///< kernel time: dense queries by the device's clock, reductions by events
+  std::uint64_t scene_bytes = 0;           ///< geometry
+  std::uint64_t scene_bytes_uploaded = 0;  ///< of it, from the host; the rest was on the device, for the scene before
+  std::uint64_t query_bytes = 0;           ///< device memory of queries, kept for reuse
+  std::uint64_t pinned_bytes = 0;          ///< pinned host memory of queries, kept for reuse
+  std::uint64_t allocations = 0;           ///< number of times either of these had to grow
+  std::uint64_t kernel_ns = 0;             ///< kernel time: dense queries by the device's clock, reductions by events
   std::uint64_t broad_phase_ns = 0;  ///< the part of it from poses to the list of near pairs (whole-table queries)
   std::uint64_t launches = 0;        ///< chunks launched
 };

@@ -79,6 +79,7 @@ void DeviceBackend::note(const DeviceError& error) {
 void DeviceBackend::append(Counters& counters) const {
   const DeviceCounters d = device_ ? device_->counters() : DeviceCounters();
   counters.insert(counters.end(), {{"cuda.scene_bytes", d.scene_bytes},
+                                   {"cuda.scene_bytes_uploaded", d.scene_bytes_uploaded},
                                    {"cuda.query_bytes", d.query_bytes},
                                    {"cuda.pinned_bytes", d.pinned_bytes},
                                    {"cuda.allocations", d.allocations},

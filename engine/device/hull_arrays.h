@@ -4,6 +4,7 @@
 #include <algorithm>
 #include <limits>
 #include <unordered_map>
+#include <unordered_set>
 #include <utility>
 #include <vector>
 
@@ -21,7 +22,27 @@ inline constexpr std::size_t kFewVertices = 4;             // lists of a table a
 inline constexpr std::uint32_t kFinerGrid = 1;             // finer than the CPU's grid: a list is found in fewer steps
 inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kDivided in 16 bits
 
-/// The arrays of a HullsView.
+/// The hulls of a scene that a device holds, from which a changed scene begins. Keeps their parts, whose addresses are
+/// the keys.
+struct HeldHulls {
+  std::unordered_map<ConvexPartPtr, std::uint32_t> index;  ///< kNone: the CPU answers the part's pairs
+  std::vector<HullHead> heads;
+  std::size_t vertices = 0, words = 0;  ///< in the device's arrays
+
+  /// Whether a scene uses at least half of the vertices, so that the arrays of removed bodies cannot accumulate.
+  bool suits(const engine::Scene& scene) const {
+    std::unordered_set<std::uint32_t> used;
+    std::size_t count = 0;
+    for (const Body& body : scene.bodies())
+      for (const ConvexPartPtr& part : body.parts)
+        if (const auto at = index.find(part);
+            at != index.end() && at->second != kNone && used.insert(at->second).second)
+          count += heads[at->second].count;
+    return 2 * count >= vertices;
+  }
+};
+
+/// The arrays of a HullsView, without the vertices and words that the device holds already.
 class HullArrays {
  public:
   std::vector<HullHead> heads;
@@ -31,13 +52,19 @@ class HullArrays {
   std::vector<std::uint32_t> of_body, part_begin{0}, part_hull;
 
   /// \param most_shared bytes of a block's shared memory that two hulls may use
-  HullArrays(const engine::Scene& scene, std::uint32_t most_shared) : most_shared_(most_shared) {
+  /// \param held of the scene before a change, with the same `most_shared`; all its vertices and words precede those of
+  /// the arrays
+  HullArrays(const engine::Scene& scene, std::uint32_t most_shared, const HeldHulls& held = {})
+      : heads(held.heads),
+        most_shared_(most_shared),
+        held_vertices_(held.vertices),
+        held_words_(held.words),
+        index_(held.index) {
     std::vector<std::uint32_t> hulls;
-    std::unordered_map<const ConvexPart*, std::uint32_t> index;
     for (const Body& body : scene.bodies()) {
       hulls.clear();
       for (const ConvexPartPtr& part : body.parts) {
-        const auto [at, is_new] = index.try_emplace(part.get(), kNone);
+        const auto [at, is_new] = index_.try_emplace(part, kNone);
         if (is_new) at->second = add_hull(*part);
         if (at->second == kNone || is_cloud(body)) break;
         hulls.push_back(at->second);
@@ -49,7 +76,10 @@ class HullArrays {
     }
   }
 
-  /// The arrays in host memory.
+  /// The hulls that the device holds with these arrays.
+  HeldHulls held() const { return {index_, heads, held_vertices_ + x.size(), held_words_ + words.size()}; }
+
+  /// The arrays in host memory, of a scene without held hulls.
   HullsView view() const {
     return {heads.data(), x.data(),       y.data(),          z.data(),        f32.data(),
             words.data(), of_body.data(), part_begin.data(), part_hull.data()};
@@ -62,7 +92,7 @@ class HullArrays {
     if (p.surface || p.primitive || p.vertices.size() > kMostVertices) return kNone;
     HullHead head{p.extents(),
                   p.table ? std::numeric_limits<double>::infinity() : p.spread + p.radius,
-                  static_cast<std::uint32_t>(x.size()),
+                  static_cast<std::uint32_t>(held_vertices_ + x.size()),
                   static_cast<std::uint32_t>(p.vertices.size()),
                   0,
                   0,
@@ -110,7 +140,7 @@ class HullArrays {
   }
   void put_table(const DirectionTable& table, HullHead& head) {
     words.resize((words.size() + 7) / 8 * 8);
-    head.first_word = static_cast<std::uint32_t>(words.size());
+    head.first_word = static_cast<std::uint32_t>(held_words_ + words.size());
     head.grid_bits = table.grid_bits;
     head.cell_words = static_cast<std::uint32_t>(table.cells.size());
     head.words = static_cast<std::uint32_t>(table.cells.size() + table.lists.size());
@@ -121,6 +151,8 @@ class HullArrays {
   }
 
   std::uint32_t most_shared_;
+  std::size_t held_vertices_, held_words_;
+  std::unordered_map<ConvexPartPtr, std::uint32_t> index_;
 };
 
 }  // namespace clearance::cuda

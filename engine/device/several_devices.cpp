@@ -182,6 +182,7 @@ DeviceCounters SeveralDevices::counters() const {
     if (!m->opened.device) continue;
     const DeviceCounters c = m->opened.device->counters();
     sum.scene_bytes += c.scene_bytes;
+    sum.scene_bytes_uploaded += c.scene_bytes_uploaded;
     sum.query_bytes += c.query_bytes;
     sum.pinned_bytes += c.pinned_bytes;
     sum.allocations += c.allocations;

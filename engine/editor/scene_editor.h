@@ -2,8 +2,8 @@
 //
 // A change makes the next engine from the present one: a copy of its scene, which shares the geometry, with the change,
 // and the state of its bodies. Running jobs finish on the engine that they started with. A first engine costs the
-// self-test of the instruction sets, which the next ones of a process do not repeat. Devices hold a scene as a whole, so
-// each change uploads it again.
+// self-test of the instruction sets, which the next ones of a process do not repeat. A device
+// receives the new hulls, and copies the others from the scene before (HeldHulls).
 #pragma once
 
 #include <cstdint>

@@ -84,14 +84,15 @@ PairAnswer unusable_answer(const engine::Scene& scene, const BodyPoses& placemen
 namespace {
 
 // Writes the answer of single parts that converged in lanes: apart, and within tolerance or beyond max_distance.
-void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness,
+void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneAnswer& lane, const CoreWitness& witness,
                const PlacedBodies& bodies, PairAnswer& answer) {
   assert(lane.converged && lane.lower <= lane.upper);
   const Slack slack = pair_slack(*bodies.placement, bodies.pair);
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(
+        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;
@@ -100,7 +101,8 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
   take_lane_witness(*task.a, R_wa, *task.b, R_wb, witness, answer.point_a, answer.point_b, answer.normal);
   if (answer.status == Status::kBeyond)
     answer.point_a = answer.point_b = no_point();
-  else if (options.want_flags && is_nonsmooth(answer.lower, *task.a, R_wa, *task.b, R_wb, answer.normal))
+  else if (options.want_flags && is_nonsmooth(answer.lower, *task.a, R_wa, *task.b, R_wb, answer.normal,
+                                              normal_angle(*task.a, *task.b, lane.lower, lane.upper)))
     answer.flags |= kFlagNonsmooth;
 }
 
@@ -167,7 +169,7 @@ bool Evaluator::advance(WorkMeter& meter) {
     };
     const bool answered = batch_.advance(
         meter,
-        [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+        [&](const PartTask& task, const LaneAnswer& lane, const CoreWitness& witness) {
           if (is_single(task))
             take_lane(options_, task, lane, witness, pairs_[task.id], answers_[task.id]);
           else

@@ -157,14 +157,18 @@ struct RunBounds {
 
   /// \param extra error of the run's input, in metres: of float32 offsets
   /// \param stop_below upper bound that is low enough to stop, in metres
+  /// \param round_units kRoundUnits if a core is round, else 0
   CLEARANCE_HD RunBounds(const Gjk<T>& g, const T& radius, const T& scale, const T& max_distance, const T& abs_tol,
-                         const T& rel_tol, const T& extra = T(0), const T& stop_below = T(-__builtin_inf()))
+                         const T& rel_tol, const T& extra = T(0), const T& stop_below = T(-__builtin_inf()),
+                         const T& round_units = T(0))
       : nearest(g.simplex), v_length(norm(g.v)), length(norm(nearest.w)) {
     const T zero(0), infinite(__builtin_inf());
     const Mask open_end = (g.end == g.code(GjkEnd::kEncloses)) | (g.end == g.code(GjkEnd::kLimit));
     const Mask proved = (!open_end) & (g.squared_distance > T(Arithmetic<T>::kSafelySquared));
-    const T low = lower_from_gap(g.gap, v_length, radius, rounding_error(T(RoundingUnits<T>::kLower), scale) + extra);
-    const T high = upper_from_point(length, radius, rounding_error(T(RoundingUnits<T>::kUpper), scale) + extra);
+    const T lower_units = T(RoundingUnits<T>::kLower) + round_units,
+            upper_units = T(RoundingUnits<T>::kUpper) + round_units;
+    const T low = lower_from_gap(g.gap, v_length, radius, rounding_error(lower_units, scale) + extra);
+    const T high = upper_from_point(length, radius, rounding_error(upper_units, scale) + extra);
     const T relative = rel_tol * high, width = high - low;
     const Mask narrow = (low > zero) & ((width <= abs_tol) | (width <= relative) | (high <= stop_below));
     converged = proved & (low <= high) & ((low > max_distance) | narrow);

@@ -25,10 +25,12 @@ LaneHull::LaneHull(const ConvexPart& p)
       cells(p.table ? p.table->cells.data() : nullptr),
       lists(p.table ? p.table->lists.data() : nullptr),
       grid_bits(p.table ? p.table->grid_bits : 0),
-      has_table(p.table != nullptr) {}
+      has_table(p.table != nullptr),
+      round(is_round(p) ? p.primitive.get() : nullptr) {}
 
 bool fits_f32(const ConvexPart& a, const ConvexPart& b) {
-  return !a.table && !b.table && sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);
+  return !a.table && !b.table && !a.primitive && !b.primitive &&
+         sizes_fit_f32(a.spread + a.radius, b.spread + b.radius);
 }
 
 #ifdef CLEARANCE_LANES_X86

@@ -1,4 +1,4 @@
-// GJK for many pairs of hulls at once, one pair in each SIMD lane.
+// GJK for many pairs of cores at once, one pair in each SIMD lane. A core is a hull, or round (primitive.h) in float64.
 //
 // The iteration is that of gjk.h. A lane that ends writes its result and takes the next pair. Pairs of the same two
 // hulls scan the same vertices, one vertex at a time for all lanes. Pairs of different hulls search their farthest
@@ -13,6 +13,7 @@
 #include <string_view>
 
 #include "engine/hull/convex_part.h"
+#include "engine/hull/primitive.h"
 #include "engine/narrow/gjk/gjk.h"
 
 namespace clearance {
@@ -27,6 +28,7 @@ struct LaneHull : HullExtents {
   const std::uint32_t *cells, *lists;  ///< of a larger part: its DirectionTable
   std::uint32_t grid_bits;
   bool has_table;
+  const Primitive* round;  ///< a round core, without vertices but its origin; null for a hull
 
   explicit LaneHull(const ConvexPart& part);
 };
@@ -57,19 +59,23 @@ struct LaneWitness {
   std::uint32_t a[3], b[3];  ///< the vertices that carry the points
   double share[3];
 };
+/// The same, with the points of round cores, which vertices do not carry.
+struct CoreWitness : LaneWitness {
+  Vec3d core_a, core_b;  ///< of round cores: points from their bodies' origins, in their axes
+};
 
 struct LaneBatch {
   const LanePair* pairs;
   std::size_t count;        ///< of pairs
-  bool same_hulls;          ///< all pairs have the first one's two hulls
+  bool same_hulls;          ///< all pairs have the first one's two parts, which are hulls
   double abs_tol, rel_tol;  ///< target width, as in the query
   int max_iterations;
   LaneAnswer* answers;      ///< (pairs,)
-  LaneWitness* witnesses;   ///< (pairs,) of converged ones; null if not needed
-  Gjk<double>* unresolved;  ///< (pairs,) GJK's last state of unresolved ones; not written by run_f32
+  CoreWitness* witnesses;   ///< (pairs,) of converged ones; null if not needed
+  Gjk<double>* unresolved;  ///< (pairs,) GJK's last state of unresolved hulls; not written by run_f32
 };
 
-/// Whether float32 suits two parts: small ones, of sizes that it can represent (sizes_fit_f32()).
+/// Whether float32 suits two parts: small hulls, of sizes that it can represent (sizes_fit_f32()).
 bool fits_f32(const ConvexPart& a, const ConvexPart& b);
 
 /// The kernels of one instruction set.

@@ -108,8 +108,9 @@ double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPa
 }
 
 void take_lane_witness(const ConvexPart& a, const Mat3d& R_wa, const ConvexPart& b, const Mat3d& R_wb,
-                       const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
-  converged_points(a, R_wa, b, R_wb, lane, point_a, point_b);
+                       const CoreWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal) {
+  converged_points(a, R_wa, b, R_wb, lane, point_a, point_b, is_round(a) ? &lane.core_a : nullptr,
+                   is_round(b) ? &lane.core_b : nullptr);
   normal = converged_normal(lane);
 }
 

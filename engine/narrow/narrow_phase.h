@@ -43,7 +43,7 @@ double rounding_of(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPa
 
 /// Witness points and normal of a pair that converged in lanes, as narrow_phase() computes them.
 void take_lane_witness(const ConvexPart& a, const Mat3d& R_wa, const ConvexPart& b, const Mat3d& R_wb,
-                       const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
+                       const CoreWitness& lane, Vec3d& point_a, Vec3d& point_b, Vec3d& normal);
 
 /// The oracle with the same interface: proved supports and double-double from the start, no cut-off, no seed.
 NarrowAnswer narrow_phase_reference(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,

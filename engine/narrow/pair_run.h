@@ -80,9 +80,10 @@ CLEARANCE_INLINE T core_cut_off(const T& cut_off, const T& radius, const T& lowe
   return cut_off + radius + T(2.0) * lower_error;
 }
 /// The same from the pair's scale, in the arithmetic of T.
+/// \param round_units as in RunBounds
 template <class T>
-CLEARANCE_INLINE T core_cut_off_at(const T& cut_off, const T& radius, const T& scale) {
-  return core_cut_off(cut_off, radius, rounding_error(T(RoundingUnits<T>::kLower), scale));
+CLEARANCE_INLINE T core_cut_off_at(const T& cut_off, const T& radius, const T& scale, const T& round_units = T(0)) {
+  return core_cut_off(cut_off, radius, rounding_error(T(RoundingUnits<T>::kLower) + round_units, scale));
 }
 
 /// The first guess of v: the CSO's centre, or any direction if that is the origin.

@@ -164,8 +164,9 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
   }
   meter.count(units);
   const NarrowLimits& limits = options_.limits;
+  const bool same_hulls = group.same_hulls && !has_round(tasks_[at(group.begin)]);
   const LaneBatch batch{pairs_.data(),     count,
-                        group.same_hulls,  limits.abs_tol,
+                        same_hulls,        limits.abs_tol,
                         limits.rel_tol,    limits.max_iterations,
                         answers_.data(),   options_.want_points ? witnesses_.data() : nullptr,
                         unresolved_.data()};
@@ -236,7 +237,7 @@ NarrowAnswer PartBatch::answer_again(const PartTask& task) const {
 }
 
 NarrowAnswer PartBatch::converged_answer(const PartTask& task, const LaneAnswer& lane,
-                                         const LaneWitness& witness) const {
+                                         const CoreWitness& witness) const {
   NarrowAnswer answer;
   answer.bounds = {lane.lower, lane.upper};
   answer.beyond = lane.lower > task.max_distance;

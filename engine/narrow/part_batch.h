@@ -39,7 +39,7 @@ class PartBatch {
  public:
   explicit PartBatch(const NarrowOptions& options) : options_(options) {}
 
-  /// Calls, for each task and in any order, converged(task, its LaneAnswer, its LaneWitness) if it converged in lanes,
+  /// Calls, for each task and in any order, converged(task, its LaneAnswer, its CoreWitness) if it converged in lanes,
   /// or else take(task, its NarrowAnswer). Both forms give the same answer: see converged_answer().
   template <class Converged, class Take>
   void run(std::span<const PartTask> tasks, Converged&& converged, Take&& take) {
@@ -67,7 +67,8 @@ class PartBatch {
           continue;
         } else {
           try {
-            take(task, answer_alone(task, group.in_lanes ? &unresolved_[place] : nullptr, meter));
+            const bool goes_on = group.in_lanes && !has_round(task);
+            take(task, answer_alone(task, goes_on ? &unresolved_[place] : nullptr, meter));
           } catch (const WorkMeter::PairUnfinished&) {
             return false;
           }
@@ -86,7 +87,7 @@ class PartBatch {
   }
 
   /// The NarrowAnswer of a pair that converged in lanes. `rounding` stays 0.
-  NarrowAnswer converged_answer(const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) const;
+  NarrowAnswer converged_answer(const PartTask& task, const LaneAnswer& lane, const CoreWitness& witness) const;
 
  private:
   struct Group {  // tasks, in the order of at()
@@ -110,7 +111,8 @@ class PartBatch {
   std::uint64_t gather_pairs(const Group& group);
   void run_group(const Group& group, WorkMeter& meter);
   void resolve_in_f64(const LaneBatch& all);
-  static bool fit_lanes(const PartTask& task) { return !task.a->primitive && !task.b->primitive; }
+  static bool fit_lanes(const PartTask& task) { return !is_half_space(*task.a) && !is_half_space(*task.b); }
+  static bool has_round(const PartTask& task) { return is_round(*task.a) || is_round(*task.b); }
   static bool is_possible(const LaneAnswer& lane) { return Interval{lane.lower, lane.upper}.is_possible(); }
   NarrowLimits limits_of(const PartTask& task) const;
   NarrowAnswer answer_alone(const PartTask& task, const Gjk<double>* done, WorkMeter& meter);
@@ -128,13 +130,13 @@ class PartBatch {
   std::vector<LaneHull> hulls_;
   std::vector<LanePair> pairs_;
   std::vector<LaneAnswer> answers_;
-  std::vector<LaneWitness> witnesses_;
+  std::vector<CoreWitness> witnesses_;
   std::vector<Gjk<double>> unresolved_;
   // Of the pairs that float32 left unresolved.
   std::vector<std::size_t> again_;
   std::vector<LanePair> again_pairs_;
   std::vector<LaneAnswer> again_answers_;
-  std::vector<LaneWitness> again_witnesses_;
+  std::vector<CoreWitness> again_witnesses_;
   std::vector<Gjk<double>> again_unresolved_;
 };
 

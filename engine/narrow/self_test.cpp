@@ -171,7 +171,7 @@ void run(SelfTest& test, const NarrowOptions& given, int places) {
   PartBatch batch(options);
   batch.run(
       tasks,
-      [&](const PartTask& task, const LaneAnswer& lane, const LaneWitness& witness) {
+      [&](const PartTask& task, const LaneAnswer& lane, const CoreWitness& witness) {
         take(task, batch.converged_answer(task, lane, witness));
       },
       take);

@@ -14,16 +14,20 @@
 namespace clearance {
 
 /// Witness points of a converged pair, from their bodies' origins, in world axes.
+/// \param round_a,round_b points of round cores (CoreWitness); null for hulls
 template <class Hull>
 CLEARANCE_HD inline void converged_points(const Hull& a, const Mat3d& R_wa, const Hull& b, const Mat3d& R_wb,
-                                          const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b) {
+                                          const LaneWitness& lane, Vec3d& point_a, Vec3d& point_b,
+                                          const Vec3d* round_a = nullptr, const Vec3d* round_b = nullptr) {
   Vec3d core_a{0, 0, 0}, core_b = core_a;
   CLEARANCE_UNROLL
   for (std::uint32_t i = 0; i < 3; ++i) {
     if (i >= lane.size) continue;
-    core_a += a.vertices[lane.a[i]] * lane.share[i];
-    core_b += b.vertices[lane.b[i]] * lane.share[i];
+    if (!round_a) core_a += a.vertices[lane.a[i]] * lane.share[i];
+    if (!round_b) core_b += b.vertices[lane.b[i]] * lane.share[i];
   }
+  if (round_a) core_a = *round_a;
+  if (round_b) core_b = *round_b;
   Vec3d outward = lane.separation;  // without a radius its length does not matter
   if (a.extents().radius + b.extents().radius > 0) outward = outward * (1 / lane.separation_length);
   point_a = R_wa * core_a + outward * a.extents().radius;

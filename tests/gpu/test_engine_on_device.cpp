@@ -1,5 +1,6 @@
 // Device queries of the installed C++ engine, Prepared::on_device(), compared with the same prepared query on the CPU.
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstring>
 #include <optional>
@@ -34,6 +35,9 @@ Scene scene_of_an_arm() {
     if (i % 3 == 1) scene.add_capsule(name, 0.05, 0.2, options);
     if (i % 3 == 2) scene.add_cylinder(name, 0.08, 0.2, options);
   }
+  std::vector<std::array<double, 3>> stone(400);
+  for (auto& p : stone) p = {random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1), random.uniform(-0.1, 0.1)};
+  scene.add_hull("stone", stone, {.X_parent_body = pose_of(random, 1)});
   scene.add_robot("arm", {.urdf = source_file("tests/engine/robot/arm.urdf"), .home = {{{"joint4", -1.5}}}});
   return scene;
 }
@@ -127,6 +131,20 @@ class EngineOnDevice : public testing::Test {
     return query;
   }
 
+  /// Expects the CPU's rows in the present scene.
+  void expect_now(Prepared& prepared, const Inputs& inputs) {
+    DeviceQuery now = prepared.on_device(16);
+    put(now.info(), inputs);
+    now.run();
+    expect_the_cpus(Rows(now.info()), Rows(cpu_->prepare(query(inputs)).run(inputs.spans())));
+  }
+  std::uint64_t counter(const std::string& wanted) const {
+    for (const auto& [name, value] : device_->stats())
+      if (name == wanted) return value;
+    ADD_FAILURE() << wanted;
+    return 0;
+  }
+
   std::optional<Engine> device_, cpu_;
   std::vector<IdPair> pairs_;
 };
@@ -214,17 +232,17 @@ TEST_F(EngineOnDevice, ChangedScenesAreNoticed) {
   before.run();
   const Rows rows(before.info());
   for (Engine* engine : {&*device_, &*cpu_}) engine->add_body({.name = "added", .box = std::array{0.4, 0.4, 0.4}});
+  EXPECT_LT(counter("cuda.scene_bytes_uploaded"), counter("cuda.scene_bytes") / 2) << "the other hulls were there";
   EXPECT_THROW(before.run(), QueryError);
   before.run({}, false);
   EXPECT_TRUE(Rows(before.info()) == rows) << "of the query's scene";
 
   const std::pair<std::uint32_t, Pose7> moved{device_->body("added"), {0.2, 0, 0.4, 1, 0, 0, 0}};
   for (Engine* engine : {&*device_, &*cpu_}) engine->set_poses(std::span(&moved, 1));
-  DeviceQuery now = prepared.on_device(16);
-  EXPECT_GT(now.info().pairs, before.info().pairs);
-  put(now.info(), inputs);
-  now.run();
-  expect_the_cpus(Rows(now.info()), Rows(cpu_->prepare(query(inputs)).run(inputs.spans())));
+  expect_now(prepared, inputs);
+  for (Engine* engine : {&*device_, &*cpu_}) engine->remove_body("added");
+  expect_now(prepared, inputs);
+  EXPECT_TRUE(Rows(before.info()) == rows);
 }
 
 TEST_F(EngineOnDevice, WhatTheCpuAloneAnswersIsRejected) {

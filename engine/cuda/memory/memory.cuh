@@ -153,34 +153,42 @@ struct PinnedKind {
 using DeviceBuffer = Buffer<DeviceKind>;
 using PinnedBuffer = Buffer<PinnedKind>;
 
-/// Arrays packed into pinned memory and copied to the device in one transfer.
+/// Arrays packed into pinned memory and copied to the device, in one transfer unless the device holds a part of them.
 class Upload {
  public:
   explicit Upload(MemoryCounters& counters) : host_(counters), device_(counters) {}
 
-  void clear() { arrays_.clear(), bytes_ = 0; }
+  void clear() { arrays_.clear(), bytes_ = new_bytes_ = 0; }
   /// \param array a range of T, or of another type with the same bytes
   /// \param to send() sets it to the array in device memory
   template <class Range, class T>
   void add(const Range& array, const T*& to) {
+    add_after(static_cast<const T*>(nullptr), 0, array, to);
+  }
+  /// The same for an array whose beginning is on this device already.
+  /// \param held (count,) device memory, valid until send() has completed
+  template <class Range, class T>
+  void add_after(const T* held, std::size_t count, const Range& array, const T*& to) {
     const std::span<const std::byte> bytes = std::as_bytes(std::span(array));
+    const std::size_t held_bytes = count * sizeof(T);
     const auto set = [](void* to_set, const std::byte* at) {
       *static_cast<const T**>(to_set) = reinterpret_cast<const T*>(at);
     };
-    arrays_.push_back({bytes, bytes_, &to, set});
-    bytes_ += (bytes.size() + 255) / 256 * 256;
+    arrays_.push_back({bytes, new_bytes_, bytes_, held, held_bytes, &to, set});
+    bytes_ += aligned(held_bytes + bytes.size());
+    new_bytes_ += aligned(bytes.size());
   }
   void send(cudaStream_t stream) {
     if (bytes_ > 0) {
-      std::byte* host = host_.reserve(bytes_);
+      std::byte* const host = host_.reserve(new_bytes_);
       device_.reserve(bytes_);
       for (const Array& a : arrays_)
-        if (!a.bytes.empty()) std::memcpy(host + a.at, a.bytes.data(), a.bytes.size());
-      check(cudaMemcpyAsync(device_.data(), host, bytes_, cudaMemcpyHostToDevice, stream),
-            "copying a query to the device");
+        if (!a.bytes.empty()) std::memcpy(host + a.at_host, a.bytes.data(), a.bytes.size());
+      copy_all(host, stream);
     }
     for (const Array& a : arrays_) a.set(a.to, device_.data() + a.at);
   }
+  std::size_t new_bytes() const { return new_bytes_; }  ///< that send() copies from host memory
   std::size_t device_size() const { return device_.size(); }
   /// Frees the host copy of data that is sent only once.
   void forget_host() { host_.release(); }
@@ -188,12 +196,26 @@ class Upload {
  private:
   struct Array {
     std::span<const std::byte> bytes;
-    std::size_t at;
+    std::size_t at_host, at;  // of `bytes`; of the whole array in device memory
+    const void* held;
+    std::size_t held_bytes;
     void* to;
     void (*set)(void* to, const std::byte* at);
   };
+  static std::size_t aligned(std::size_t bytes) { return (bytes + 255) / 256 * 256; }
+  static void copy(std::byte* to, const void* from, std::size_t bytes, cudaMemcpyKind kind, cudaStream_t stream) {
+    if (bytes > 0) check(cudaMemcpyAsync(to, from, bytes, kind, stream), "copying a query to the device");
+  }
+  void copy_all(const std::byte* host, cudaStream_t stream) {
+    std::byte* const device = device_.data();
+    if (bytes_ == new_bytes_) return copy(device, host, bytes_, cudaMemcpyHostToDevice, stream);
+    for (const Array& a : arrays_) {
+      copy(device + a.at, a.held, a.held_bytes, cudaMemcpyDeviceToDevice, stream);
+      copy(device + a.at + a.held_bytes, host + a.at_host, a.bytes.size(), cudaMemcpyHostToDevice, stream);
+    }
+  }
   std::vector<Array> arrays_;
-  std::size_t bytes_ = 0;
+  std::size_t bytes_ = 0, new_bytes_ = 0;
   PinnedBuffer host_;
   DeviceBuffer device_;
 };

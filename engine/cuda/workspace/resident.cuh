@@ -17,31 +17,40 @@ class ResidentHulls {
  public:
   /// On the calling thread's device.
   /// \param most_shared bytes of a block's shared memory that two hulls may use
-  ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters) : memory_(counters) {
+  /// \param before hulls of another scene on this device; may be null. Those of both scenes are copied on the device.
+  ResidentHulls(const engine::Scene& scene, int most_shared, MemoryCounters& counters, const ResidentHulls* before)
+      : memory_(counters) {
     check(cudaGetDevice(&device_), "getting the device");
-    HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared));
+    const bool shares = before && before->most_shared_ == most_shared && before->held_.suits(scene);
+    static const HeldHulls none;
+    const HeldHulls& held = shares ? before->held_ : none;
+    const HullsView from = shares ? before->view_ : HullsView{};
+    HullArrays arrays(scene, static_cast<std::uint32_t>(most_shared), held);
+    const std::size_t n = held.vertices;
     memory_.add(arrays.heads, view_.heads);
-    memory_.add(arrays.x, view_.x);
-    memory_.add(arrays.y, view_.y);
-    memory_.add(arrays.z, view_.z);
-    memory_.add(arrays.f32, view_.f32);
-    memory_.add(arrays.words, view_.words);
+    memory_.add_after(from.x, n, arrays.x, view_.x);
+    memory_.add_after(from.y, n, arrays.y, view_.y);
+    memory_.add_after(from.z, n, arrays.z, view_.z);
+    memory_.add_after(from.f32, 4 * n, arrays.f32, view_.f32);
+    memory_.add_after(from.words, held.words, arrays.words, view_.words);
     memory_.add(arrays.of_body, view_.of_body);
     memory_.add(arrays.part_begin, view_.part_begin);
     memory_.add(arrays.part_hull, view_.part_hull);
     memory_.send(nullptr);
     check(cudaStreamSynchronize(nullptr), "copying the scene to the device");
     memory_.forget_host();
-    heads_ = std::move(arrays.heads);
+    held_ = arrays.held();
+    most_shared_ = most_shared;
     of_body_ = std::move(arrays.of_body);
     part_begin_ = std::move(arrays.part_begin);
     has_several_ = std::ranges::find(of_body_, kSeveral) != of_body_.end();
   }
+  std::size_t uploaded_bytes() const { return memory_.new_bytes(); }  ///< the rest was on the device before
   const HullsView& view() const { return view_; }
   int device() const { return device_; }  ///< its number
   std::uint32_t of_body(std::uint32_t body) const { return of_body_[body]; }
-  const HullHead& head(std::uint32_t hull) const { return heads_[hull]; }
-  bool is_shared(std::uint32_t hull) const { return heads_[hull].count <= kMostSharedVertices; }
+  const HullHead& head(std::uint32_t hull) const { return held_.heads[hull]; }
+  bool is_shared(std::uint32_t hull) const { return held_.heads[hull].count <= kMostSharedVertices; }
   bool has_several() const { return has_several_; }         ///< whether a body has several convex parts
   std::size_t parts() const { return part_begin_.back(); }  ///< of all bodies on the device
   std::uint32_t convex_parts_of(std::uint32_t body) const { return part_begin_[body + 1] - part_begin_[body]; }
@@ -50,7 +59,8 @@ class ResidentHulls {
   int device_ = 0;
   Upload memory_;
   std::vector<std::uint32_t> of_body_, part_begin_;
-  std::vector<HullHead> heads_;
+  HeldHulls held_;
+  int most_shared_ = 0;
   bool has_several_ = false;
   HullsView view_;
 };

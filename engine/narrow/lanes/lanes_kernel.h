@@ -69,6 +69,15 @@ HWY_INLINE void copy_witness(const Gjk<Pack<T>>& from, const RunBounds<Pack<T>>&
   take_run<T>(to, R_wa, v, lane_of(bounds.v_length, lane), w, lane_of(bounds.length, lane));
 }
 
+// The point of a round core that the witness's shares give, summed as converged_points() does.
+HWY_INLINE void copy_core(const FoundPoints& points, const std::uint32_t* numbers, const LaneWitness& from, Vec3d& to) {
+  to = {0, 0, 0};
+  for (std::uint32_t i = 0; i < 3 && i < from.size; ++i) {
+    const Vec3d& p = points.at[numbers[i]];
+    to = {to.x + p.x * from.share[i], to.y + p.y * from.share[i], to.z + p.z * from.share[i]};
+  }
+}
+
 // The state of each lane, in memory: single lanes are written, and all are read as packs.
 template <class T>
 struct Lanes {
@@ -76,6 +85,8 @@ struct Lanes {
   const LaneHull *a[kCount], *b[kCount];
   Columns3<T> centre_a, centre_b;
   Column<T> rho_a, rho_b, radius;
+  Column<T> round_units;  // as in RunBounds
+  Column<T> most_steps = {};
   PlacedColumns<T> rotation = {};
   Columns3<T> offset = {};
   Column<T> extra = {}, cut_off = {}, stop_below = {}, steps = {};
@@ -83,7 +94,8 @@ struct Lanes {
   std::size_t pair_of[kCount] = {};
   bool busy_at[kCount] = {};
   int busy = 0;
-  std::size_t next = 0;  // of the batch's pairs
+  std::size_t next = 0;                            // of the batch's pairs
+  FoundPoints points_a[kCount], points_b[kCount];  // of round cores
 
   HWY_INLINE explicit Lanes(const LaneBatch& batch) {
     for (int lane = 0; lane < kCount; ++lane) set_hulls(lane, *batch.pairs[0].a, *batch.pairs[0].b);
@@ -97,7 +109,9 @@ struct Lanes {
     rho_a.at[lane] = reach_of<T>(hull_a);
     rho_b.at[lane] = reach_of<T>(hull_b);
     radius.at[lane] = static_cast<T>(hull_a.radius + hull_b.radius);
+    round_units.at[lane] = static_cast<T>(is_round(lane) ? kRoundUnits : 0);
   }
+  HWY_INLINE bool is_round(int lane) const { return a[lane]->round || b[lane]->round; }
   // Puts the next pair that the arithmetic can represent into a lane, and answers those before it. False if there are
   // no more.
   template <bool kSameHulls>
@@ -117,6 +131,12 @@ struct Lanes {
       offset.set(lane, frame.D);
       fresh.at[lane] = 1;
       steps.at[lane] = 0;
+      // A run of more steps than there is memory for points goes on alone.
+      constexpr int kMostRound = FoundPoints::kMost - 1;
+      const bool is_short = is_round(lane) && batch.max_iterations > kMostRound;
+      most_steps.at[lane] = static_cast<T>(is_short ? kMostRound : batch.max_iterations);
+      points_a[lane].clear();
+      points_b[lane].clear();
       pair_of[lane] = next++;
       busy_at[lane] = true;
       ++busy;
@@ -143,17 +163,18 @@ HWY_INLINE void begin_fresh(Lanes<T>& lanes, const PairFrame<Pack<T>>& at, GjkLi
   lanes.fresh.set(zero);
   limits.radius = lanes.radius.pack();
   scale = pair_scale(at.D, lanes.rho_a.pack(), lanes.rho_b.pack(), limits.radius);
-  if (limits.bounded) limits.max_distance = core_cut_off_at(lanes.cut_off.pack(), limits.radius, scale);
+  if (limits.bounded)
+    limits.max_distance = core_cut_off_at(lanes.cut_off.pack(), limits.radius, scale, lanes.round_units.pack());
 }
 
 // The farthest vertices of each lane's two hulls, both together, so that the work of one fills the latency of the other.
 template <class T>
-HWY_INLINE void find_each_of_both(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
+HWY_INLINE void find_each_of_both(Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
                                   FoundVertex<T>& in_a, FoundVertex<T>& in_b) {
   EachSearch<T> of_a(along_a), of_b(along_b);
   for (int lane = 0; lane < Pack<T>::kLanes; ++lane) {
-    of_a.find(lane, *lanes.a[lane], lanes.busy_at[lane]);
-    of_b.find(lane, *lanes.b[lane], lanes.busy_at[lane]);
+    of_a.find(lane, *lanes.a[lane], lanes.busy_at[lane], &lanes.points_a[lane]);
+    of_b.find(lane, *lanes.b[lane], lanes.busy_at[lane], &lanes.points_b[lane]);
   }
   in_a = of_a.found();
   in_b = of_b.found();
@@ -161,7 +182,7 @@ HWY_INLINE void find_each_of_both(const Lanes<T>& lanes, const Vec3<Pack<T>>& al
 
 // Both hulls' farthest vertices along the directions of all lanes.
 template <class T, bool kSameHulls>
-HWY_INLINE void find_farthest(const Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
+HWY_INLINE void find_farthest(Lanes<T>& lanes, const Vec3<Pack<T>>& along_a, const Vec3<Pack<T>>& along_b,
                               FoundVertex<T>& in_a, FoundVertex<T>& in_b) {
   const LaneHull &a = *lanes.a[0], &b = *lanes.b[0];
   if (!kSameHulls || (a.has_table && b.has_table)) {
@@ -192,7 +213,11 @@ HWY_INLINE void hand_out(const LaneBatch& batch, const Lanes<T>& lanes, const Gj
     batch.answers[pair] = {lower.at[lane], upper.at[lane], done};
     if constexpr (std::is_same_v<T, double>)
       if (!done) copy_lane(g, lane, batch.unresolved[pair]);
-    if (done && batch.witnesses) copy_witness(g, bounds, lane, *batch.pairs[pair].R_wa, batch.witnesses[pair]);
+    if (!done || !batch.witnesses) continue;
+    CoreWitness& witness = batch.witnesses[pair];
+    copy_witness(g, bounds, lane, *batch.pairs[pair].R_wa, witness);
+    if (lanes.a[lane]->round) copy_core(lanes.points_a[lane], witness.a, witness, witness.core_a);
+    if (lanes.b[lane]->round) copy_core(lanes.points_b[lane], witness.b, witness, witness.core_b);
   }
 }
 
@@ -207,7 +232,7 @@ void run_pairs(const LaneBatch& batch) {
     rounded = rounded || pair.a->radius + pair.b->radius > 0;
   }
   GjkLimits<P> limits = run_limits<P>(batch.abs_tol, batch.rel_tol, rounded, bounded);
-  const P zero(0.0), one(1.0), most(static_cast<T>(batch.max_iterations));
+  const P zero(0.0), one(1.0);
   P scale = zero;
   Gjk<P> g;
   g.v = {one, zero, zero};
@@ -240,14 +265,15 @@ void run_pairs(const LaneBatch& batch) {
     g.step(vertex, -dot(g.v, at.D) - (a.value + b.value), limits, running);
     const P count = lanes.steps.pack() + one;
     lanes.steps.set(count);
-    const auto at_limit = running & (g.end == zero) & !(count < most);
+    const auto at_limit = running & (g.end == zero) & !(count < lanes.most_steps.pack());
     g.end = select(at_limit, g.code(GjkEnd::kLimit), g.end);
     const auto ended = running & !(g.end == zero);
     if (!any(ended)) continue;
 
     // The answer that narrow_phase() gives for such a run, for pairs that need no further step.
     const RunBounds<P> bounds(g, limits.radius, scale, lanes.cut_off.pack(), P(batch.abs_tol * Setup::kStrict),
-                              P(batch.rel_tol * Setup::kStrict), at.extra, lanes.stop_below.pack());
+                              P(batch.rel_tol * Setup::kStrict), at.extra, lanes.stop_below.pack(),
+                              lanes.round_units.pack());
     hand_out(batch, lanes, g, bounds, bits_of(ended));
     for (std::uint32_t left = bits_of(ended); left != 0; left &= left - 1) {
       --lanes.busy;

@@ -3,9 +3,11 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <type_traits>
 
 #include "engine/base/pack.h"
 #include "engine/hull/direction_table.h"
+#include "engine/hull/round_support.h"
 #include "engine/narrow/lanes.h"
 
 namespace clearance::CLEARANCE_ISA {
@@ -170,7 +172,26 @@ HWY_INLINE FoundVertex<T> scan_one(const LaneHull& hull, const Vec3<Pack<T>>& n)
   return scan.found();
 }
 
-// Searches of each lane's own hull along its own direction.
+// Points of a round core that a lane has found, by number. The first is its origin, as in CorePoints.
+struct FoundPoints {
+  static constexpr std::uint32_t kMost = 48;
+  Vec3d at[kMost];
+  std::uint32_t count;
+
+  HWY_INLINE void clear() {
+    at[0] = {0, 0, 0};
+    count = 1;
+  }
+  // The number of a point; a new one is added.
+  HWY_INLINE std::uint32_t number_of(const Vec3d& p) {
+    for (std::uint32_t i = 0; i < count; ++i)
+      if (at[i].x == p.x && at[i].y == p.y && at[i].z == p.z) return i;
+    at[count] = p;
+    return count++;
+  }
+};
+
+// Searches of each lane's own core along its own direction.
 template <class T>
 struct EachSearch {
   Columns3<T> direction, p;
@@ -183,8 +204,19 @@ struct EachSearch {
     direction.set(n);
   }
   // \param busy whether it needs the farthest vertex; otherwise it gets the first
-  HWY_INLINE void find(int lane, const LaneHull& hull, bool busy) {
+  // \param points of this lane and core, if it is round
+  HWY_INLINE void find(int lane, const LaneHull& hull, bool busy, FoundPoints* points) {
     OneFound<T> found{0, 0};
+    if constexpr (std::is_same_v<T, double>) {
+      if (busy && hull.round) {
+        const Vec3d along{direction.x.at[lane], direction.y.at[lane], direction.z.at[lane]};
+        const FarthestPoint<double> far = farthest_of_round(*hull.round, along);
+        p.set(lane, far.point);
+        index.at[lane] = points->number_of(far.point);
+        value.at[lane] = far.value;
+        return;
+      }
+    }
     if (busy) {
       const Vec3<T> along{direction.x.at[lane], direction.y.at[lane], direction.z.at[lane]};
       const Source<T> from(hull);
@@ -198,11 +230,11 @@ struct EachSearch {
   HWY_INLINE FoundVertex<T> found() const { return {p.pack(), index.pack(), value.pack()}; }
 };
 
-// The farthest vertices of each lane's own hull.
+// The farthest vertices of each lane's own hull; none is round.
 template <class T>
 HWY_INLINE FoundVertex<T> find_each(const LaneHull* const* hulls, const bool* busy, const Vec3<Pack<T>>& n) {
   EachSearch<T> search(n);
-  for (int lane = 0; lane < Pack<T>::kLanes; ++lane) search.find(lane, *hulls[lane], busy[lane]);
+  for (int lane = 0; lane < Pack<T>::kLanes; ++lane) search.find(lane, *hulls[lane], busy[lane], nullptr);
   return search.found();
 }
 

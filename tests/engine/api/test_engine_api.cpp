@@ -12,6 +12,7 @@
 #include <vector>
 
 #include "engine/api/engine.h"
+#include "tests/prepared_calls.h"
 #include "tests/temporary_folder.h"
 #include "wire/api/decisions.h"
 
@@ -61,6 +62,11 @@ TEST(EngineApi, PreparedAnswersAsDistancesDoes) {
     }
   }
   EXPECT_NEAR(prepared.run(std::vector<Pose7>{at(3)}).distance()[0], 2, 1e-6);
+}
+
+TEST(EngineApi, PreparedCallsOfEachKindAnswerAsTheCalls) {
+  const Engine engine(cell(), {.threads = 1});
+  test::expect_prepared_calls_answer_as_calls(engine, engine.joints("arm"));
 }
 
 TEST(EngineApi, PreparedOwnsItsArrays) {

@@ -73,6 +73,7 @@ struct Requested {
 
 struct Seen {
   int converged = 0, unresolved = 0, beyond = 0;
+  int round_again = 0;  // with a round core, unresolved in lanes, though float64 converges with them apart
 };
 
 void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& requested, bool same_hulls,
@@ -87,7 +88,7 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& request
                      &at_b.t_w, requested.max_distances[k]});
   }
   std::vector<LaneAnswer> answers(count);
-  std::vector<LaneWitness> witnesses(count);
+  std::vector<CoreWitness> witnesses(count);
   std::vector<Gjk<double>> rest(count);
   kernel.run({pairs.data(), count, same_hulls, limits.abs_tol, limits.rel_tol, limits.max_iterations, answers.data(),
               witnesses.data(), rest.data()});
@@ -99,6 +100,10 @@ void expect_bits_of_one_alone(const LaneKernel& kernel, const Requested& request
     const std::string& where = requested.names[k];
     if (!answers[k].converged) {
       ++seen.unresolved;
+      if (is_round(a) || is_round(b)) {  // answered alone from the beginning
+        seen.round_again += alone.converged && alone.bounds.lower > 0 && limits.rel_tol > 0;
+        continue;
+      }
       const NarrowAnswer finished = narrow_phase(a, at_a, b, at_b, limits, &rest[k]);
       EXPECT_TRUE(same_bits(finished.bounds.lower, alone.bounds.lower)) << where;
       EXPECT_TRUE(same_bits(finished.bounds.upper, alone.bounds.upper)) << where;
@@ -162,6 +167,61 @@ TEST_P(Lanes, HoldDifferentHullsSideBySide) {
   EXPECT_GT(seen.converged, 1000);
   EXPECT_GT(seen.unresolved, 1000);
   EXPECT_GT(seen.beyond, 100);
+}
+
+// Cylinders, cones, ellipsoids, boxes, segments and points, grown or not: each with each, touching, near and far.
+Requested round_cores() {
+  Requested requested;
+  Random random(17);
+  const auto size = [&] { return 0.05 + random.uniform(); };
+  const auto part_of_kind = [&](int kind) {
+    const double radius = random.uniform() < 0.5 ? 0 : 0.2 * random.uniform();
+    if (kind < 3) {
+      const Primitive::Kind kinds[] = {Primitive::Kind::kCylinder, Primitive::Kind::kCone, Primitive::Kind::kEllipsoid};
+      const double across = size();
+      return make_primitive_part({kinds[kind], {across, kind == 2 ? size() : across, size()}}, radius);
+    }
+    const double x = size(), y = size(), z = size();
+    if (kind == 3)
+      return make_convex_part(
+          {{-x, -y, -z}, {x, -y, -z}, {-x, y, -z}, {x, y, -z}, {-x, -y, z}, {x, -y, z}, {-x, y, z}, {x, y, z}}, radius);
+    if (kind == 4) return make_convex_part({{0, 0, -z}, {0, 0, z}}, radius);
+    return make_convex_part({{0, 0, 0}}, radius + 0.1);
+  };
+  for (int i = 0; i < 40; ++i)
+    for (int a = 0; a < 6; ++a)
+      for (int b = 0; b < 6; ++b) {
+        if (a >= 3 && b >= 3) continue;
+        Pose X_wa = random.rotation({random.uniform(), random.uniform(), random.uniform()}), X_wb = random.rotation({});
+        X_wb.translation = X_wa.translation + random.direction() * (5 * random.uniform() * random.uniform());
+        if (i % 5 == 0) {  // along the axes, where directions have zeros
+          X_wa = Pose{X_wa.translation};
+          X_wb = Pose{{X_wa.translation.x, X_wa.translation.y, X_wa.translation.z + 3 * random.uniform()}};
+        }
+        requested.placed.push_back(
+            {{rotation_of(X_wa), X_wa.translation, X_wa}, {rotation_of(X_wb), X_wb.translation, X_wb}});
+        requested.hulls.push_back(requested.parts.size());
+        requested.names.push_back("kinds " + std::to_string(a) + " and " + std::to_string(b) + ", pair " +
+                                  std::to_string(requested.names.size()));
+        requested.max_distances.push_back(i % 4 == 3 ? 0.5 * random.uniform()
+                                                     : std::numeric_limits<double>::infinity());
+        requested.parts.push_back(part_of_kind(a));
+        requested.parts.push_back(part_of_kind(b));
+      }
+  return requested;
+}
+
+TEST_P(Lanes, HoldRoundCoresAndHullsSideBySide) {
+  const Requested requested = round_cores();
+  for (int kind = 0; kind < 3; ++kind) {
+    Seen seen;
+    expect_bits_of_one_alone(lane_kernel(GetParam()), requested, false, limits_of_kind(kind, 1.0), seen);
+    std::printf("%d settled in lanes (%d beyond), %d handed on\n", seen.converged, seen.beyond, seen.unresolved);
+    EXPECT_GT(seen.converged, kind == 1 ? 20 : 400);
+    EXPECT_GT(seen.unresolved, 100);
+    EXPECT_GT(seen.beyond, kind == 1 ? 10 : 50);
+    EXPECT_LT(seen.round_again, seen.converged / 10);
+  }
 }
 
 std::vector<std::string_view> kernel_names() {

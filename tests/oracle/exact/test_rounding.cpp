@@ -125,7 +125,7 @@ TEST(Rounding, TheFloat32TermsCoverEveryErrorAndAreOfItsSize) {
         const LaneHull hull_a(*p.a), hull_b(*p.b);
         const LanePair placed{&hull_a, &hull_b, &p.pair.R_wa, &p.pair.R_wb, &c.X_wa.translation, &c.X_wb.translation};
         LaneAnswer answer;
-        LaneWitness witness;
+        CoreWitness witness;
         Gjk<double> unused;
         lane_kernel("auto").run_f32({&placed, 1, true, 0, rel_tol, 64, &answer, &witness, &unused});
         if (!answer.converged) continue;

@@ -16,6 +16,7 @@
 #include "engine/engine.h"
 #include "tests/engine/engine_test_util.h"
 #include "tests/patience.h"
+#include "tests/prepared_calls.h"
 #include "tests/server/daemon_fixture.h"
 #include "tests/source_file.h"
 
@@ -97,6 +98,12 @@ TEST_F(ShmDaemon, TheEnginesOwnBitsComeBack) {
     EXPECT_TRUE(same_bits(reply.distance(), reduced.view.distance));
     EXPECT_TRUE(same_bits(reply.pair(), reduced.view.pair));
   }
+}
+
+TEST_F(ShmDaemon, PreparedCallsOfEachKindAnswerAsTheCalls) {
+  Daemon daemon({"--scene", source_file("scenes/cell/robot.yaml"), "--shm", path_, "--threads", "1"});
+  Client client = patient(daemon.url());
+  test::expect_prepared_calls_answer_as_calls(client, client.joints("arm"));
 }
 
 TEST_F(ShmDaemon, PreparedQueriesAnswerAsDistancesDoUntilTheirIdsChange) {
