@@ -99,6 +99,8 @@ try_wheel() {
 run_deb() {
   local root deb
   tools/setup.sh tools/install_packages.txt
+  # CI builds in the same folder, for one GPU architecture.
+  [ ! -f build/CMakeCache.txt ] || cmake -U CLEARANCE_CUDA_ARCHITECTURES build >"$log_dir/deb.log"
   tools/build.sh release product
   (cd build && cpack -G DEB >"../$log_dir/deb.log" 2>&1) || die "cpack failed: $log_dir/deb.log"
   deb=$(newest 'build/package/*.deb')
