@@ -14,11 +14,10 @@ build:  ## build daemon and command line in build/bin, Python package in .venv
 	@tools/setup.sh
 	@tools/build.sh release product
 
-test:  ## run every test: ctest, then pytest
+test:  ## run every test: ctest, which runs pytest beside its own
 	@tools/setup.sh
 	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
-	@$(PYTHON_VENV) -m pytest -q tests/python
 
 test-extras:  ## tests that take more packages or minutes: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
 	@tools/setup.sh

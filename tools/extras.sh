@@ -99,6 +99,8 @@ try_wheel() {
 run_deb() {
   local root deb
   tools/setup.sh tools/install_packages.txt
+  # CI builds in the same folder, for one GPU architecture.
+  [ ! -f build/CMakeCache.txt ] || cmake -U CLEARANCE_CUDA_ARCHITECTURES build >"$log_dir/deb.log"
   tools/build.sh release product
   (cd build && cpack -G DEB >"../$log_dir/deb.log" 2>&1) || die "cpack failed: $log_dir/deb.log"
   deb=$(newest 'build/package/*.deb')
@@ -232,7 +234,7 @@ run_robots() {
 
 # Transports and clients under ThreadSanitizer, which follows no fork of a process with threads: clients are threads.
 run_races() {
-  local test threaded=(test_shm_transport test_shm_hostile test_lcm_transport test_lcm_freshness test_loop test_client test_zmq
+  local test threaded=(test_shm_transport test_shm_hostile test_lcm_transport test_loop test_client test_zmq
     test_bad_requests test_lcm_client test_lcm_channel)
   tools/build.sh tsan "${threaded[@]}"
   for test in "${threaded[@]}"; do

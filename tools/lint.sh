@@ -11,12 +11,12 @@ if ! cmp -s tools/lint_requirements.txt .venv/clearance-lint; then
   cp tools/lint_requirements.txt .venv/clearance-lint
 fi
 
-failed=()
+# All run at once, and report in order.
+names=() jobs=()
 run() {
-  local name=$1
-  shift
-  say "$name"
-  "$@" || failed+=("$name")
+  names+=("$1")
+  "${@:2}" >"$log_dir/lint ${1}.log" 2>&1 &
+  jobs+=($!)
 }
 mapfile -t sources < <(git ls-files '*.cpp' '*.h' '*.cu' '*.cuh')
 run clang-format "$bin/clang-format" --dry-run -Werror --ferror-limit=1 "${sources[@]}"
@@ -24,4 +24,10 @@ run "ruff check" "$bin/ruff" check
 run "ruff format" "$bin/ruff" format --check
 run mypy "$bin/mypy" --python-executable "$bin/python"
 run vocabulary "$bin/python" tools/vocabulary.py
+failed=()
+for i in "${!jobs[@]}"; do
+  wait "${jobs[i]}" || failed+=("${names[i]}")
+  say "${names[i]}"
+  cat "$log_dir/lint ${names[i]}.log"
+done
 ((${#failed[@]} == 0)) || die "found by ${failed[*]}. clang-format -i and ruff format write the layout; both are in $bin"
