@@ -5,7 +5,7 @@ from mutant import mutants_of
 KERNEL_MUTANTS = [
     # Kernels that evaluate clouds and meshes.
     *mutants_of(
-        "element_kernels *HoldTheExactDistance",
+        "element_kernels ElementKernels.HoldTheExactDistance",
         (
             "element_boxes",
             "cuda/mesh/element_parts.cuh",
@@ -33,7 +33,7 @@ KERNEL_MUTANTS = [
     ),
     # Kernels that evaluate pairs of meshes.
     *mutants_of(
-        "mesh_kernels *HoldTheExactDistance",
+        "element_kernels MeshKernels.HoldTheExactDistance",
         (
             "mesh_boxes",
             "cuda/mesh/mesh_parts.cuh",

@@ -14,7 +14,7 @@ namespace clearance::emulated {
 inline uint4 some_words() {
   return {};
 }
-thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_words()};
+inline thread_local uint4 shared_memory[test::kMostShared / sizeof(uint4)] = {some_words()};
 }  // namespace clearance::emulated
 #define cuda emulated
 #include "engine/cuda/dense/depth_kernel.cuh"

@@ -9,7 +9,7 @@
 namespace clearance::test {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 // Cases of two meshes among the oracle's classes, with their exact results.
 struct CheckedCases {
@@ -139,13 +139,13 @@ TEST(MeshKernels, HoldTheExactDistance) {
 // \returns number of pairs left to the CPU
 std::uint64_t compare_all(const engine::Engine& cpu, QueryView q, const std::string& what) {
   std::uint64_t left = 0;
-  for (const double distance : {kInf, 0.1})
+  for (const double distance : {kNoLimit, 0.1})
     for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest, Reduce::kWithin}) {
       q.max_distance = distance;
       q.reduce = reduce;
       left += HostReduction(cpu, q).compare_bounds(what + ", reduce " + std::to_string(static_cast<int>(reduce)));
     }
-  q.max_distance = kInf;
+  q.max_distance = kNoLimit;
   q.reduce = Reduce::kAny;
   for (const double margin : {0.0, 0.02, 0.3}) {
     q.margin = margin;

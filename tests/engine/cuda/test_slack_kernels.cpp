@@ -10,7 +10,7 @@
 namespace clearance::test {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
+constexpr double kNoLimit = std::numeric_limits<double>::infinity();
 
 bool same_slack(const Slack& a, const Slack& b) {
   return same_bits(a.inner, b.inner) && same_bits(a.outer, b.outer);
@@ -44,7 +44,7 @@ struct Comparison {
         const Slack cpu = pair_slack(placement, pair), device = pair_slack(view, refs[p], k);
         EXPECT_TRUE(same_slack(cpu, device)) << "configuration " << k << ", pair " << p;
         uncertain += cpu.any();
-        between_links += joints_between(placement.uncertainty(pair.a), placement.uncertainty(pair.b)) < kInf;
+        between_links += joints_between(placement.uncertainty(pair.a), placement.uncertainty(pair.b)) < kNoLimit;
       }
     }
   }
@@ -125,7 +125,7 @@ struct Seen {
 template <bool kF32>
 Seen expect_rows_of_the_cpu(const engine::Engine& cpu, const QueryView& q, const std::string& what) {
   HostChunk chunk(cpu, q);
-  chunk.view.pair_limits.cull = q.max_distance < kInf;
+  chunk.view.pair_limits.cull = q.max_distance < kNoLimit;
   chunk.view.prove_at_once = true;
   chunk.view.enclosed = nullptr;
   const Split split(chunk);
@@ -163,7 +163,7 @@ TEST(SlackKernels, DenseRowsHaveTheBitsOfTheCpu) {
   }
   c.q.precision = Precision::kF32;
   EXPECT_GT(expect_rows_of_the_cpu<true>(cpu, c.q, "float32, near").beyond, 500u);
-  c.q.max_distance = kInf;
+  c.q.max_distance = kNoLimit;
   EXPECT_GT(expect_rows_of_the_cpu<true>(cpu, c.q, "float32").slack, 500u);
 }
 
@@ -175,13 +175,13 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
   c.positions[c.joints.size() * 7] = 3;  // beyond its limits
   c.q.fields = kAllFields | kFieldGradientJoints;
   const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
-  for (const double distance : {kInf, 0.1}) {
+  for (const double distance : {kNoLimit, 0.1}) {
     c.q.max_distance = distance;
     HostChunk chunk(cpu, c.q);
     const JointGradient gradient(cpu.scene(), chunk.bodies.plan);
     const cuda::DeviceMovers movers(gradient, chunk.bodies.plan);
     chunk.view.movers = {movers.setup().movers.data(), movers.setup().of_body.data()};
-    chunk.view.pair_limits.cull = distance < kInf;
+    chunk.view.pair_limits.cull = distance < kNoLimit;
     chunk.view.prove_at_once = true;
     const Split split(chunk);
     chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });

@@ -13,7 +13,6 @@
 namespace clearance::test {
 namespace {
 
-constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kNowhere = 7;  // a body without a pose
 
 struct Listed {
