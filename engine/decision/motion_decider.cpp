@@ -26,18 +26,6 @@ bool are_placed(const LinkMotion& motion) {
                       [&](std::uint32_t link) { return facts[link] & (kLinkUnplaced | kLinkBad); });
 }
 
-// Puts a hit before the others.
-template <class Hit>
-void put_first(Hit hit, std::vector<Hit>& hits) {
-  constexpr std::size_t kMostHits = 8;
-  const auto known = std::find(hits.begin(), hits.end(), hit);
-  if (known != hits.end())
-    std::rotate(hits.begin(), known, known + 1);
-  else
-    hits.insert(hits.begin(), hit);
-  if (hits.size() > kMostHits) hits.pop_back();
-}
-
 }  // namespace
 
 MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
@@ -243,23 +231,6 @@ void MotionDecider::place(std::span<const Span> spans) {
   are_links_placed_ = false;
 }
 
-// Places the links in all middles. Separate, since tables need no links.
-void MotionDecider::place_links() {
-  for (std::size_t m = 0; m < plan_.motions.size() && !are_links_placed_; ++m) lanes_[m].place(positions_[m]);
-  are_links_placed_ = true;
-}
-
-// Takes the links' poses in middle k.
-void MotionDecider::take_poses(std::size_t k) {
-  place_links();
-  std::size_t at = 0;
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
-    Pose* const links = links_.data() + links_begin_[m];
-    for (std::uint32_t i = 0; i < lanes_[m].frames().size(); ++i) links[i] = lanes_[m].pose(i, k);
-    for (const std::uint32_t i : plan_.motions[m].links()) poses_[at++] = links[i];
-  }
-}
-
 // Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
 SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
   if (!curves_.empty())
@@ -271,61 +242,6 @@ SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> item
   return kernel_.run_span({&covers_.view(), poses_.data(), bodies_.data(), &pair_span, this,
                            items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
                            is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
-}
-
-// Whether a table or ball that hit in an earlier motion hits in the middle of one of the first spans.
-bool MotionDecider::hits_again() {
-  const std::size_t count = spans_.size();
-  for (const std::uint32_t table : tables_)
-    for (std::size_t k = 0; k < count; ++k)
-      if (is_in_table(table, k)) {
-        put_first(table, tables_);
-        ++guessed_;
-        return true;
-      }
-  if (hits_.empty()) return false;
-  place_links();
-  const GuessedHit found = kernel_.guess_hit({&covers_.view(), body_frames_.data(), count, hits_});
-  if (!found.hit) return false;
-  put_first(*found.hit, hits_);
-  ++guessed_;
-  return true;
-}
-
-// Whether covers find a hit in the middle of one of the first spans, whatever its movement. hits_again() finds no
-// others, so that the order of motions changes no verdict.
-bool MotionDecider::is_hit_at_first() {
-  begin_spans();
-  state_open_.resize(open_.size());
-  for (std::size_t k = 0; k < spans_.size(); ++k) {
-    take_poses(k);
-    const std::uint8_t usable = 1;
-    Decision decision;
-    kernel_.run({&covers_.view(), poses_.data(), poses_.size(), 1, &usable, true,
-                 rows_.data() + k * plan_.joints.size(), plan_.joints.size()},
-                {&decision, state_open_.data(), static_cast<std::uint32_t>(state_open_.size())});
-    if (decision.verdict == Verdict::kHit) return true;
-  }
-  return false;
-}
-
-// Whether the pair of a joint table is within its margin in middle k.
-bool MotionDecider::is_in_table(std::uint32_t table, std::size_t k) const {
-  const TabledPair& pair = covers_.view().tabled[table];
-  const double* const row = rows_.data() + k * plan_.joints.size();
-  const auto position = [&](int c) { return pair.at[c] == kNone ? pair.fixed[c] : row[pair.at[c]]; };
-  const double at[2] = {position(0), position(1)};
-  return pair.table.at(at).high < pair.hit_below;
-}
-
-// Remembers the ball that hit in middle k, or the table if it is none.
-void MotionDecider::remember(const BallHit& hit, std::size_t k) {
-  if (hit.obstacle == kNone) {
-    for (std::uint32_t t = 0; t < covers_.view().tabled_count; ++t)
-      if (is_in_table(t, k)) return put_first(t, tables_);
-  } else if (covers_.view().bodies[hit.body].is_direct) {
-    put_first(hit, hits_);
-  }
 }
 
 // Velocities of the bodies in the middle of a span, in the common frame.

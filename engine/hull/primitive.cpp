@@ -9,7 +9,6 @@
 
 #include "engine/base/digest.h"
 #include "engine/base/fp_environment.h"
-#include "engine/hull/round_support.h"
 #include "engine/pose/pose.h"
 
 namespace clearance {

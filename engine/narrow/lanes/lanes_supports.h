@@ -7,7 +7,7 @@
 
 #include "engine/base/pack.h"
 #include "engine/hull/direction_table.h"
-#include "engine/hull/round_support.h"
+#include "engine/hull/primitive.h"
 #include "engine/narrow/lanes.h"
 
 namespace clearance::CLEARANCE_ISA {

@@ -1,6 +1,6 @@
 #define CLEARANCE_ISA lanes_kinematics_avx2
 #include "engine/robot/lane_kinematics.h"
-#include "engine/robot/lanes_kinematics.h"
+#include "engine/robot/lanes/lanes_kinematics.h"
 
 namespace clearance {
 
