@@ -39,6 +39,35 @@ void narrow_tolerances_keep_every_bit_of_bodies(const CoverEngines& engines) {
   }
 }
 
+// A cloud has points that are equally near. Which of them gives the bits must not depend on the pairs before.
+void least_distances_of_clouds_are_those_of_their_pairs(const CoverEngines& engines) {
+  constexpr std::uint64_t kCount = 15000;  // the order matters in a few of them
+  const engine::Scene& scene = engines.without.scene();
+  std::vector<BodyPair> pairs = pairs_with(scene, "voxels");
+  const std::vector<BodyPair> others = pairs_with(scene, "scan");
+  pairs.insert(pairs.end(), others.begin(), others.end());
+  ArmStates s = least_distances(scene, kCount);
+  s.query.all_pairs = false;
+  s.query.pairs = pairs;
+  const Answer least = bounds_of(engines.without, s.query, {0, 1e-6});
+  expect_same_rows(least, 0, bounds_of(engines.with, s.query, {0, 1e-6}), kCount);
+  s.query.reduce = Reduce::kNone;
+  const Answer all = bounds_of(engines.without, s.query, {0, 1e-6});
+  std::uint64_t apart = 0;
+  for (std::uint64_t k = 0; k < kCount; ++k) {
+    if (!has(least, k, Status::kOk)) continue;
+    ++apart;
+    const auto p = std::find(pairs.begin(), pairs.end(), least.view.pair[k]) - pairs.begin();
+    const std::uint64_t row = k * pairs.size() + static_cast<std::uint64_t>(p);
+    ASSERT_EQ(all.view.pair[row], least.view.pair[k]) << k;
+    EXPECT_EQ(least.view.upper[k], all.view.upper[row]) << k;
+    if (least.view.pair_lower[k] == least.view.pair[k]) {
+      EXPECT_EQ(least.view.lower[k], all.view.lower[row]) << k;
+    }
+  }
+  EXPECT_GT(apart, kCount / 4);
+}
+
 void wide_tolerances_contain_each_distance(const CoverEngines& engines) {
   for (const Reduce reduce : {Reduce::kNone, Reduce::kNearest}) {
     const ArmStates s = distances_of(engines.with.scene(), reduce, 200);
@@ -258,6 +287,7 @@ TEST(RowsByCovers, IntervalsAreTrueAndKeepTheirBits) {
   const CoverEngines engines;
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
   narrow_tolerances_keep_every_bit_of_bodies(engines);
+  least_distances_of_clouds_are_those_of_their_pairs(engines);
   wide_tolerances_contain_each_distance(engines);
   wide_tolerances_contain_each_distance_of_single_parts(engines);
   wide_tolerances_find_the_pairs_within_a_distance(engines);
