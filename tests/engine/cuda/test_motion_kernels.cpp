@@ -295,7 +295,7 @@ TEST_P(CheckedMotionKernels, SayNothingThatIsUntrue) {
   EXPECT_GT(found.least_on_device, 20);
 }
 
-INSTANTIATE_TEST_SUITE_P(Kinds, CheckedMotionKernels, ::testing::Range(0, kMotionKinds),
+INSTANTIATE_TEST_SUITE_P(Kinds, CheckedMotionKernels, ::testing::Range(0, kStraightKinds),
                          [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 
 // A device whose workspace runs the emulated kernels on the engine's chunks.

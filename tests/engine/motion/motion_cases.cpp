@@ -77,7 +77,7 @@ Pose pose_of(const Vec3d& t, const Vec3d& x, const Vec3d& y) {
 
 const char* name_of(MotionKind kind) {
   constexpr const char* kNames[] = {"random", "plate", "graze", "swing", "contact", "still", "unsure", "far", "curve"};
-  static_assert(std::size(kNames) == kMotionKinds + 1);
+  static_assert(std::size(kNames) == kMotionKinds);
   return kNames[static_cast<int>(kind)];
 }
 

@@ -17,7 +17,7 @@ enum class MotionKind : std::uint8_t {
   kFar,      ///< up to 1e5 m from the origin, with grazes
   kCurve,    ///< joints along curves of degree 2 to 7: plates and grazes
 };
-inline constexpr int kMotionKinds = 8;  ///< that make certify checks: the straight ones
+inline constexpr int kStraightKinds = 8, kMotionKinds = 9;
 const char* name_of(MotionKind kind);
 
 /// A scene, its exact description for the oracle, and motions in it.

@@ -299,8 +299,8 @@ template <class CheckCase>
 void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
   const Folder folder;
   for (std::uint64_t i = 0;; ++i) {
-    const int kind = only < 0 ? static_cast<int>(i % kMotionKinds) : only;
-    Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kMotionKinds) + static_cast<std::uint64_t>(kind));
+    const int kind = only < 0 ? static_cast<int>(i % kStraightKinds) : only;
+    Random random(seed * 1'000'003 + i * static_cast<std::uint64_t>(kStraightKinds) + static_cast<std::uint64_t>(kind));
     const MotionCase c(random, static_cast<MotionKind>(kind), 4, folder.path);
     if (!check(c, random, i)) return;
   }
