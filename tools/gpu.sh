@@ -9,7 +9,7 @@ what=${1:?gpu.sh $tasks}
 
 tests=(test_cuda_backend test_cuda_slack test_cuda_elements test_cuda_decisions test_cuda_reductions
   test_cuda_motions test_cuda_loss test_device test_cuda_classes test_device_plan test_shared_memory
-  test_daemon_plans test_cuda_containment test_segment_pinner test_robots
+  test_daemon_plans test_engine_on_device test_cuda_containment test_segment_pinner test_robots
   "test_engine --gtest_filter=*cuda*" "test_narrow_baselines --gtest_filter=*uda*:-Worlds*")
 # Tests of moderate size, since each of the sanitizer's tools slows them down a hundredfold.
 sanitized=("test_cuda_backend --gtest_filter=*OwnShape:*Explicit*:*Poses*:*LeavesToFloat64*"
