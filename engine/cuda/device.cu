@@ -195,12 +195,14 @@ struct NewestDevices {
 
 std::shared_ptr<Device> open(const engine::Scene& scene, int number, std::uint64_t memory_limit) {
   if (!installed().present) throw DeviceError(DeviceError::kLost, installed().reason);
-  if (number == kCurrentDevice) check(cudaGetDevice(&number), "getting the device");
+  // Devices that answer together must number the hulls alike, so those requested by number begin afresh.
+  const bool may_share = number == kCurrentDevice;
+  if (may_share) check(cudaGetDevice(&number), "getting the device");
   const OnDevice here(number);
   static auto& newest = *new NewestDevices;  // never destroyed: queries may outlast main()
   const std::lock_guard lock(newest.mutex);
   std::weak_ptr<CudaDevice>& last = newest.by_number[number];
-  const std::shared_ptr<CudaDevice> before = last.lock();  // alive until its hulls are copied
+  const std::shared_ptr<CudaDevice> before = may_share ? last.lock() : nullptr;  // alive until its hulls are copied
   auto opened = std::make_shared<CudaDevice>(scene, memory_limit, before.get());
   last = opened;
   return opened;

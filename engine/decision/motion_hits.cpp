@@ -57,8 +57,8 @@ bool MotionDecider::hits_again() {
   return true;
 }
 
-// Whether covers find a hit in the middle of one of the first spans, whatever its movement. hits_again() finds no
-// others, so that the order of motions changes no verdict.
+// Whether covers find a hit in the middle of one of the first spans, whatever its movement. hits_again() rarely finds
+// others: the order of motions changes no verdict, unless the exact search then ends at max_evaluations.
 bool MotionDecider::is_hit_at_first() {
   begin_spans();
   state_open_.resize(open_.size());

@@ -25,7 +25,7 @@ inline constexpr std::uint32_t kNarrowDivided = 1u << 15;  // DirectionTable::kD
 /// The hulls of a scene that a device holds, from which a changed scene begins. Keeps their parts, whose addresses are
 /// the keys.
 struct HeldHulls {
-  std::unordered_map<ConvexPartPtr, std::uint32_t> index;  ///< kNone: the CPU answers the part's pairs
+  std::unordered_map<ConvexPartPtr, std::uint32_t> index;  ///< of parts on the device
   std::vector<HullHead> heads;
   std::size_t vertices = 0, words = 0;  ///< in the device's arrays
 
@@ -77,7 +77,11 @@ class HullArrays {
   }
 
   /// The hulls that the device holds with these arrays.
-  HeldHulls held() const { return {index_, heads, held_vertices_ + x.size(), held_words_ + words.size()}; }
+  HeldHulls held() const {
+    HeldHulls all{index_, heads, held_vertices_ + x.size(), held_words_ + words.size()};
+    std::erase_if(all.index, [](const auto& part) { return part.second == kNone; });
+    return all;
+  }
 
   /// The arrays in host memory, of a scene without held hulls.
   HullsView view() const {

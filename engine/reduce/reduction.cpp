@@ -15,6 +15,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 // Pairs of the first step, if an overlap ends the search; each step has twice as many as the one before.
 constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter for each of many configurations
 
+// Tolerances below which the bits of a row depend on its state alone (docs/bounds_bodies.md, "Nearer pairs").
+constexpr double kNarrowAbsTol = 1e-4, kNarrowRelTol = 1e-3;
+
 // Work that takes one thread a tenth of a millisecond or more.
 constexpr std::uint64_t kManyProbes = 512, kManyPairs = 65536, kManyAnswers = 1024;
 
@@ -154,8 +157,9 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-  // Elements are searched in an order of their own, so that it does not matter whether a far pair is evaluated.
-  const double far = scene_.has_surfaces() ? w.cut_off : loser_beyond(w.cut_off, options_.limits);
+  // A far pair of meshes evaluated to a wide tolerance may lower the interval, which then depends on the order of pairs.
+  const bool is_narrow = options_.limits.abs_tol < kNarrowAbsTol && options_.limits.rel_tol < kNarrowRelTol;
+  const double far = scene_.has_surfaces() && !is_narrow ? w.cut_off : loser_beyond(w.cut_off, options_.limits);
   if (!candidate_gaps_.empty()) leave_out_far(w);
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);

@@ -4,6 +4,8 @@
 #include <cassert>
 #include <cmath>
 
+#include "engine/robot/kinematics_step.h"
+
 namespace clearance {
 
 namespace {
@@ -79,8 +81,9 @@ void JointCurve::divide(double begin, double end, double* points) const {
   keep_before(before, degree_, 0.5);
   keep_after(after, degree_, 0.5);
   const double middle = at(0.5 * begin + 0.5 * end);
-  const bool is_finite = rounding_ < HUGE_VAL;  // otherwise the joint has no positions
-  for (std::uint32_t i = 0; i < 2 * (degree_ + 1); ++i) points[i] = is_finite ? points[i] - middle : 0;
+  // Otherwise the joint has no positions, and must not affect the progress of others.
+  const bool is_usable = -kMaxPosition <= least_ && greatest_ <= kMaxPosition;
+  for (std::uint32_t i = 0; i < 2 * (degree_ + 1); ++i) points[i] = is_usable ? points[i] - middle : 0;
 }
 
 bool JointCurve::stays_within(double lower, double upper) const {

@@ -106,7 +106,7 @@ TEST(LcmCheck, JointUpdate) {
   test_sizes(positions({"arm/joint1", "", "a longer name"}), {32, 36, 51});
 }
 TEST(LcmCheck, Query) {
-  const std::size_t parameters = 8 + 3 * 8 + 4 * 8 + 5 * 8 + 3 * 4 + 4;
+  const std::size_t parameters = 8 + 3 * 8 + 4 * 8 + 4 * 8 + 3 * 4 + 4;
   const std::size_t bodies = parameters + 4 + 16, configurations = bodies + 4 + 12;
   const std::size_t joints = configurations + 4 + 4 * 3 * 56, rows = joints + 4 + 2 * (4 + 11);
   test_sizes(query(0, 0, 0), {parameters, parameters + 4, parameters + 8, parameters + 12, parameters + 16});

@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 from math import comb
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,6 +13,7 @@ from clearance import Status, Trajectory
 from robots import rows_of
 from scenes import same_bits
 
+CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
 PAIRS = [("arm", "cup"), ("arm/palm", "table"), ("arm/fore", "table")]
 
 
@@ -227,3 +229,30 @@ def test_bodies_move_straight(arm_engine):
         arm_engine.motions(Trajectory(random_curves(arm, 1, 3)), bodies=["cup"])
     with pytest.raises(ValueError, match="end: expected"):
         arm_engine.motions(rows_of(arm, 2, 1), joints=arm)
+
+
+def test_names_that_two_joints_share_are_rejected():
+    points = np.zeros((1, 3, 2))
+    with pytest.raises(ValueError, match="joint_names: expected each once"):
+        Trajectory(points, joint_names=("b", "b"))
+    with pytest.raises(ValueError, match="path: left/b, right/b share names"):
+        Trajectory(points, joint_names=("b", "a")).columns(["left/b", "right/b"], "path")
+
+
+def test_a_huge_joint_frees_no_other():
+    """A control point beyond all positions makes its own joint unusable, and leaves other joints' motions as they are."""
+    engine = clearance.Engine(clearance.Scene.load(CELL), threads=1)
+    joints = engine.joints("arm")
+    home = np.array([state.position for state in engine.joint_states() if state.name in joints.names])
+    curve = np.repeat(home[None], 3, axis=0)
+    curve[1:, 0] += 2.0, 0.75  # drives the arm into the shelf
+    pairs = [("shelf", "arm/upper_arm"), ("shelf", "arm/forearm")]
+    usual = engine.motions(curve[None], joints=joints, pairs=pairs)
+    assert usual.upper[0] <= 0
+    for far in (2e6, 1e155, 1e200):
+        huge = curve.copy()
+        huge[0, -1] = far  # the last joint of the arm, behind both links
+        path = engine.check_path(Trajectory(huge[None]), joints=joints, pairs=pairs)
+        assert not path.free, far
+        r = engine.motions(huge[None], joints=joints, pairs=pairs)
+        assert not r.lower[0] > usual.upper[0], far

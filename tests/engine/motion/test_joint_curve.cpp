@@ -186,5 +186,21 @@ TEST(JointCurve, Limits) {
   EXPECT_TRUE(std::isinf(curve_of({NAN, 0, 0}).least()));
 }
 
+// Such a joint has no positions; the others have the bounds that they have without it.
+TEST(JointCurve, AJointBeyondAllPositionsDoesNotAffectOthers) {
+  const std::vector<double> usual{0, 3, 0.5};
+  for (const double far : {2e6, 1e155, 1e200, HUGE_VAL, std::nan("")}) {
+    Joints alone, both;
+    alone.add(usual);
+    both.add({far, 0, 0});
+    both.add(usual);
+    alone.span.take(alone.curves, 0.25, 0.75);
+    both.span.take(both.curves, 0.25, 0.75);
+    const JointSpan &expected = alone.span.joints()[0], &got = both.span.joints()[1];
+    EXPECT_GE(got.change, 0.9 * expected.change) << far;
+    EXPECT_GE(std::abs(got.slope) + got.bend, 0.9 * (std::abs(expected.slope) + expected.bend)) << far;
+  }
+}
+
 }  // namespace
 }  // namespace clearance

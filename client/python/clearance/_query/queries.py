@@ -140,8 +140,8 @@ class Queries:
         start, end: (K, J) radians and metres of `joints` for K motions, which are straight lines. A continuous joint
             does not wrap: from 3.1 to -3.1, it turns by 6.2 radians. Without `joints`, (K, M, 7) or (K, M, 4, 4) poses
             of `bodies`, which move linearly and turn at a constant speed in the shorter direction (flag HALF_TURN if
-            both are nearly equal). With joints and bodies, a pair (positions, poses) each. Without `end`, `start` is a
-            Trajectory, or (K, D + 1, J) Bezier control points of joints, with D from 1 to 7.
+            both are nearly equal). With joints and bodies, a pair (positions, poses) each. Without `end`, the default,
+            `start` is a Trajectory, or (K, D + 1, J) Bezier control points of joints, with D from 1 to 7.
         joints, bodies, pairs, timeout_s: as in distances().
         reduce: "min" for a row per motion, the minimum of all pairs; "none" for a row per motion and pair; "any" for a
             row per motion, BEYOND if every pair is proved farther than its margin throughout, otherwise another pair.

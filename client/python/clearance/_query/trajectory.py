@@ -46,6 +46,8 @@ class Trajectory:
         self.joint_names = None if joint_names is None else tuple(joint_names)
         if self.joint_names is not None and len(self.joint_names) != joints:
             raise ValueError(f"joint_names: expected {joints}, got {len(self.joint_names)}")
+        if self.joint_names is not None and len(set(self.joint_names)) != joints:
+            raise ValueError(f"joint_names: expected each once, got {', '.join(self.joint_names)}")
         self.rounding = np.broadcast_to(np.asarray(rounding, dtype=np.float64), (joints,))
 
     @classmethod
@@ -242,6 +244,8 @@ class Trajectory:
             if name not in short:
                 raise ValueError(f"{what}: no joint is named {given!r}; it has {', '.join(self.joint_names)}")
         order = [short[name] for name in known]
+        if len(set(order)) != len(order):
+            raise ValueError(f"{what}: {', '.join(names)} share names in the trajectory: {', '.join(self.joint_names)}")
         return self.points if order == list(range(len(order))) else np.ascontiguousarray(self.points[:, :, order])
 
 
