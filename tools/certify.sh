@@ -21,6 +21,6 @@ mkdir -p out
 build/bin/clearance-certificates --cases 30000 --meshes 3000 --python 1000 --motions 400 --python-motions 40 --threads "$threads" --out out/certificates
 "$python" tools/check_certificate.py out/certificates/*.json
 $certify --pairs 1000000 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
-$certify --motions 900000 --csv docs/results/motion_accuracy.csv
+$certify --motions 270000 --csv docs/results/motion_accuracy.csv
 $certify --meshes --pairs 1000000 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 $certify --states 1000000 --edges 100000 --robots "${robots[@]}" --csv docs/results/decision_accuracy.csv
