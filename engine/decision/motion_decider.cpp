@@ -255,7 +255,7 @@ void MotionDecider::take_twists(double half) {
   const DecisionView& view = covers_.view();
   for (std::uint32_t b = 0; b < view.body_count; ++b) {
     const DecidedBody& body = view.bodies[b];
-    if (!body.packets && !body.is_direct) continue;  // neither it nor what it carries is decided
+    if (!body.packets && !body.is_direct) continue;  // it is not decided, nor are its children
     if (body.carrier != kNone) {                     // fixed to its carrier
       const Pose& X = poses_[view.bodies[body.carrier].pose];
       const Vec3d offset = turned_by(X, body.constant.translation);
