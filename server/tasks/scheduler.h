@@ -49,7 +49,6 @@ class ScheduledQuery {
  protected:
   ScheduledQuery(std::uint64_t client, ServiceClass service, Clock::time_point due)
       : client_(client), service_(service), due_(due) {}
-  void set_service_class(ServiceClass service) { service_ = service; }
 
  private:
   std::uint64_t client_;

@@ -23,6 +23,12 @@ void copy_from_device(void* to, const std::byte* from, std::size_t bytes) {
   check(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost), "cudaMemcpy");
 }
 
+int device_count() {
+  int devices = 0;
+  check(cudaGetDeviceCount(&devices), "cudaGetDeviceCount");
+  return devices;
+}
+
 DeviceMemory::DeviceMemory(std::size_t bytes) : bytes_(bytes) {
   void* p = nullptr;
   check(cudaMalloc(&p, bytes > 0 ? bytes : 1), "cudaMalloc");
@@ -45,8 +51,7 @@ std::vector<std::byte> DeviceMemory::get() const {
 }
 
 MappedMemory::MappedMemory(std::span<const std::byte, 64> handle, std::span<const std::byte, 16> uuid) {
-  int devices = 0;
-  check(cudaGetDeviceCount(&devices), "cudaGetDeviceCount");
+  const int devices = device_count();
   bool found = false;
   for (int i = 0; i < devices && !found; ++i) {
     cudaDeviceProp properties{};

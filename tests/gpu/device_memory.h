@@ -11,6 +11,9 @@
 
 namespace clearance::test {
 
+/// The number of GPUs that this process sees.
+int device_count();
+
 /// Bytes on the device. Errors end the program: this is for tests and benchmarks only.
 class DeviceMemory {
  public:

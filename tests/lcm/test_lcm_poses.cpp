@@ -135,9 +135,9 @@ TEST_F(LcmTransportTest, ABadPoseAmongGoodOnesIsBadAndTheOthersHold) {
 TEST_F(LcmTransportTest, AMessageWithoutAPublisherIsRejected) {
   start();
   set_poses(1, 2.0);
-  pose_update_t nobody = update(2, 3.0);
-  nobody.publisher_id = 0;
-  publish(nobody);
+  pose_update_t anonymous = update(2, 3.0);
+  anonymous.publisher_id = 0;
+  publish(anonymous);
   ASSERT_TRUE(until_counter("lcm.bad_messages", 1));
   EXPECT_EQ(position(2), position_of(1, 2.0));
 }
