@@ -17,8 +17,10 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kMostUnresolvedSteps = 24;
-inline constexpr double kRoughMotion = 0.02;  // relative tolerance of a pair's first evaluation
-inline constexpr double kFineMotion = 1e-6;   // relative tolerance for deciding on which side of its margin a pair is
+inline constexpr std::uint32_t kEvaluateThreads = 256;  // of a block that evaluates pairs
+inline constexpr int kEvaluateBlocks = 2;               // on a multiprocessor, which share its registers
+inline constexpr double kRoughMotion = 0.02;            // relative tolerance of a pair's first evaluation
+inline constexpr double kFineMotion = 1e-6;  // relative tolerance for deciding on which side of its margin a pair is
 
 // One thread per motion: resets it, and checks the positions at its ends.
 __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_constant__ MotionsView m) {
@@ -172,44 +174,53 @@ __device__ __forceinline__ PairOutcome evaluate_at_middle(const MotionsView& m, 
   }
 }
 
-// Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
+// Applies the outcome at the middle of a span to its motion, and finds the halves in which the pair goes on.
 template <bool kLeast>
-__global__ void __launch_bounds__(kMotionThreads) evaluate_span_pairs(const __grid_constant__ MotionsView m) {
+__device__ __forceinline__ void apply_outcome(const MotionsView& m, const SpanPair& item, const MovingPair& pair,
+                                              double target, PairOutcome outcome, const PairAnswer& answer,
+                                              bool (&goes_on)[2]) {
+  const MotionSpan& span = pair.span;
+  if (outcome == PairOutcome::kUnresolved && kLeast && span.half() == 0) {
+    // spans with a length evaluate the pair again
+  } else if (outcome == PairOutcome::kUnresolved && m.seeks_contact) {
+    m.unresolved[span.motion] = 1;
+    pair.go_on_around(goes_on);
+  } else if (outcome == PairOutcome::kUnresolved) {
+    m.open[span.motion] = 1;
+  } else if (kLeast) {
+    update_least(m, pair, target, answer, goes_on);
+  } else if (answer.upper <= target) {
+    add_hit(m, item, pair, answer);
+    if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
+  } else {
+    pair.divide(answer, target, {target, target}, goes_on);
+  }
+}
+
+// Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
+// The barriers keep the warps of a block in one phase: its code does not fit the instruction cache as a whole.
+template <bool kLeast>
+__global__ void __launch_bounds__(kEvaluateThreads, kEvaluateBlocks)
+    evaluate_span_pairs(const __grid_constant__ MotionsView m) {
   const std::uint32_t count = listed(count_of(m, kEvaluateCount, m.level), m.pair_capacity);
-  for (std::uint32_t first = blockIdx.x * kMotionThreads; first < count; first += gridDim.x * kMotionThreads) {
+  for (std::uint32_t first = blockIdx.x * kEvaluateThreads; first < count; first += gridDim.x * kEvaluateThreads) {
     const bool exists = first + threadIdx.x < count;
-    SpanPair item{0, 0};
-    std::uint32_t motion = 0;
-    bool converged = false, goes_on[2] = {false, false};
-    if (exists) {
-      item = m.to_evaluate[first + threadIdx.x];
-      const MotionSpan span = m.spans[item.span];
-      motion = span.motion;
-      if (!is_hit_before(m, motion, item.pair)) {
-        const MovingPair pair(m, item, span);
-        const double margin = margin_of(m, item.pair),
-                     target = kLeast ? target_of(m, span, item.pair, pair.inner()) : margin;
-        PairAnswer answer = beyond_answer(0);
-        const PairOutcome outcome = evaluate_at_middle<kLeast>(m, item, pair, margin, target, answer);
-        converged = outcome == PairOutcome::kConverged;
-        if (outcome == PairOutcome::kUnresolved && kLeast && span.half() == 0) {
-          // spans with a length evaluate the pair again
-        } else if (outcome == PairOutcome::kUnresolved && m.seeks_contact) {
-          m.unresolved[motion] = 1;
-          pair.go_on_around(goes_on);
-        } else if (outcome == PairOutcome::kUnresolved) {
-          m.open[motion] = 1;
-        } else if (kLeast) {
-          update_least(m, pair, target, answer, goes_on);
-        } else if (answer.upper <= target) {
-          add_hit(m, item, pair, answer);
-          if (m.seeks_contact && pair.way > 0) pair.go_on_before(goes_on);
-        } else {
-          pair.divide(answer, target, {target, target}, goes_on);
-        }
-      }
-    }
-    add_count(m.counts + kConvergedCount, converged);
+    const SpanPair item =
+        m.to_evaluate[exists ? first + threadIdx.x : first];  // threads without a pair repeat the first
+    const MovingPair pair(m, item, m.spans[item.span]);
+    const std::uint32_t motion = pair.span.motion;
+    const bool wanted = exists && !is_hit_before(m, motion, item.pair);
+    const double margin = margin_of(m, item.pair),
+                 target = kLeast ? target_of(m, pair.span, item.pair, pair.inner()) : margin;
+    PairAnswer answer = beyond_answer(0);
+    PairOutcome outcome = PairOutcome::kWithoutParts;
+    bool goes_on[2] = {false, false};
+    __syncthreads();
+    if (wanted) outcome = evaluate_at_middle<kLeast>(m, item, pair, margin, target, answer);
+    __syncthreads();
+    if (wanted) apply_outcome<kLeast>(m, item, pair, target, outcome, answer, goes_on);
+    __syncthreads();
+    add_count(m.counts + kConvergedCount, wanted && outcome == PairOutcome::kConverged);
     for (std::uint32_t h = 0; h < 2; ++h) {
       const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
       if (!goes_on[h]) continue;

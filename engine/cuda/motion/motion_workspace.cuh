@@ -227,9 +227,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
         find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       if (m.finds_least) {
-        evaluate_span_pairs<true><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<true><<<kListBlocks, kEvaluateThreads, 0, stream>>>(m);
       } else {
-        evaluate_span_pairs<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<false><<<kListBlocks, kEvaluateThreads, 0, stream>>>(m);
         keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
       }
       if (at_ends)
