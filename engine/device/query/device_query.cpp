@@ -13,7 +13,7 @@ namespace clearance::cuda {
 namespace {
 
 constexpr std::size_t kParallelBodies = 4096;  // minimum number worth several threads
-constexpr std::size_t kMostPinned = 1u << 26;  // bytes; larger inputs are copied to pinned memory chunk by chunk
+constexpr std::size_t kMostPinned = 1u << 28;  // bytes; larger inputs are copied to pinned memory chunk by chunk
 
 }  // namespace
 
