@@ -34,6 +34,14 @@ inline unsigned blocks_of(std::uint64_t count, std::uint32_t threads) {
   return static_cast<unsigned>((count + threads - 1) / threads);
 }
 
+/// Number of blocks for a list whose length only the device knows: `on_each` for each multiprocessor of the current one.
+inline unsigned blocks_for_device(unsigned on_each) {
+  int device = 0, multiprocessors = 0;
+  check(cudaGetDevice(&device), "getting the device");
+  check(cudaDeviceGetAttribute(&multiprocessors, cudaDevAttrMultiProcessorCount, device), "counting multiprocessors");
+  return on_each * static_cast<unsigned>(multiprocessors);
+}
+
 /// Makes a device the calling thread's current one during its lifetime. Kernels, events and memory then use it.
 class OnDevice {
  public:

@@ -10,7 +10,7 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 1056;
+inline constexpr std::uint32_t kElementThreads = 64, kElementBlocks = 8;  // on a multiprocessor
 inline constexpr std::uint32_t kElementsAtOnce = 2;  // items that a warp claims from the list at a time
 inline constexpr int kElementSeedSteps = 4;          // GJK steps for a bound that excludes other pairs
 

@@ -75,7 +75,8 @@ void start_element_seeds(const ReducedView& r, cudaStream_t stream) {
 }
 
 void start_elements(const ReducedView& r, cudaStream_t stream) {
-  const unsigned blocks = std::min(blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32), kElementBlocks);
+  const unsigned blocks =
+      std::min(blocks_of(r.capacity, kElementsAtOnce * kElementThreads / 32), blocks_for_device(kElementBlocks));
   const auto evaluate = [&]<class Kind>(Kind) {
     const auto kernel = r.reduce == Reduce::kAny ? evaluate_elements<true, Kind> : evaluate_elements<false, Kind>;
     kernel<<<blocks, kElementThreads, 0, stream>>>(r);

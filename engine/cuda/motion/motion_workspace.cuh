@@ -93,7 +93,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
   }
 
  private:
-  static constexpr std::uint32_t kListBlocks = 2112;  // for lists of unknown length: all blocks that an H100 holds
+  static constexpr std::uint32_t kListBlocks = 16;  // on a multiprocessor, for lists of unknown length
   static constexpr std::uint32_t kMostPairBlocks = 1u << 16;
 
   bool seeks_contact() const { return (fields_ & kFieldFirstContact) != 0; }
@@ -206,6 +206,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
 
   static void start(MotionsView& m, cudaStream_t stream) {
     const auto blocks = [](std::uint64_t threads) { return blocks_of(threads, kMotionThreads); };
+    const unsigned list_blocks = blocks_for_device(kListBlocks);
     const std::uint64_t S = m.span_capacity, moved = m.chunk.bodies.moved_count;
     begin_motions<<<blocks(std::max(m.motions, kMotionCounts)), kMotionThreads, 0, stream>>>(m);
     for (m.level = 0; m.level < m.levels; ++m.level) {
@@ -224,13 +225,13 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       if (is_first)
         find_near_in_spans<true><<<pair_blocks, kMotionThreads, 0, stream>>>(m);
       else
-        find_near_in_spans<false><<<kListBlocks, kMotionThreads, 0, stream>>>(m);
-      look_along_boxes<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        find_near_in_spans<false><<<list_blocks, kMotionThreads, 0, stream>>>(m);
+      look_along_boxes<<<list_blocks, kMotionThreads, 0, stream>>>(m);
       if (m.finds_least) {
-        evaluate_span_pairs<true><<<kListBlocks, kEvaluateThreads, 0, stream>>>(m);
+        evaluate_span_pairs<true><<<list_blocks, kEvaluateThreads, 0, stream>>>(m);
       } else {
-        evaluate_span_pairs<false><<<kListBlocks, kEvaluateThreads, 0, stream>>>(m);
-        keep_hits<<<kListBlocks, kMotionThreads, 0, stream>>>(m);
+        evaluate_span_pairs<false><<<list_blocks, kEvaluateThreads, 0, stream>>>(m);
+        keep_hits<<<list_blocks, kMotionThreads, 0, stream>>>(m);
       }
       if (at_ends)
         begin_whole_motions<<<blocks(m.motions), kMotionThreads, 0, stream>>>(m);

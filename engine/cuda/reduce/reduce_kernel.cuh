@@ -17,10 +17,9 @@
 namespace clearance::cuda {
 
 inline constexpr std::uint32_t kScanThreads = 256;  // rows per block when comparing boxes
-inline constexpr std::uint32_t kSeedBlocks = 528;
-inline constexpr std::uint32_t kSolveBlocks = 528,
-                               kItemBlocks = 132;  // the number of items is unknown at launch
-inline constexpr std::int32_t kSeedSteps = 2;      // GJK steps for a bound that excludes other pairs
+// Blocks on a multiprocessor, for lists whose length is unknown at launch.
+inline constexpr std::uint32_t kSeedBlocks = 4, kSolveBlocks = 4, kItemBlocks = 1;
+inline constexpr std::int32_t kSeedSteps = 2;  // GJK steps for a bound that excludes other pairs
 
 __device__ inline void clear_counts(const ReducedView& r) {
   if (blockIdx.x == 0 && threadIdx.x < kCounts) r.chunk.counts[threadIdx.x] = 0;

@@ -96,13 +96,13 @@ inline void take_item_memory(ReducedView& r, std::byte* memory, std::uint32_t ca
   r.several = r.rest_rows + words;  // unused if no body has several convex parts
 }
 
-inline unsigned item_blocks(const ReducedView& r, std::uint32_t most = kItemBlocks) {
-  return std::min(blocks_of(r.capacity, kItemThreads), most);
+inline unsigned item_blocks(const ReducedView& r, std::uint32_t on_multiprocessor = kItemBlocks) {
+  return std::min(blocks_of(r.capacity, kItemThreads), blocks_for_device(on_multiprocessor));
 }
 
 /// Computes the seeds of groups and their cutoffs.
 inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
-  find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), kSeedBlocks), kScanThreads, 0, stream>>>(r);
+  find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), blocks_for_device(kSeedBlocks)), kScanThreads, 0, stream>>>(r);
   solve_seeds<<<blocks_of(groups_of(r), kItemThreads), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_element_seeds(r, stream);
   check(cudaGetLastError(), "starting a kernel");

@@ -87,8 +87,8 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
   }
   template <bool kAny>
   static void answer_open(const ReducedView& r, cudaStream_t stream) {
-    constexpr std::uint32_t kBlocks = 132, kWarps = 128;  // few but slow pairs
-    answer_open_items<kAny><<<item_blocks(r, kBlocks), kItemThreads, 0, stream>>>(r, kWarps);
+    constexpr std::uint32_t kWarps = 128;  // few but slow pairs
+    answer_open_items<kAny><<<item_blocks(r), kItemThreads, 0, stream>>>(r, kWarps);
     check(cudaGetLastError(), "starting a kernel");
   }
 
