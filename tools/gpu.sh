@@ -137,8 +137,10 @@ case $what in
       file=$(results_file gpu_motions) && "$bin/clearance-gpu-motions" "$scenes"/* --csv "$file" && echo "$file"
     fi
     if "$python" -c "import clearance" 2>/dev/null; then
+      edges=()
+      [ ! -d "$scenes/bookshelf_tall_1" ] || edges=(--edges "$scenes/bookshelf_tall_1")
       file=$(results_file gpu_python) && start_csv "$file" way,python_us,engine_us,kernel_us &&
-        "$python" bench/gpu/bench_engine.py cuda --csv "$file" && echo "$file"
+        "$python" bench/gpu/bench_engine.py cuda --csv "$file" "${edges[@]}" && echo "$file"
       # MuJoCo Warp on the same pairs, if that interpreter has it (pip install mujoco-warp).
       if "$python" -c "import mujoco_warp" 2>/dev/null; then
         file=$(results_file gpu_mujoco_warp) && start_csv "$file" what,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m &&
