@@ -6,7 +6,7 @@
 #include <span>
 #include <vector>
 
-#include "engine/motion/body_motion.h"
+#include "engine/selection/body_motion.h"
 #include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
 #include "engine/robot/link_twists.h"

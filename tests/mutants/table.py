@@ -339,9 +339,9 @@ MUTANTS = [
             "mover.reach = (@across(axis, next_) + beyond_@)",
             "0.99 * (across(axis, next_) + beyond_)",
         ),
-        ("motion_turn", "motion/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
-        ("motion_shift", "motion/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
-        ("motion_longer_way", "motion/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
+        ("motion_turn", "selection/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
+        ("motion_shift", "selection/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
+        ("motion_longer_way", "selection/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
         (
             "motion_bend_of_body",
             "motion/motion_bounds.cpp",
