@@ -36,6 +36,7 @@ class JointCurve {
   /// Range of the control points, and so of the curve; infinite if one is NaN.
   double least() const { return least_; }
   double greatest() const { return greatest_; }
+  double farthest() const { return least_ < -greatest_ ? -least_ : greatest_; }  ///< bound on its distance from 0
   /// Length of the control polygon, and so a bound on that of the curve. Rounded.
   double length() const;
   /// Control points of the span's parts before and after its middle, each in order, relative to at() of the middle.
