@@ -29,7 +29,7 @@ bool are_placed(const LinkMotion& motion) {
 }  // namespace
 
 MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
-    : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]) {
+    : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]), given_(plan) {
   const std::size_t columns = covers.view().columns;
   for (const LinkMotion& motion : plan.motions) {
     is_placed_ &= are_placed(motion);
@@ -46,6 +46,8 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   rates_.resize(columns);
   twists_.resize(columns);
   origins_.resize(columns);
+  in_frame_.resize(columns);
+  growths_.resize(columns);
   bodies_.resize(columns);
   reach_.resize(plan.joints.size());
   is_left_.resize(covers.view().moved_pair_count);
@@ -72,7 +74,8 @@ bool MotionDecider::begin(std::uint64_t motion) {
   if (!std::all_of(all.begin(), all.end(), is_small)) return false;
   for (std::size_t p = 0; p < points; ++p)
     if (!covers_.holds_for(all.subspan(p * joints, joints))) return false;
-  total_ = 0;
+  if (plan_.given_bodies > 0 && !given_.begin(covers_, motion)) return false;
+  total_ = given_.length();
   if (points > 2) {
     begin_curves();
     return true;
@@ -84,6 +87,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
       changes_.change[m][moving.column] = std::abs(by) * kMotionSlack;
       total_ += std::abs(by);
     }
+  given_.take_span({}, changes_.given);
   has_rates_ = false;
   return true;
 }
@@ -102,6 +106,8 @@ void MotionDecider::begin_curves() {
     curves_.emplace_back(&start_[j], plan_.query.control_points, start_.size());
     total_ += curves_.back().length();
   }
+  given_.append_to(curves_);
+  for (const JointCurve& curve : std::span(curves_).subspan(start_.size())) total_ += curve.length();
 }
 
 // Takes the rates of a span, which are those of a straight motion apart from the bend.
@@ -115,6 +121,7 @@ void MotionDecider::take_curves(double middle, double half) {
       changes_.bend[m][moving.column] = span.bend;
       reach_[moving.at] = span.change * half;
     }
+  given_.take_span(curve_span_.joints(), changes_.given);
   take_rates();
 }
 
@@ -238,14 +245,32 @@ SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> item
   else if (!has_rates_)
     take_rates();
   take_poses(k);
-  take_twists(half);
+  take_twists(middles_[k], half);
   return kernel_.run_span({&covers_.view(), poses_.data(), bodies_.data(), &pair_span, this,
                            items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
                            is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
-// Velocities of the bodies in the middle of a span, in the common frame.
-void MotionDecider::take_twists(double half) {
+// Velocity and place of a body in the middle of a span, in the common frame.
+void MotionDecider::take_twist(std::uint32_t b) {
+  const DecidedBody& body = covers_.view().bodies[b];
+  if (body.carrier != kNone) {  // fixed to its carrier
+    const Vec3d offset = turned_by(in_frame_[body.carrier], body.constant.translation);
+    const Twist& carrier = twists_[body.carrier];
+    twists_[b] = {carrier.turn, carrier.shift + cross(carrier.turn, offset)};
+    origins_[b] = origins_[body.carrier] + offset;
+  } else if (body.pose != kNone) {
+    const Pose& X = poses_[body.pose];
+    const CoverPlan::LinkOf& of = covers_.link_of(b);
+    const Twist own = of.robot == kNone ? given_.twist(body.pose, X) : link_twists_[links_begin_[of.robot] + of.link];
+    twists_[b] = body.is_direct ? own : Twist{turned_by(body.constant, own.turn), turned_by(body.constant, own.shift)};
+    in_frame_[b] = body.is_direct ? X : compose(body.constant, X);
+    origins_[b] = in_frame_[b].translation;
+  }
+}
+
+// Velocities of the bodies in the middle of a span.
+void MotionDecider::take_twists(double middle, double half) {
   half_ = half;
   for (std::size_t m = 0; m < robots_.size(); ++m) {
     const std::size_t links = plan_.motions[m].robot().kinematics.links();
@@ -255,23 +280,14 @@ void MotionDecider::take_twists(double half) {
   const DecisionView& view = covers_.view();
   for (std::uint32_t b = 0; b < view.body_count; ++b) {
     const DecidedBody& body = view.bodies[b];
-    if (!body.packets && !body.is_direct) continue;  // it is not decided, nor are its children
-    if (body.carrier != kNone) {                     // fixed to its carrier
-      const Pose& X = poses_[view.bodies[body.carrier].pose];
-      const Vec3d offset = turned_by(X, body.constant.translation);
-      twists_[b] = {twists_[body.carrier].turn,
-                    twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
-      origins_[b] = origins_[body.carrier] + offset;
-    } else if (body.pose != kNone) {
-      const CoverPlan::LinkOf& of = covers_.link_of(b);
-      twists_[b] = link_twists_[links_begin_[of.robot] + of.link];
-      origins_[b] = poses_[body.pose].translation;
-    }
+    if (!body.packets && (body.pose == kNone || body.carrier != kNone)) continue;  // it is not decided, nor carries any
+    take_twist(b);
     if (!body.packets) continue;
     const SpanRates::Rates& rates = rates_[b];
-    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half;
-    bodies_[b] = {within_half(twists_[b], half), static_cast<float>(rates.motion.speed * half * kUp),
-                  static_cast<float>(bend * kUp)};
+    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half,
+                 growth = growths_[b] = given_.growth(body.pose, middle, half);
+    bodies_[b] = {within_half(twists_[b], half), static_cast<float>((rates.motion.speed * half + growth) * kUp),
+                  static_cast<float>((bend + growth) * kUp)};
   }
 }
 
@@ -292,10 +308,11 @@ PairSpan MotionDecider::pair_span(std::uint32_t index) {
     const Twist &own = twists_[body], &seer = twists_[rates.seer];
     return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, origins_[body] - origins_[rates.seer]))};
   };
-  const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2;
+  const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2,
+               growth = growths_[pair.a] + growths_[pair.b];
   return {within_half(seen(pair.a), half_), within_half(seen(pair.b), half_),
-          static_cast<float>(rates.speed * half_ * kUp),
-          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_) * kUp)};
+          static_cast<float>((rates.speed * half_ + growth) * kUp),
+          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_ + growth) * kUp)};
 }
 
 }  // namespace clearance
