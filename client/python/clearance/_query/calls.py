@@ -13,6 +13,7 @@ from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
 from .._poses import as_pose7
 from .._words import FIELD_MASKS, Field, Reduce, Status
 from .check import Check
+from .meanwhile import meanwhile_of, meanwhile_of_each
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result
@@ -103,6 +104,8 @@ class Motions(Call):
 
     def read(self, start: Any = None, end: Any = None) -> Request:
         query = self.query
+        if query.meanwhile is not None:
+            return self._read_meanwhile(start, end)
         if end is None and _is_curved(query, start):
             points = _curves(query, start, "start")
             return query.run(True, len(points), points.shape[1]), None, points.reshape(-1, points.shape[2])
@@ -116,6 +119,22 @@ class Motions(Call):
         return query.run(True, _count(poses, positions) // 2), poses, positions
 
 
+    def _read_meanwhile(self, start: Any, end: Any) -> Request:
+        """Bodies move over the time of each motion, from 0 to 1; control poses may be those of each motion."""
+        query = self.query
+        assert query.meanwhile is not None
+        if end is None and _is_curved(query, start):
+            curves = _curves(query, start, "start")
+        else:
+            first = _positions(start, query.joint_count, "start")
+            ends = _interleave(first, _positions(end, query.joint_count, "end"))
+            assert ends is not None
+            curves = ends.reshape(-1, 2, query.joint_count)
+        poses, growths = meanwhile_of_each(query.meanwhile, len(curves), curves.shape[1])
+        run = query.run_growing(len(curves), curves.shape[1], growths)
+        return run, poses.reshape(-1, *poses.shape[2:]), curves.reshape(-1, curves.shape[2])
+
+
 class Paths(Call):
     inputs = ("path",)
     fixed: ClassVar = {"reduce": "any", "fields": "verdict"}
@@ -123,8 +142,8 @@ class Paths(Call):
     details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
     def steps(self, path: Any = None) -> Steps:
-        points, count, each = self._points(path)
-        positions, is_curved = points[1], isinstance(path, Trajectory)
+        points, count, each, growths = self._points(path)
+        positions, is_curved = points[1], points[1] is not None and points[1].ndim == 3
         if count < 1:
             raise ValueError(f"path: expected two waypoints or more, got {count + 1}")
         violations: tuple[LimitViolation, ...] = ()
@@ -135,7 +154,7 @@ class Paths(Call):
         while first < count:
             last = min(first + room, count)
             poses, rows = (_ends(p, first, last, is_curved) for p in points)
-            run = self.query.run(True, last - first, each)
+            run = self.query.run_growing(last - first, each, _ends(growths, first, last, True))
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
                 violations = self._violations(positions)
@@ -144,7 +163,7 @@ class Paths(Call):
                 continue
             first += int(np.argmax(Result(answer, _ANY, run).verdict != _BEYOND))
             poses, rows = (_ends(p, first, first + 1, is_curved) for p in points)
-            run = self.query.run_of(True, self.details, each)
+            run = self.query.run_growing(1, each, _ends(growths, first, first + 1, True), self.details)
             answer = yield run, poses, rows
             result = Result(answer, _ANY, run)
             if result.status[0] != _BEYOND:
@@ -152,13 +171,24 @@ class Paths(Call):
             first += 1
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
 
-    def _points(self, path: Any) -> tuple[tuple[Optional[np.ndarray], Optional[np.ndarray]], int, int]:
-        """Returns waypoints or control points, the number of motions, and of the control points of each."""
-        if isinstance(path, Trajectory):
-            curves = _curves(self.query, path, "path")
-            return (None, curves), len(curves), curves.shape[1]
-        points = arrays_of(self.query, path, "path")
-        return points, _count(*points) - 1, 2
+    def _points(
+        self, path: Any
+    ) -> tuple[tuple[Optional[np.ndarray], Optional[np.ndarray]], int, int, Optional[np.ndarray]]:
+        """Returns waypoints or control points, the number of motions, of the control points of each, and growths."""
+        query, is_curved = self.query, isinstance(path, Trajectory)
+        if is_curved:
+            curves = _curves(query, path, "path")
+        elif query.meanwhile is None:
+            points = arrays_of(query, path, "path")
+            return points, _count(*points) - 1, 2, None
+        else:
+            rows = _positions(path, query.joint_count, "path")
+            curves = np.stack((rows[:-1], rows[1:]), axis=1)
+        poses = growths = None
+        if query.meanwhile is not None and len(curves):
+            knots = path.times if is_curved else np.arange(len(curves) + 1.0)
+            poses, growths = meanwhile_of(query.meanwhile, knots, curves.shape[1])
+        return (poses, curves), len(curves), curves.shape[1], growths
 
     def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
         joints = self.query.joints
@@ -249,15 +279,15 @@ def _is_curved(query: Query, start: Any) -> bool:
     """Whether the motions have control points instead of two ends."""
     if isinstance(start, Trajectory):
         return True
-    if start is None or query.joints is None or query.bodies is not None:
+    if start is None or query.joints is None or (query.bodies is not None and query.meanwhile is None):
         return False
     return to_floats(start, "start", "(K, J) numbers").ndim == 3
 
 
 def _curves(query: Query, value: Any, what: str) -> np.ndarray:
     """Returns (K, D + 1, J) control points of motions of joints."""
-    if query.joints is None or query.bodies is not None:
-        raise ValueError(f"{what}: expected poses, since bodies move: only joints move along a Trajectory")
+    if query.joints is None or (query.bodies is not None and query.meanwhile is None):
+        raise ValueError(f"{what}: expected poses, since bodies move: along a Trajectory use meanwhile")
     trajectory = value if isinstance(value, Trajectory) else Trajectory(value)
     return trajectory.columns(query.joints.names, what)
 
@@ -279,7 +309,7 @@ def _ends(waypoints: Optional[np.ndarray], first: int, last: int, are_curves: bo
     are_curves: of curves instead, their control points.
     """
     if are_curves:
-        return None if waypoints is None else waypoints[first:last].reshape(-1, waypoints.shape[2])
+        return None if waypoints is None else waypoints[first:last].reshape(-1, *waypoints.shape[2:])
     if waypoints is None or len(waypoints) == 2:
         return waypoints
     return np.repeat(waypoints[first : last + 1], 2, axis=0)[1:-1]
