@@ -124,10 +124,8 @@ class Query:
         run = self._runs[moves, mask, points] = self.made(moves, mask, points)
         return run
 
-    def run_growing(
-        self, count: int, points: int, growths: Optional[np.ndarray], mask: Optional[int] = None
-    ) -> Run:
-        """Returns the query for motions, in which bodies grow if there are (K, points, M) or (K * points, M) growths."""
+    def run_growing(self, count: int, points: int, growths: Optional[np.ndarray], mask: Optional[int] = None) -> Run:
+        """Returns the query for motions, in which bodies grow if there are growths: (..., M) metres."""
         run = self.run(True, count, points) if mask is None else self.run_of(True, mask, points)
         return run if growths is None else self.growing(run.mask, points, growths.reshape(-1, growths.shape[-1]))
 
