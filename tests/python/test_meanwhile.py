@@ -1,8 +1,9 @@
 """Bodies that move, or grow, while joints move along a path."""
 
-import clearance
 import numpy as np
 import pytest
+
+import clearance
 
 
 @pytest.fixture(scope="module")
