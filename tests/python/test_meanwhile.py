@@ -16,7 +16,7 @@ def rail(tmp_path_factory):
         "<axis xyz='1 0 0'/><limit lower='0' upper='4'/></joint></robot>"
     )
     scene = clearance.Scene()
-    scene.add_robot("r", path, home=[0.0])
+    scene.add_robot("r", path, home={"x": 0.0})
     scene.add_sphere("crate", 0.1, pose=[0, 9, 0, 1, 0, 0, 0])
     scene.add_sphere("person", 0.1, pose=[0, 9, 9, 1, 0, 0, 0])
     return clearance.Engine(scene)
@@ -76,8 +76,8 @@ def test_a_second_robot_moves_in_the_same_query(tmp_path, rail):
         "<axis xyz='1 0 0'/><limit lower='-4' upper='4'/></joint></robot>"
     )
     scene = clearance.Scene()
-    scene.add_robot("a", path, home=[0.0])
-    scene.add_robot("b", path, home=[0.0], base=[1, 1, 0, 0.5**0.5, 0, 0, -(0.5**0.5)])  # moves along -y
+    scene.add_robot("a", path, home={"x": 0.0})
+    scene.add_robot("b", path, home={"x": 0.0}, base=[1, 1, 0, 0.5**0.5, 0, 0, -(0.5**0.5)])  # moves along -y
     engine = clearance.Engine(scene)
     assert engine.wait_covers(60)
     both = ["a/x", "b/x"]
