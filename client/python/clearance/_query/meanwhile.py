@@ -89,9 +89,10 @@ class BodyPath:
     def _at(self, times: np.ndarray, t: float) -> np.ndarray:
         """Returns the pose at a time, as a body moves between two poses."""
         i = int(np.clip(np.searchsorted(times, t, side="right") - 1, 0, len(times) - 1))
-        start, end = self.poses[i], self.poses[min(i + 1, len(times) - 1)]
-        if t <= times[i] or end is start:
+        start = self.poses[i]
+        if t <= times[i] or i + 1 == len(times):
             return start
+        end = self.poses[i + 1]
         share = (t - times[i]) / (times[i + 1] - times[i])
         pose = start + share * (end - start)
         pose[3:] = _between(start[3:], end[3:], share)
