@@ -359,7 +359,7 @@ DECISION_MUTANTS = [
         (
             "span_ball",
             "decision/cover_plan.cpp",
-            "MotionPath(robot, link.link, @ball@)",
+            "robot().kinematics, link.link, @ball@)",
             "LinkBall{}",
         ),
         (
@@ -371,7 +371,7 @@ DECISION_MUTANTS = [
         (
             "span_way",
             "decision/motion_decider.cpp",
-            "@rates.motion.speed * half@ * kUp",
+            "@rates.motion.speed * half@ + growth",
             "0.95 * rates.motion.speed * half",
         ),
         ("span_bend", "decision/motion_decider.cpp", "bend = rates.motion.acceleration * @(0.5 * half * half)@", "0.0"),
@@ -387,12 +387,17 @@ DECISION_MUTANTS = [
             "rates.acceleration * @(0.5 * half_ * half_)@ + error",
             "0.0",
         ),
-        ("span_way_of_pair", "decision/motion_decider.cpp", "@rates.speed * half_@ * kUp", "0.8 * rates.speed * half_"),
+        (
+            "span_way_of_pair",
+            "decision/motion_decider.cpp",
+            "@rates.speed * half_@ + growth",
+            "0.8 * rates.speed * half_",
+        ),
         ("span_seen", "decision/motion_decider.cpp", "{own.turn - @seer.turn@, own.shift", "Vec3d{0, 0, 0}"),
         (
             "span_offset",
             "decision/motion_decider.cpp",
-            "twists_[body.carrier].shift + @cross(twists_[body.carrier].turn, offset)@",
+            "carrier.shift + @cross(carrier.turn, offset)@",
             "Vec3d{0, 0, 0}",
         ),
         (
