@@ -403,7 +403,7 @@ DECISION_MUTANTS = [
         (
             "span_carrier",
             "decision/motion_decider.cpp",
-            "{@twists_[body.carrier].turn@, twists_[body.carrier].shift",
+            "{@carrier.turn@, carrier.shift",
             "Vec3d{0, 0, 0}",
         ),
         ("span_sides", "decision/motion_decider.cpp", "for (const double side : {@-0.5@, 0.5})", "0.5"),
