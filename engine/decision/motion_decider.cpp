@@ -100,31 +100,6 @@ void MotionDecider::take_rates() {
   has_rates_ = true;
 }
 
-void MotionDecider::begin_curves() {
-  curves_.clear();
-  for (std::size_t j = 0; j < start_.size(); ++j) {
-    curves_.emplace_back(&start_[j], plan_.query.control_points, start_.size());
-    total_ += curves_.back().length();
-  }
-  given_.append_to(curves_);
-  for (const JointCurve& curve : std::span(curves_).subspan(start_.size())) total_ += curve.length();
-}
-
-// Takes the rates of a span, which are those of a straight motion apart from the bend.
-void MotionDecider::take_curves(double middle, double half) {
-  curve_span_.take(curves_, middle - half, middle + half);
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
-    for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
-      const JointSpan& span = curve_span_.joints()[moving.at];
-      along_[m][moving.column] = span.slope;
-      changes_.change[m][moving.column] = span.change;
-      changes_.bend[m][moving.column] = span.bend;
-      reach_[moving.at] = span.change * half;
-    }
-  given_.take_span(curve_span_.joints(), changes_.given);
-  take_rates();
-}
-
 Verdict MotionDecider::decide(std::uint64_t motion) {
   left_.clear();
   if (!begin(motion)) return Verdict::kUnresolved;
@@ -142,6 +117,7 @@ double MotionDecider::begin_spans() {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
+  if (!curves_.empty()) cut_curves();
   place(spans_);
   return half;
 }
@@ -161,7 +137,7 @@ Verdict MotionDecider::decide_spans(double half) {
       is_first = false;
       for (std::size_t k = 0; k < together; ++k) {
         const Span& span = spans_[first + k];
-        const SpanDecision decision = decide(k, std::span(items_).subspan(span.begin, span.end - span.begin), half);
+        const SpanDecision decision = decide(k, span, half);
         if (decision.verdict == Verdict::kHit) {
           remember(decision.hit, k);
           return Verdict::kHit;
@@ -200,6 +176,7 @@ void MotionDecider::divide(const Span& span, std::size_t open, double half, bool
   }
   if (next_items_.size() == begin) return;
   for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+  if (!curves_.empty()) keep_halves();
 }
 
 // Lists each open pair once, with the time from its first open span to its last.
@@ -239,9 +216,10 @@ void MotionDecider::place(std::span<const Span> spans) {
 }
 
 // Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
-SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
+SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half) {
+  const std::span<const SpanItem> items = std::span(items_).subspan(span.begin, span.end - span.begin);
   if (!curves_.empty())
-    take_curves(middles_[k], half);
+    take_curves(span, half);
   else if (!has_rates_)
     take_rates();
   take_poses(k);

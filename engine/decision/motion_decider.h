@@ -44,12 +44,15 @@ class MotionDecider {
   struct Span {
     double middle;
     std::size_t begin, end;  // in items_; empty for all
+    std::size_t curve = 0;   // its control points in curve_points_
   };
 
   bool begin(std::uint64_t motion);
   void begin_curves();
   void take_rates();
-  void take_curves(double middle, double half);
+  void take_curves(const Span& span, double half);
+  void cut_curves();
+  void keep_halves();
   double begin_spans();
   Verdict decide_spans(double half);
   bool hits_again();
@@ -59,7 +62,7 @@ class MotionDecider {
   void place(std::span<const Span> spans);
   void place_links();
   void take_poses(std::size_t k);
-  SpanDecision decide(std::size_t k, std::span<const SpanItem> items, double half);
+  SpanDecision decide(std::size_t k, const Span& span, double half);
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
   void take_twists(double middle, double half);
@@ -75,6 +78,7 @@ class MotionDecider {
   GivenMotions given_;
   std::vector<JointCurve> curves_;                               // of joints and given_; none for straight motions
   CurveSpan curve_span_;                                         // the span under way
+  std::vector<double> curve_points_, scratch_;                   // of spans: (degree + 1, curves_) each
   std::vector<std::vector<double>> along_;                       // by robot and column
   SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes

@@ -335,7 +335,7 @@ DECISION_MUTANTS = [
     *mutants_of(
         "decided_motions -DecisionBounds.*",
         ("span_bend_of_curve", "decision/span_rates.cpp", "@of(changes.bend).speed@) * kUp", "0.0"),
-        ("span_reach_of_curve", "decision/motion_decider.cpp", "reach_[moving.at] = @span.change * half@", "0.0"),
+        ("span_reach_of_curve", "decision/motion_curves.cpp", "reach_[moving.at] = @joint.change * half@", "0.0"),
         ("span_table_reach", "decision/kernel/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),
         ("span_table_side", "decision/kernel/table_lookup.h", "low[c] = at[c] - @by@", "0.0"),
         (
