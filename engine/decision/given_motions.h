@@ -22,7 +22,7 @@ class GivenMotions {
   /// Takes a motion's poses and growths. Returns false if the bounds do not hold for them.
   /// \param covers of the plan
   bool begin(const CoverPlan& covers, std::uint64_t motion);
-  /// Sum of the bodies' ways, metres and radians, with growths.
+  /// Sum of the bodies' ways in a straight motion, metres and radians, with growths.
   double length() const;
   /// Appends three coordinates of each body, and their growths, to the curves of a motion's joints. Call before the
   /// functions below, for motions along curves alone.

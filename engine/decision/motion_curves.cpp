@@ -35,6 +35,7 @@ void MotionDecider::cut_curves() {
 
 // Keeps the control points of the halves of the span that was decided last, for the spans that were added last.
 void MotionDecider::keep_halves() {
+  static_assert(kLeastSpan >= 2.0 / (1 << CurveSpan::kMostHalvings));
   const std::span<const double> halves = curve_span_.halves();
   next_[next_.size() - 2].curve = curve_points_.size();
   next_.back().curve = curve_points_.size() + halves.size() / 2;

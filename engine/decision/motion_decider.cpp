@@ -75,7 +75,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
   for (std::size_t p = 0; p < points; ++p)
     if (!covers_.holds_for(all.subspan(p * joints, joints))) return false;
   if (plan_.given_bodies > 0 && !given_.begin(covers_, motion)) return false;
-  total_ = given_.length();
+  total_ = points > 2 ? 0 : given_.length();
   if (points > 2) {
     begin_curves();
     return true;

@@ -93,10 +93,7 @@ class BodyPath:
         if t <= times[i] or i + 1 == len(times):
             return start
         end = self.poses[i + 1]
-        share = (t - times[i]) / (times[i + 1] - times[i])
-        pose = start + share * (end - start)
-        pose[3:] = _between(start[3:], end[3:], share)
-        return pose
+        return pose_between(np.stack((start, end)), (t - times[i]) / (times[i + 1] - times[i]))
 
 
 #: Poses or a BodyPath by body.
@@ -137,6 +134,14 @@ def meanwhile_of_each(
     poses = np.concatenate([row[0] for row in each] * repeats)
     growths = [row[1] for row in each if row[1] is not None]
     return poses, np.concatenate(growths * repeats) if growths else None
+
+
+def pose_between(controls: np.ndarray, t: float) -> np.ndarray:
+    """Returns the pose at a time, 0 to 1, of a body with (D + 1, 7) control poses, rounded."""
+    points = controls[:, :3]
+    while len(points) > 1:
+        points = points[:-1] + t * (points[1:] - points[:-1])
+    return np.concatenate((points[0], _between(controls[0, 3:], controls[-1, 3:], t)))
 
 
 def _between(a: np.ndarray, b: np.ndarray, share: float) -> np.ndarray:
