@@ -132,3 +132,32 @@ def test_more_of_them(rail):
     turns[0, 3, 3:] = [0, 0, 0, 1]
     with pytest.raises(clearance.QueryError, match="turns in motion 0"):
         rail.check_path(curve, "r", meanwhile={"crate": turns})
+
+
+def test_clients_answer_as_an_engine(arm_front, arm_engine):
+    start = [[0.0] * len(arm_engine.joints("arm"))]
+    end = [[0.4] * len(start[0])]
+    curve = clearance.Trajectory.quintic([0, 2], [start[0], end[0]])
+    for cup in ([pose(0.4, 1), pose(0.4, -1)], clearance.BodyPath([pose(0.4, 1), pose(0.4, 0)], growth=0.1)):
+        options = {"joints": "arm", "pairs": [("arm", "cup")], "meanwhile": {"cup": cup}}
+        for path in ((start, end), (curve,)):
+            here, there = (front.motions(*path, **options) for front in (arm_engine, arm_front))
+            assert here.lower == there.lower and here.upper == there.upper and here.time == there.time
+            assert here.status[0] in (clearance.Status.OK, clearance.Status.OVERLAP)
+        with pytest.raises((ValueError, clearance.QueryError, clearance.RequestError), match="growths|joints|cup"):
+            arm_front.motions(start, end, joints="arm", meanwhile={"cup": clearance.BodyPath(pose(0, 0), growth=2000)})
+
+
+def test_explain_path_follows_the_bodies(rail):
+    path = [[0.0], [2.0]]
+    crossing, late = [pose(1, 1), pose(1, -1)], [pose(1, 1.5), pose(1, -0.5)]
+    hit = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": crossing})
+    assert not hit and hit.contact.pair_names == ("r/cart", "crate") and hit.nearest.upper < -0.15
+    t = hit.proved_until[1]
+    assert np.hypot(2 * t - 1, 1 - 2 * t) - 0.2 == pytest.approx(0, abs=1e-2)
+    free = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": late})
+    t = np.linspace(0, 1, 2001)
+    d = np.hypot(2 * t - 1, 1.5 - 2 * t).min() - 0.2
+    assert free and free.least[0] <= d <= free.least[1] + 1e-6
+    with pytest.raises(ValueError, match="takes no bodies that grow"):
+        rail.explain_path(path, "r", meanwhile={"crate": clearance.BodyPath(crossing, growth=0.1)})
