@@ -144,7 +144,7 @@ def test_clients_answer_as_an_engine(arm_front, arm_engine):
             here, there = (front.motions(*path, **options) for front in (arm_engine, arm_front))
             assert here.lower == there.lower and here.upper == there.upper and here.time == there.time
             assert here.status[0] in (clearance.Status.OK, clearance.Status.OVERLAP)
-        with pytest.raises((ValueError, clearance.QueryError, clearance.RequestError), match="growths|joints|cup"):
+        with pytest.raises((ValueError, clearance.QueryError, clearance.RequestError), match=r"growths|joints|cup"):
             arm_front.motions(start, end, joints="arm", meanwhile={"cup": clearance.BodyPath(pose(0, 0), growth=2000)})
 
 

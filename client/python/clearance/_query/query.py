@@ -59,11 +59,11 @@ class Query:
         meanwhile = given.pop("meanwhile", None)
         self.meanwhile: Optional[dict[Any, BodyPath]] = None
         if meanwhile is not None:
-            if joints is None:
-                raise ValueError("meanwhile: expected joints, which move along the path")
-            if bodies is not None:
-                raise ValueError("bodies: expected none, since meanwhile names those that move")
             self.meanwhile = to_body_paths(meanwhile)
+            if joints is None:
+                raise ValueError("meanwhile: expected joints that move along the path, got none")
+            if bodies is not None:
+                raise ValueError("bodies: expected none, since meanwhile names those that move, got some")
             bodies = list(self.meanwhile)
         self.pairs = None if pairs is None else _own(names.pairs_array(pairs))
         self.selects = self.pairs is not None and has_selectors(self.pairs)
