@@ -9,6 +9,12 @@ void MotionDecider::begin_curves() {
     curves_.emplace_back(&start_[j], plan_.query.control_points, start_.size());
     total_ += curves_.back().length();
   }
+  in_middle_.assign(1, 1);
+  for (std::uint32_t p = 1; p < plan_.query.control_points; ++p) {  // rows of Pascal's triangle, halved
+    in_middle_.push_back(0);
+    for (std::uint32_t i = p; i > 0; --i) in_middle_[i] = 0.5 * (in_middle_[i] + in_middle_[i - 1]);
+    in_middle_[0] *= 0.5;
+  }
   given_.append_to(curves_);
   for (const JointCurve& curve : std::span(curves_).subspan(start_.size())) total_ += curve.length();
 }
@@ -40,6 +46,14 @@ void MotionDecider::keep_halves() {
   next_[next_.size() - 2].curve = curve_points_.size();
   next_.back().curve = curve_points_.size() + halves.size() / 2;
   curve_points_.insert(curve_points_.end(), halves.begin(), halves.end());
+}
+
+// Positions of the joints in the middle of a span.
+void MotionDecider::take_middle(const Span& span, double* row) const {
+  for (std::size_t j = 0; j < start_.size(); ++j) row[j] = 0;
+  for (std::size_t i = 0; i < in_middle_.size(); ++i)
+    for (std::size_t j = 0; j < start_.size(); ++j)
+      row[j] += in_middle_[i] * curve_points_[span.curve + i * curves_.size() + j];
 }
 
 // Takes the rates of a span, which are those of a straight motion apart from the bend.

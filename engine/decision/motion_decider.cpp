@@ -204,9 +204,12 @@ void MotionDecider::place(std::span<const Span> spans) {
   middles_.clear();
   for (std::size_t k = 0; k < spans.size(); ++k) {
     middles_.push_back(spans[k].middle);
+    if (!curves_.empty()) {
+      take_middle(spans[k], &rows_[k * joints]);
+      continue;
+    }
     for (std::size_t j = 0; j < joints; ++j)
-      rows_[k * joints + j] =
-          curves_.empty() ? start_[j] + spans[k].middle * (end_[j] - start_[j]) : curves_[j].at(spans[k].middle);
+      rows_[k * joints + j] = start_[j] + spans[k].middle * (end_[j] - start_[j]);
   }
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving())

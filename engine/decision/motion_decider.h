@@ -53,6 +53,7 @@ class MotionDecider {
   void take_curves(const Span& span, double half);
   void cut_curves();
   void keep_halves();
+  void take_middle(const Span& span, double* row) const;
   double begin_spans();
   Verdict decide_spans(double half);
   bool hits_again();
@@ -79,6 +80,7 @@ class MotionDecider {
   std::vector<JointCurve> curves_;                               // of joints and given_; none for straight motions
   CurveSpan curve_span_;                                         // the span under way
   std::vector<double> curve_points_, scratch_;                   // of spans: (degree + 1, curves_) each
+  std::vector<double> in_middle_;                                // (degree + 1,) shares of control points in a middle
   std::vector<std::vector<double>> along_;                       // by robot and column
   SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes
