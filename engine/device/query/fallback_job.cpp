@@ -97,7 +97,6 @@ std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
   if (plan.query.max_evaluations == 0) return "";
   if (plan.query.control_points > 2) return "more than two control_points";
-  if (!plan.growths.empty()) return "growths";
   if (plan.query.reduce != Reduce::kAny && plan.query.reduce != Reduce::kMin)
     return "max_evaluations with reduce: none";
   if (plan.query.reduce == Reduce::kMin && (plan.query.fields & kFieldPairLower))
