@@ -13,7 +13,7 @@
 namespace clearance::test {
 namespace {
 
-/// A ball that stays, a ball around its origin and one beside it, which moves when its body turns.
+/// A ball that stays, a ball around its origin and one off it, which moves when its body turns.
 struct Balls {
   static constexpr double kRadius = 0.1, kBeside = 0.25;
 
@@ -98,7 +98,7 @@ void make_motion(Random& random, Balls& balls) {
 struct Counts {
   int near = 0, beyond = 0, free = 0, hit = 0;
 };
-/// Motions with margins beside their least distance.
+/// Motions with margins near their least distance.
 /// \param is_free answers one
 Counts check(std::uint64_t seed, int count, double far, const std::function<bool(const Balls&, QueryView)>& is_free) {
   Random random(seed);
