@@ -84,6 +84,7 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
     Query query = owned.query;
     query.positions = inputs.positions;
     query.configurations = inputs.configurations;
+    query.growths = inputs.growths;
     return query;
   }
   JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : client->fetch_joints(); }

@@ -119,6 +119,7 @@ enum class QueryRecord : std::uint16_t {
   kJoints = 8,       ///< (J,) uint32, ids of joints
   kPositions = 9,    ///< (K, J) float64, radians and metres, K the configuration_count; not in kPairs, kOpenPlan
   kWeights = 11,     ///< (J,) float64, radians and metres, for the column free_scale
+  kGrowths = 13,     ///< (K, M) float64, metres, of motions; not in kPairs, kOpenPlan
   kRows = 16,        ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
 };
 /// Records of a kAttach.

@@ -33,9 +33,10 @@ Contradiction contradiction_in(const Q& q) {
     if (q.signed_distance) return {"signed_distance: motions have no depths", true};
     if (has(kFieldGradient | kFieldGradientJoints)) return {"fields: motions have no gradient", true};
   }
-  if (q.control_points != 2) {
-    if (!is_motion) return {"control_points: only for motions (max_evaluations)"};
-    if (!q.bodies.empty()) return {"control_points: motions with poses of bodies have 2 control points", true};
+  if (q.control_points != 2 && !is_motion) return {"control_points: only for motions (max_evaluations)"};
+  if (!q.growths.empty()) {
+    if (!is_motion) return {"growths: only for motions (max_evaluations)"};
+    if (q.bodies.empty()) return {"growths: expected bodies, which grow"};
   }
   if (!has(kFieldFreeScale) && !q.weights.empty()) return {"weights: only for the column free_scale"};
   if (has(kFieldFreeScale)) {

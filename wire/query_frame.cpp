@@ -66,6 +66,9 @@ bool take_array(const RecordView& record, QueryParts& parts) {
     case QueryRecord::kWeights:
       parts.weights = read_array<double>(record, "weights");
       return true;
+    case QueryRecord::kGrowths:
+      parts.growths = read_array<double>(record, "growths");
+      return true;
     case QueryRecord::kRows:
       parts.rows = read_array<std::uint64_t>(record, "rows");
       parts.has_rows = true;
@@ -74,18 +77,24 @@ bool take_array(const RecordView& record, QueryParts& parts) {
   return false;
 }
 
-/// Checks the moved bodies and joints, and the number of positions.
+/// Checks the moved bodies and joints, and the numbers of positions and growths.
 void check_joints(const QueryParts& parts, bool with_configurations) {
   const std::uint64_t count = parts.header.configuration_count, joints = parts.joints.size();
   if (count && !parts.header.body_count && !joints)
     bad_query("query: " + str(count) + " configurations of no bodies and no joints");
   if (!with_configurations && parts.positions.size()) bad_query("query: positions are not for kPairs and kOpenPlan");
+  if (!with_configurations && parts.growths.size()) bad_query("query: growths are not for kPairs and kOpenPlan");
   if (!with_configurations) return;
   if (joints && !count) bad_query("query: " + str(joints) + " joints, and no configurations of them");
   if (Wide(count) * joints != parts.positions.size())
     bad_query("query: positions (record " + str(static_cast<std::uint16_t>(QueryRecord::kPositions)) + ") has " +
               str(parts.positions.size()) + " numbers, expected " + str(count) + " configurations of " + str(joints) +
               " joints");
+  const std::uint64_t bodies = parts.header.body_count;
+  if (parts.growths.size() && Wide(count) * bodies != parts.growths.size())
+    bad_query("query: growths (record " + str(static_cast<std::uint16_t>(QueryRecord::kGrowths)) + ") has " +
+              str(parts.growths.size()) + " numbers, expected " + str(count) + " configurations of " + str(bodies) +
+              " bodies");
 }
 
 QueryOptions read_options(std::span<const std::byte> records, QueryParts& parts) {
@@ -128,12 +137,13 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
 }
 
 void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions) {
+                          std::span<const double> positions, std::span<const double> growths) {
   const auto add = [&records](QueryRecord tag, auto array) {
     if (!array.empty()) insert_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
   };
   add(QueryRecord::kJoints, joints);
   add(QueryRecord::kPositions, positions);
+  add(QueryRecord::kGrowths, growths);
 }
 
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,

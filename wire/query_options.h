@@ -49,7 +49,7 @@
   X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
     "", "maximum evaluations per motion; if nonzero, configurations are the control points of motions")                \
   X(std::uint32_t, control_points, 2, 12, Legal::range(2, 8),                                                          \
-    "", "control points per motion: 2 for a straight one, more for Bezier curves of joints")
+    "", "control points per motion: 2 for a straight one, more for Bezier curves of joints and positions")
 // clang-format on
 
 namespace clearance {

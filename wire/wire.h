@@ -44,6 +44,7 @@ struct QueryParts {
   Records<std::uint32_t> joints;                ///< (J,)
   Records<double> positions;                    ///< (K, J); empty if has_configurations() is false
   Records<double> weights;                      ///< weights of the joints; not validated
+  Records<double> growths;                      ///< (K, M) growths of the bodies; empty for none
   Records<std::uint64_t> rows;                  ///< rows of kCertify; not validated
   bool has_rows = false;                        ///< whether the record of `rows` is present
 };
@@ -61,10 +62,10 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
 /// \param options QueryOptions, or a type with members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
-/// Inserts the records of a query's joints, if it has any.
-/// \param positions empty for kPairs
+/// Inserts the records of a query's joints and growths, if it has any.
+/// \param positions, growths empty for kPairs
 void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions);
+                          std::span<const double> positions, std::span<const double> growths = {});
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for an unknown required record).
 /// \param with_configurations has_configurations() of the query's type.

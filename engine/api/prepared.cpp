@@ -36,6 +36,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
       QueryView query = view;
       query.positions = {};
       query.configurations = {};
+      query.growths = {};
       query.configuration_count = configurations;
       return Impl::on_device(engine, query);
     });
@@ -53,6 +54,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   void take(const clearance::Prepared::Inputs& inputs) {
     owned.query.positions = inputs.positions;
     owned.query.configurations = inputs.configurations;
+    owned.query.growths = inputs.growths;
     take_inputs(owned.query, view);
   }
   /// Calls a function, and again if the scene has changed and the ids have kept their meaning.

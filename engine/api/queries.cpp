@@ -37,16 +37,18 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
   // Input of a job, until it is done.
   struct Inputs {
     std::shared_ptr<engine::Engine> engine;
-    std::vector<double> positions;
+    std::vector<double> positions, growths;
     std::vector<Pose> configurations;
     std::shared_ptr<ResultMemory> memory;
   };
   const auto inputs = std::make_shared<Inputs>();
   inputs->engine = self->engine();
   inputs->positions.assign(query.positions.begin(), query.positions.end());
+  inputs->growths.assign(query.growths.begin(), query.growths.end());
   inputs->configurations.assign(query.configurations.begin(), query.configurations.end());
   QueryView own = query;
   own.positions = inputs->positions;
+  own.growths = inputs->growths;
   own.configurations = inputs->configurations;
   PreparedQuery prepared = inputs->engine->prepare(own);
   inputs->memory = std::make_shared<ResultMemory>(prepared.size());

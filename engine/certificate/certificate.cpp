@@ -99,6 +99,8 @@ CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const 
                                MotionCertifier* certify_motions) {
   if (query.control_points != 2)
     throw engine::QueryError(QueryErrorCode::kNotSupported, "control_points: certificates are for straight motions");
+  if (!query.growths.empty())
+    throw engine::QueryError(QueryErrorCode::kNotSupported, "growths: certificates are for bodies that do not grow");
   if (query.reduce != Reduce::kNone && query.max_evaluations == 0)
     reject(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,

@@ -185,20 +185,24 @@ void CoverPlanBuilder::take_errors() {
   }
 }
 
-// What moves the bodies during motions. Returns false for a body that is neither a link nor fixed to one.
+// What moves the bodies during motions. Returns false for a body that is neither a link of a robot that stays, nor given,
+// nor fixed to one of these.
 bool CoverPlanBuilder::take_sources() {
+  const auto is_base = [](const DecidedBody& body) { return body.pose != kNone && body.carrier == kNone; };
   for (std::uint32_t i = 0; i < out_->bodies_.size(); ++i) {
     const DecidedBody& decided = out_->bodies_[i];
     const bool is_fixed = decided.carrier != kNone && decided.pose == kNone;
     const std::uint32_t of = is_fixed ? decided.carrier : i;
     CoverPlan::LinkOf& link = out_->links_.emplace_back();
-    if (!cover(i) && !out_->bodies_[i].is_direct) continue;
+    if (!cover(i) && !is_base(decided)) continue;
     if (decided.carrier == kNone && decided.pose == kNone) continue;  // it stays
-    if (!out_->bodies_[of].is_direct) return false;
+    if (!is_base(out_->bodies_[of])) return false;
+    const std::uint32_t pose = out_->bodies_[of].pose;
+    const bool is_given = pose < plan_.given_bodies;
     const Body& body = scene_.bodies()[plan_.moved[of]];
     for (std::uint32_t m = 0; m < plan_.motions.size(); ++m)
       if (body.robot != kNone && &plan_.motions[m].robot() == scene_.robots()[body.robot].get()) link = {m, body.link};
-    if (link.robot == kNone) return false;
+    if (link.robot == kNone && !is_given) return false;
     if (!cover(i)) continue;
     const std::array<float, 3>& middle = cover(i)->root.centre;
     LinkBall ball{{middle[0], middle[1], middle[2]}, cover(i)->spread};
@@ -206,8 +210,12 @@ bool CoverPlanBuilder::take_sources() {
       ball.centre = rotation_of(decided.constant) * ball.centre + decided.constant.translation;
       ball.radius = ball.radius * (1 + 0x1p-40) + 0x1p-40 * (cover(i)->reach + norm(decided.constant.translation));
     }
-    const Kinematics& robot = plan_.motions[link.robot].robot().kinematics;
-    sources_.push_back({i, link.robot, link.link, ball, MotionPath(robot, link.link, ball)});
+    SpanRates::Source source{i, link.robot, link.link, ball, {}};
+    if (is_given)
+      source.given = pose, source.farthest = out_->most_distance_[pose];
+    else
+      source.path = MotionPath(plan_.motions[link.robot].robot().kinematics, link.link, ball);
+    sources_.push_back(std::move(source));
     errors_[i] += SpanRates::rounding(plan_, sources_.back());
   }
   return true;
@@ -222,7 +230,7 @@ bool CoverPlan::may_decide(const Plan& plan) {
   const QueryView& query = plan.query;
   const std::uint64_t pairs = plan.pairs.size();
   if (query.configuration_count == 0 || plan.bodies.empty() || pairs == 0) return false;
-  if (plan.moved.size() > kMostDecidedBodies || (query.max_evaluations > 0 && plan.given_bodies > 0)) return false;
+  if (plan.moved.size() > kMostDecidedBodies) return false;
   return pairs <= kFewPairs || (query.reduce == Reduce::kAny && pairs <= kMostPairs &&
                                 pairs <= kManyPairsPerState * query.configuration_count);
 }

@@ -20,8 +20,7 @@ namespace clearance {
 /// Immutable.
 class CoverPlan {
  public:
-  /// Whether covers may decide states or motions of a plan: not those of many pairs and few states, nor motions
-  /// of given bodies.
+  /// Whether covers may decide states or motions of a plan: not those of many pairs and few states.
   static bool may_decide(const Plan& plan);
   /// Whether a plan is made in less time than it saves in one answer.
   static bool pays_at_once(const Plan& plan);

@@ -29,7 +29,7 @@ bool are_placed(const LinkMotion& motion) {
 }  // namespace
 
 MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
-    : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]) {
+    : covers_(covers), plan_(plan), kernel_(decision_kernels()[0]), given_(plan) {
   const std::size_t columns = covers.view().columns;
   for (const LinkMotion& motion : plan.motions) {
     is_placed_ &= are_placed(motion);
@@ -46,6 +46,8 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   rates_.resize(columns);
   twists_.resize(columns);
   origins_.resize(columns);
+  in_frame_.resize(columns);
+  growths_.resize(columns);
   bodies_.resize(columns);
   reach_.resize(plan.joints.size());
   is_left_.resize(covers.view().moved_pair_count);
@@ -72,7 +74,8 @@ bool MotionDecider::begin(std::uint64_t motion) {
   if (!std::all_of(all.begin(), all.end(), is_small)) return false;
   for (std::size_t p = 0; p < points; ++p)
     if (!covers_.holds_for(all.subspan(p * joints, joints))) return false;
-  total_ = 0;
+  if (plan_.given_bodies > 0 && !given_.begin(covers_, motion)) return false;
+  total_ = points > 2 ? 0 : given_.length();
   if (points > 2) {
     begin_curves();
     return true;
@@ -84,6 +87,7 @@ bool MotionDecider::begin(std::uint64_t motion) {
       changes_.change[m][moving.column] = std::abs(by) * kMotionSlack;
       total_ += std::abs(by);
     }
+  given_.take_span({}, changes_.given);
   has_rates_ = false;
   return true;
 }
@@ -94,28 +98,6 @@ void MotionDecider::take_rates() {
     if (covers_.view().bodies[b].packets) rates_[b] = covers_.rates()->of(b, changes_);
   std::fill(pair_rates_.begin(), pair_rates_.end(), std::nullopt);
   has_rates_ = true;
-}
-
-void MotionDecider::begin_curves() {
-  curves_.clear();
-  for (std::size_t j = 0; j < start_.size(); ++j) {
-    curves_.emplace_back(&start_[j], plan_.query.control_points, start_.size());
-    total_ += curves_.back().length();
-  }
-}
-
-// Takes the rates of a span, which are those of a straight motion apart from the bend.
-void MotionDecider::take_curves(double middle, double half) {
-  curve_span_.take(curves_, middle - half, middle + half);
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
-    for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
-      const JointSpan& span = curve_span_.joints()[moving.at];
-      along_[m][moving.column] = span.slope;
-      changes_.change[m][moving.column] = span.change;
-      changes_.bend[m][moving.column] = span.bend;
-      reach_[moving.at] = span.change * half;
-    }
-  take_rates();
 }
 
 Verdict MotionDecider::decide(std::uint64_t motion) {
@@ -135,6 +117,7 @@ double MotionDecider::begin_spans() {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
+  if (!curves_.empty()) cut_curves();
   place(spans_);
   return half;
 }
@@ -154,7 +137,7 @@ Verdict MotionDecider::decide_spans(double half) {
       is_first = false;
       for (std::size_t k = 0; k < together; ++k) {
         const Span& span = spans_[first + k];
-        const SpanDecision decision = decide(k, std::span(items_).subspan(span.begin, span.end - span.begin), half);
+        const SpanDecision decision = decide(k, span, half);
         if (decision.verdict == Verdict::kHit) {
           remember(decision.hit, k);
           return Verdict::kHit;
@@ -193,6 +176,7 @@ void MotionDecider::divide(const Span& span, std::size_t open, double half, bool
   }
   if (next_items_.size() == begin) return;
   for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+  if (!curves_.empty()) keep_halves();
 }
 
 // Lists each open pair once, with the time from its first open span to its last.
@@ -220,9 +204,12 @@ void MotionDecider::place(std::span<const Span> spans) {
   middles_.clear();
   for (std::size_t k = 0; k < spans.size(); ++k) {
     middles_.push_back(spans[k].middle);
+    if (!curves_.empty()) {
+      take_middle(spans[k], &rows_[k * joints]);
+      continue;
+    }
     for (std::size_t j = 0; j < joints; ++j)
-      rows_[k * joints + j] =
-          curves_.empty() ? start_[j] + spans[k].middle * (end_[j] - start_[j]) : curves_[j].at(spans[k].middle);
+      rows_[k * joints + j] = start_[j] + spans[k].middle * (end_[j] - start_[j]);
   }
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving())
@@ -232,20 +219,39 @@ void MotionDecider::place(std::span<const Span> spans) {
 }
 
 // Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
-SpanDecision MotionDecider::decide(std::size_t k, std::span<const SpanItem> items, double half) {
+SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half) {
+  const std::span<const SpanItem> items = std::span(items_).subspan(span.begin, span.end - span.begin);
   if (!curves_.empty())
-    take_curves(middles_[k], half);
+    take_curves(span, half);
   else if (!has_rates_)
     take_rates();
   take_poses(k);
-  take_twists(half);
+  take_twists(middles_[k], half);
   return kernel_.run_span({&covers_.view(), poses_.data(), bodies_.data(), &pair_span, this,
                            items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
                            is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
 }
 
-// Velocities of the bodies in the middle of a span, in the common frame.
-void MotionDecider::take_twists(double half) {
+// Velocity and place of a body in the middle of a span, in the common frame.
+void MotionDecider::take_twist(std::uint32_t b) {
+  const DecidedBody& body = covers_.view().bodies[b];
+  if (body.carrier != kNone) {  // fixed to its carrier
+    const Vec3d offset = turned_by(in_frame_[body.carrier], body.constant.translation);
+    const Twist& carrier = twists_[body.carrier];
+    twists_[b] = {carrier.turn, carrier.shift + cross(carrier.turn, offset)};
+    origins_[b] = origins_[body.carrier] + offset;
+  } else if (body.pose != kNone) {
+    const Pose& X = poses_[body.pose];
+    const CoverPlan::LinkOf& of = covers_.link_of(b);
+    const Twist own = of.robot == kNone ? given_.twist(body.pose, X) : link_twists_[links_begin_[of.robot] + of.link];
+    twists_[b] = body.is_direct ? own : Twist{turned_by(body.constant, own.turn), turned_by(body.constant, own.shift)};
+    in_frame_[b] = body.is_direct ? X : compose(body.constant, X);
+    origins_[b] = in_frame_[b].translation;
+  }
+}
+
+// Velocities of the bodies in the middle of a span.
+void MotionDecider::take_twists(double middle, double half) {
   half_ = half;
   for (std::size_t m = 0; m < robots_.size(); ++m) {
     const std::size_t links = plan_.motions[m].robot().kinematics.links();
@@ -255,23 +261,14 @@ void MotionDecider::take_twists(double half) {
   const DecisionView& view = covers_.view();
   for (std::uint32_t b = 0; b < view.body_count; ++b) {
     const DecidedBody& body = view.bodies[b];
-    if (!body.packets && !body.is_direct) continue;  // it is not decided, nor are its children
-    if (body.carrier != kNone) {                     // fixed to its carrier
-      const Pose& X = poses_[view.bodies[body.carrier].pose];
-      const Vec3d offset = turned_by(X, body.constant.translation);
-      twists_[b] = {twists_[body.carrier].turn,
-                    twists_[body.carrier].shift + cross(twists_[body.carrier].turn, offset)};
-      origins_[b] = origins_[body.carrier] + offset;
-    } else if (body.pose != kNone) {
-      const CoverPlan::LinkOf& of = covers_.link_of(b);
-      twists_[b] = link_twists_[links_begin_[of.robot] + of.link];
-      origins_[b] = poses_[body.pose].translation;
-    }
+    if (!body.packets && (body.pose == kNone || body.carrier != kNone)) continue;  // it is not decided, nor carries any
+    take_twist(b);
     if (!body.packets) continue;
     const SpanRates::Rates& rates = rates_[b];
-    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half;
-    bodies_[b] = {within_half(twists_[b], half), static_cast<float>(rates.motion.speed * half * kUp),
-                  static_cast<float>(bend * kUp)};
+    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half,
+                 growth = growths_[b] = given_.growth(body.pose, middle, half);
+    bodies_[b] = {within_half(twists_[b], half), static_cast<float>((rates.motion.speed * half + growth) * kUp),
+                  static_cast<float>((bend + growth) * kUp)};
   }
 }
 
@@ -292,10 +289,11 @@ PairSpan MotionDecider::pair_span(std::uint32_t index) {
     const Twist &own = twists_[body], &seer = twists_[rates.seer];
     return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, origins_[body] - origins_[rates.seer]))};
   };
-  const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2;
+  const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2,
+               growth = growths_[pair.a] + growths_[pair.b];
   return {within_half(seen(pair.a), half_), within_half(seen(pair.b), half_),
-          static_cast<float>(rates.speed * half_ * kUp),
-          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_) * kUp)};
+          static_cast<float>((rates.speed * half_ + growth) * kUp),
+          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_ + growth) * kUp)};
 }
 
 }  // namespace clearance

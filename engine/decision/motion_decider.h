@@ -1,4 +1,4 @@
-// Decides whether motions of joints are free, by covers alone.
+// Decides whether motions are free, by covers alone.
 #pragma once
 
 #include <cstdint>
@@ -7,6 +7,7 @@
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/decision/given_motions.h"
 #include "engine/decision/span_rates.h"
 #include "engine/robot/lane_kinematics.h"
 #include "engine/robot/link_twists.h"
@@ -43,12 +44,16 @@ class MotionDecider {
   struct Span {
     double middle;
     std::size_t begin, end;  // in items_; empty for all
+    std::size_t curve = 0;   // its control points in curve_points_
   };
 
   bool begin(std::uint64_t motion);
   void begin_curves();
   void take_rates();
-  void take_curves(double middle, double half);
+  void take_curves(const Span& span, double half);
+  void cut_curves();
+  void keep_halves();
+  void take_middle(const Span& span, double* row) const;
   double begin_spans();
   Verdict decide_spans(double half);
   bool hits_again();
@@ -58,20 +63,24 @@ class MotionDecider {
   void place(std::span<const Span> spans);
   void place_links();
   void take_poses(std::size_t k);
-  SpanDecision decide(std::size_t k, std::span<const SpanItem> items, double half);
+  SpanDecision decide(std::size_t k, const Span& span, double half);
   void divide(const Span& span, std::size_t open, double half, bool may_divide);
   Verdict leave_pairs();
-  void take_twists(double half);
+  void take_twists(double middle, double half);
+  void take_twist(std::uint32_t body);
   static PairSpan pair_span(void* self, std::uint32_t pair);
   PairSpan pair_span(std::uint32_t pair);
 
   const CoverPlan& covers_;
   const Plan& plan_;
   const DecisionKernel& kernel_;
-  std::vector<LinkTwists> robots_;                               // for each of Plan::motions
-  std::span<const double> start_, end_;                          // positions
-  std::vector<JointCurve> curves_;                               // of Plan::joints; none for straight motions
+  std::vector<LinkTwists> robots_;       // for each of Plan::motions
+  std::span<const double> start_, end_;  // positions
+  GivenMotions given_;
+  std::vector<JointCurve> curves_;                               // of joints and given_; none for straight motions
   CurveSpan curve_span_;                                         // the span under way
+  std::vector<double> curve_points_, scratch_;                   // of spans: (degree + 1, curves_) each
+  std::vector<double> in_middle_;                                // (degree + 1,) shares of control points in a middle
   std::vector<std::vector<double>> along_;                       // by robot and column
   SpanRates::Changes changes_;                                   // of the motion, or of a curve's span
   double total_ = 0;                                             // sum of the changes
@@ -90,8 +99,10 @@ class MotionDecider {
   std::vector<std::size_t> links_begin_;  // by robot: in links_
   std::size_t links_of_span_ = 0;
   std::vector<Twist> link_twists_;
-  std::vector<Twist> twists_;   // by body, in the common frame
-  std::vector<Vec3d> origins_;  // likewise
+  std::vector<Twist> twists_;    // by body, in the common frame
+  std::vector<Pose> in_frame_;   // likewise; of bodies with a pose of their own
+  std::vector<Vec3d> origins_;   // likewise
+  std::vector<double> growths_;  // by body: the most in the span
   std::vector<SpanBody> bodies_;
   double half_ = 0;  // of the span under way
   std::vector<SpanItem> items_, next_items_, open_;

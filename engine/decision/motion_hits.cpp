@@ -30,7 +30,8 @@ void MotionDecider::place_links() {
 // Takes the links' poses in middle k.
 void MotionDecider::take_poses(std::size_t k) {
   place_links();
-  std::size_t at = 0;
+  given_.place(middles_[k], curves_, poses_.data());
+  std::size_t at = plan_.given_bodies;
   for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
     Pose* const links = links_.data() + links_begin_[m];
     for (std::uint32_t i = 0; i < lanes_[m].frames().size(); ++i) links[i] = lanes_[m].pose(i, k);
@@ -88,7 +89,7 @@ void MotionDecider::remember(const BallHit& hit, std::size_t k) {
   if (hit.obstacle == kNone) {
     for (std::uint32_t t = 0; t < covers_.view().tabled_count; ++t)
       if (is_in_table(t, k)) return put_first(t, tables_);
-  } else if (covers_.view().bodies[hit.body].is_direct) {
+  } else if (covers_.view().bodies[hit.body].is_direct && body_frames_[hit.body]) {
     put_first(hit, hits_);
   }
 }

@@ -13,7 +13,9 @@ namespace {
 constexpr double kUp = kMotionSlack;
 constexpr double kFloatUnit = 0x1p-24;
 constexpr double kTwistRounding = 0x1p-40;     // of a twist in float64, relative to the speed of points
-constexpr double kTimeRounding = 6 * 0x1p-53;  // of q(t) for each degree of it, relative to the largest position
+constexpr double kTimeRounding = 14 * 0x1p-53;  // of q(t) for each degree of it, relative to the largest position
+
+constexpr double kGivenRounding = 0x1p-46;  // of a given body's translation at a time, relative to the largest one
 
 double greatest_travel(const SceneRobot& robot) {
   std::vector<double> limits;
@@ -29,6 +31,10 @@ SpanRates::SpanRates(const Plan& plan, std::span<const Source> sources, std::uin
     : bodies_(body_count) {
   for (const LinkMotion& motion : plan.motions) travel_.push_back(greatest_travel(motion.robot()));
   for (const Source& source : sources) {
+    if (source.given != kNone) {
+      take_given(plan, source);
+      continue;
+    }
     const Kinematics& robot = plan.motions[source.robot].robot().kinematics;
     Body& body = bodies_[source.body];
     body.robot = &robot;
@@ -43,8 +49,18 @@ SpanRates::SpanRates(const Plan& plan, std::span<const Source> sources, std::uin
   }
 }
 
+void SpanRates::take_given(const Plan& plan, const Source& source) {
+  Body& body = bodies_[source.body];
+  const double reach = (norm(source.ball.centre) + source.ball.radius) * kUp;
+  body.path = {kNone, {}, source.given, reach};
+  body.turn_error = kGivenTurnError;
+  body.error = rounding(plan, source);
+  body.reach = (reach + source.farthest) * kUp;
+}
+
 std::vector<SpanRates::View> SpanRates::views_of(const MovedPair& pair) const {
   const Body &a = bodies_[pair.a], &b = bodies_[pair.b];
+  if (a.path.given != kNone && a.path.given == b.path.given) return {{{}, {}, pair.a}};  // rigid
   std::vector<View> views{{a.path, b.path, kNone}};
   if (!a.robot || !b.robot) return views;  // one stays
   const Kinematics& robot = *a.robot;
@@ -55,6 +71,8 @@ std::vector<SpanRates::View> SpanRates::views_of(const MovedPair& pair) const {
 }
 
 double SpanRates::rounding(const Plan& plan, const Source& source) {
+  if (source.given != kNone)
+    return (kGivenTurnError * (norm(source.ball.centre) + source.ball.radius) + kGivenRounding * source.farthest) * kUp;
   const SceneRobot& robot = plan.motions[source.robot].robot();
   const double by = (plan.query.control_points - 1) * kTimeRounding * kMostPosition * kUp,
                travel = greatest_travel(robot);
@@ -64,6 +82,10 @@ double SpanRates::rounding(const Plan& plan, const Source& source) {
 }
 
 MotionRates SpanRates::rates(const Path& path, const Changes& changes) const {
+  if (path.given != kNone) {
+    const Given& by = changes.given[path.given];
+    return {(by.shift + path.reach * by.turn) * kUp, (path.reach * by.turn * by.turn + by.bend) * kUp, by.turn};
+  }
   if (path.movers.empty()) return {};
   const auto of = [&](const std::vector<std::vector<double>>& change) {
     const auto of_column = [&](std::uint32_t column) { return change[path.robot][column]; };

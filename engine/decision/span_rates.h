@@ -15,29 +15,39 @@
 namespace clearance {
 
 /// Bounds on the movement of balls' centres and of bodies' points, from the changes of a motion's positions. For links
-/// of robots whose roots stay, and for bodies fixed to them. Immutable.
+/// of robots whose roots stay, for bodies with given poses, and for bodies fixed to either. Immutable.
 class SpanRates {
  public:
   /// Positions of motions beyond this are left to the exact engine. Radians or metres.
   static constexpr double kMostPosition = 64;
+  /// Motions of given bodies with a greater BodyMotion::turn_error() are left to it, too.
+  static constexpr double kGivenTurnError = 0x1p-44;
 
   /// A moved body with a cover.
   struct Source {
     std::uint32_t body;   ///< index in the decided bodies
-    std::uint32_t robot;  ///< of its link in Plan::motions
+    std::uint32_t robot;  ///< of its link in Plan::motions; kNone if a given pose moves it
     std::uint32_t link;
-    LinkBall ball;    ///< of its points and of its balls' centres, in the link's frame
-    MotionPath path;  ///< of that ball, from the link's root
+    LinkBall ball;                ///< of its points and of its balls' centres, in the frame of the link or of that pose
+    MotionPath path;              ///< of that ball, from the link's root
+    std::uint32_t given = kNone;  ///< index of the pose that moves it, in Plan::bodies
+    double farthest = 0;          ///< metres: bound on that pose's translation
   };
   /// Rates per unit of time, without rounding of the twists.
   struct Rates {
     MotionRates motion;
     double twist_error = 0;  ///< metres
   };
-  /// Movers of a point relative to a frame.
+  /// Movement of a given body in a span, per unit of time: metres, radians, metres as JointSpan::bend.
+  struct Given {
+    double shift = 0, turn = 0, bend = 0;
+  };
+  /// Movers of a point relative to a frame, or a given body.
   struct Path {
     std::uint32_t robot = 0;
     std::vector<Mover> movers;
+    std::uint32_t given = kNone;
+    double reach = 0;  ///< of the points, from the given body's origin
   };
   /// A pair relative to a reference body.
   struct View {
@@ -57,6 +67,7 @@ class SpanRates {
   struct Changes {
     std::vector<std::vector<double>> change;  ///< |q1 - q0|, rounded up; JointSpan::change of curves
     std::vector<std::vector<double>> bend;    ///< JointSpan::bend of curves; empty for straight motions
+    std::vector<Given> given;                 ///< of the given bodies
   };
   Rates of(std::uint32_t body, const Changes& changes) const;
   /// Finds the movers of a pair, which takes longer than the rates of many motions.
@@ -67,12 +78,13 @@ class SpanRates {
 
  private:
   struct Body {
-    const Kinematics* robot = nullptr;  ///< null without a cover, and for bodies that stay
+    const Kinematics* robot = nullptr;  ///< null without a cover, and for bodies that no link moves
     std::uint32_t link = kNone;
     LinkBall ball;
     Path path;
     double turn_error = 0, error = 0, reach = 0;
   };
+  void take_given(const Plan& plan, const Source& source);
   MotionRates rates(const Path& path, const Changes& changes) const;
 
   std::vector<double> travel_;  // of each of Plan::motions

@@ -92,7 +92,7 @@ bool MotionBlock::advance(WorkMeter& meter) {
 bool MotionBlock::refine() {
   undecided_.clear();
   for (std::size_t i = 0; i < to_evaluate_.size(); ++i) {
-    const PairAnswer& answer = answers_[i];
+    const PairAnswer answer = grown_answer(answers_[i], requests_[i].growth);
     if (!(answer.lower <= requests_[i].target && answer.upper > requests_[i].target)) continue;
     undecided_.push_back(to_evaluate_[i]);
     undecided_at_.push_back(i);

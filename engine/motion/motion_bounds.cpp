@@ -27,6 +27,8 @@ MotionBounds::MotionBounds(const engine::Scene& scene, const Plan& plan) : scene
   chain_of_body_.assign(scene.bodies().size(), kStill);
   slot_.assign(scene.bodies().size(), kNone);
   for (std::size_t i = 0; i < plan.moved.size(); ++i) slot_[plan.moved[i]] = static_cast<std::uint32_t>(i);
+  given_of_.assign(scene.bodies().size(), kNone);
+  for (std::size_t i = 0; i < plan.given_bodies; ++i) given_of_[plan.bodies[i]] = static_cast<std::uint32_t>(i);
   for (const std::uint32_t body : plan.moved)
     if (Chain chain = chain_of(body); !chain.empty()) chain_of_body_[body] = add_chain(std::move(chain));
   std::vector<BodyPair> storage;
@@ -52,10 +54,7 @@ MotionBounds::Chain MotionBounds::chain_of(std::uint32_t body) const {
   for (std::uint32_t at = body; at != kNone; at = snapshot.parent[at]) {
     Link link;
     link.body = at;
-    const auto given =
-        std::find(plan_.bodies.begin(), plan_.bodies.begin() + static_cast<std::ptrdiff_t>(plan_.given_bodies), at);
-    const auto index = static_cast<std::size_t>(given - plan_.bodies.begin());
-    if (index < plan_.given_bodies) link.given = static_cast<std::uint32_t>(index);
+    link.given = given_of_[at];
     for (std::uint32_t m = 0; m < plan_.motions.size() && link.given == kNone; ++m)
       for (const std::uint32_t l : plan_.motions[m].links())
         if (plan_.motions[m].robot().bodies[l] == at) link.robot = m, link.link = l;
@@ -155,6 +154,22 @@ void MotionBounds::take_rates(MovingBodies& moving) const {
     if (const std::uint32_t c = chain_of_body_[plan_.moved[i]]; c != kStill) moving.errors[i] = moving.chain_errors[c];
 }
 
+// Along a curve a body does not turn: its coordinates are three sliding joints.
+MotionRates MotionBounds::rates_of_given(const Link& link, bool is_first, double reach,
+                                         const MovingBodies& moving) const {
+  const BodyMotion& motion = moving.given[link.given];
+  if (!moving.curves.empty()) {
+    const JointSpan* const by = &moving.span.joints()[plan_.joints.size() + 3 * link.given];
+    return {std::hypot(by[0].change, by[1].change, by[2].change) * kUp,
+            std::hypot(by[0].bend, by[1].bend, by[2].bend) * kUp, 0};
+  }
+  const Vec3d& centre = link.ball.centre;
+  const double across = length_of(cross(motion.axis(), centre)) + kAxisError * length_of(centre);
+  const double radius = is_first ? across + link.ball.radius : reach, wrong = motion.error(reach);
+  return {(motion.shift() + radius * motion.turn() + wrong) * kUp,
+          (radius * motion.turn() + 4 * wrong) * motion.turn() * kUp, motion.turn()};
+}
+
 // Sums from the points outwards. Points of the first link lie in its ball; for links farther out they are within
 // `reach` of the link's origin.
 MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& moving, double* error,
@@ -167,16 +182,16 @@ MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& movin
     reach = i == 0 ? reach_of(link.ball) : (reach + link.offset) * kUp;
     MotionRates own;
     if (link.given != kNone) {
-      const BodyMotion& motion = moving.given[link.given];
-      const Vec3d& centre = link.ball.centre;
-      const double across = length_of(cross(motion.axis(), centre)) + kAxisError * length_of(centre);
-      const double radius = i == 0 ? across + link.ball.radius : reach, wrong = motion.error(reach);
-      own.speed = (motion.shift() + radius * motion.turn() + wrong) * kUp;
-      own.acceleration = (radius * motion.turn() + 4 * wrong) * motion.turn() * kUp;
-      own.turn = motion.turn();
-      *error += wrong;
-      *turn_error += motion.turn_error();
-      reach = (reach + motion.farthest()) * kUp;
+      own = rates_of_given(link, i == 0, reach, moving);
+      *error += moving.given[link.given].error(reach);
+      *turn_error += moving.given[link.given].turn_error();
+      double farthest = moving.given[link.given].farthest();
+      if (!moving.curves.empty()) {
+        const JointCurve* const by = &moving.curves[plan_.joints.size() + 3 * link.given];
+        *error += std::hypot(by[0].rounding(), by[1].rounding(), by[2].rounding());
+        farthest = std::hypot(by[0].farthest(), by[1].farthest(), by[2].farthest());
+      }
+      reach = (reach + farthest) * kUp;
     } else {
       const double beyond = i == 0 ? 0 : reach, travel = moving.travel[link.robot];
       own = link.path.rates(moving.change[link.robot], travel, beyond);
@@ -213,8 +228,26 @@ void MotionBounds::speeds(const MovingBodies& moving, const BodyPoses& placed, s
   speeds.clear();
   for (const std::uint32_t body : plan_.moved) {
     const std::uint32_t chain = chain_of_body_[body];
-    speeds.push_back(chain == kStill ? 0 : (moving.chains[chain].speed + drift_of(body, moving, placed)) * kUp);
+    const double grown = moving.growth.empty() || given_of_[body] == kNone ? 0 : moving.growth[given_of_[body]].change;
+    const double speed = chain == kStill ? 0 : moving.chains[chain].speed + drift_of(body, moving, placed);
+    speeds.push_back((speed + grown) * kUp);
   }
+}
+
+PairGrowth MotionBounds::growth(BodyPair pair, const MovingBodies& moving, double middle) const {
+  PairGrowth sum;
+  if (moving.growth.empty()) return sum;
+  for (const std::uint32_t body : {pair.a, pair.b}) {
+    const std::uint32_t given = given_of_[body];
+    if (given == kNone) continue;
+    const double at = moving.growths[given].at(middle), rounding = moving.growths[given].rounding();
+    sum.least += std::max(at - rounding, 0.0);
+    sum.most += at + rounding;
+    sum.slope += moving.growth[given].slope;
+    sum.change += moving.growth[given].change;
+    sum.bend += moving.growth[given].bend;
+  }
+  return {sum.least * (2 - kUp), sum.most * kUp, sum.slope, sum.change * kUp, sum.bend * kUp};
 }
 
 PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving,
@@ -232,7 +265,10 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
       rates.see(of(view.a), of(view.b), view.seer);
     }
   }
-  rates.add_drift(drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed));
+  const PairGrowth grown = growth(pair, moving, 0);
+  rates.speed += grown.change;
+  rates.acceleration = (rates.acceleration + grown.bend) * kUp;
+  rates.add_drift(drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed) + kTwistError * grown.change);
   return rates;
 }
 

@@ -6,11 +6,11 @@
 #include <span>
 #include <vector>
 
-#include "engine/motion/body_motion.h"
 #include "engine/motion/motion_arrays.h"
 #include "engine/motion/motion_step.h"
 #include "engine/robot/link_twists.h"
 #include "engine/robot/motion_path.h"
+#include "engine/selection/body_motion.h"
 #include "engine/selection/body_poses.h"
 #include "engine/selection/joint_curve.h"
 #include "engine/selection/plan.h"
@@ -19,10 +19,14 @@ namespace clearance {
 
 /// Data derived from the control points of one motion by MotionBounds::take().
 struct MovingBodies {
-  std::uint64_t motion = 0;                   ///< index in the plan
-  std::vector<JointCurve> curves;             ///< of Plan::joints; none for straight motions
+  std::uint64_t motion = 0;  ///< index in the plan
+  /// Of Plan::joints, of three coordinates of each given body, and of their growths if there are any. None for straight
+  /// motions.
+  std::vector<JointCurve> curves;
   CurveSpan span;                             ///< of them: the last one in MotionBounds::take_span()
-  std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives
+  std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives; their rotation in curves
+  std::vector<JointCurve> growths;            ///< likewise, metres; none if no body grows
+  std::vector<JointSpan> growth;              ///< likewise, in the span, without `middle`
   std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded
   std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up; JointSpan::change of curves
   std::vector<std::vector<double>> bend;      ///< likewise: JointSpan::bend; 0 for straight motions
@@ -36,6 +40,13 @@ struct MovingBodies {
   std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of the motion, for links in Plan::bodies; empty if 0
 };
 
+/// How much both bodies of a pair are grown in a span, in metres: together, as JointSpan. Rounded outward.
+struct PairGrowth {
+  double least = 0, most = 0;  ///< in the middle
+  double slope = 0, change = 0, bend = 0;
+  bool any() const { return most > 0 || change > 0; }
+};
+
 /// The joints and poses that move the bodies of each pair relative to each other, computed once per query. Immutable.
 class MotionBounds {
  public:
@@ -46,7 +57,11 @@ class MotionBounds {
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
   void take_span(double begin, double end, MovingBodies& moving) const;
-  /// Speed bound of each of Plan::moved, in metres per unit of time. A pair's speed is at most the sum of its bodies'.
+  /// Growth of a pair in the span.
+  /// \param middle of the span
+  PairGrowth growth(BodyPair pair, const MovingBodies& moving, double middle) const;
+  /// Speed bound of each of Plan::moved, growth included, in metres per unit of time. A pair's speed is at most the sum
+  /// of its bodies'.
   /// \param placed at any time of the motion
   void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;
   /// Index of a body in Plan::moved, or kNone if it is not moved.
@@ -91,6 +106,9 @@ class MotionBounds {
   std::uint32_t add_chain(Chain chain);
   std::uint32_t chain_before(std::uint32_t chain, std::size_t shared);
   MotionRates rates_of(const Chain& chain, const MovingBodies& moving, double* error, double* turn_error) const;
+  MotionRates rates_of_given(const Link& link, bool is_first, double reach, const MovingBodies& moving) const;
+  void take_given(MovingBodies& moving) const;
+  void take_curves(MovingBodies& moving) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
   void take_rates(MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
@@ -99,7 +117,8 @@ class MotionBounds {
 
   const engine::Scene& scene_;
   const Plan& plan_;
-  std::vector<std::uint32_t> slot_;  // by body
+  std::vector<std::uint32_t> slot_;      // by body
+  std::vector<std::uint32_t> given_of_;  // by body: index in MovingBodies::given, or kNone
   std::vector<Chain> chains_;
   std::vector<std::uint32_t> chain_of_body_;                               // by body: relative to the world, or kStill
   std::map<std::pair<std::uint32_t, std::size_t>, std::uint32_t> before_;  // chains without their last links

@@ -36,8 +36,8 @@ void MotionPoses::take_row(std::size_t k) {
     span_.take(curves, instant.begin, instant.end);
     for (std::size_t j = 0; j < joints; ++j) {
       row[j] = are_usable(curves[j]) ? span_.joints()[j].middle : std::numeric_limits<double>::quiet_NaN();
-      slopes_[k * joints + j] = span_.joints()[j].slope;
     }
+    for (std::size_t c = 0; c < columns_; ++c) slopes_[k * columns_ + c] = span_.joints()[c].slope;
     return;
   }
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
@@ -45,6 +45,18 @@ void MotionPoses::take_row(std::size_t k) {
     const double q0 = start[j], q1 = start[joints + j];
     const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
     row[j] = good ? position_at(q0, q1, instant.time()) : std::numeric_limits<double>::quiet_NaN();
+  }
+}
+
+// After take_row().
+void MotionPoses::take_given(std::size_t k) {
+  const MovingBodies& moving = *instants_[k].moving;
+  for (std::size_t i = 0; i < plan_.given_bodies; ++i) {
+    Pose& X = poses_[k * plan_.bodies.size() + i];
+    X = moving.given[i].at(instants_[k].time());
+    if (moving.curves.empty() || !moving.given[i].is_good()) continue;
+    const JointSpan* const at = &span_.joints()[plan_.joints.size() + 3 * i];
+    X.translation = {at[0].middle, at[1].middle, at[2].middle};
   }
 }
 
@@ -93,17 +105,17 @@ void MotionPoses::find_end_facts(MovingBodies& moving) {
 
 ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants) {
   const std::size_t bodies = plan_.bodies.size(), given = plan_.given_bodies, joints = plan_.joints.size();
+  columns_ = instants.empty() ? 0 : instants[0].moving->curves.size();
   poses_.resize(instants.size() * bodies);
   facts_.assign(instants.size() * bodies, 0);
   rows_.resize(instants.size() * joints);
-  slopes_.resize(instants.size() * joints);
+  slopes_.resize(instants.size() * columns_);
   travels_.assign(instants.size() * bodies, 0);
   instants_.assign(instants.begin(), instants.end());
   twists_.assign(instants.size() * bodies, {});
   for (std::size_t k = 0; k < instants.size(); ++k) {
-    for (std::size_t i = 0; i < given; ++i)
-      poses_[k * bodies + i] = instants[k].moving->given[i].at(instants[k].time());
     take_row(k);
+    take_given(k);
   }
   std::size_t at = given;
   for (std::size_t m = 0; m < plan_.motions.size(); ++m) {
@@ -129,8 +141,7 @@ void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
     const std::vector<double>* along = &moving.along[motion];
     if (!moving.curves.empty()) {
       slopes_of_robot_.assign(along->size(), 0);
-      for (const LinkMotion::Moving& m : made.moving())
-        slopes_of_robot_[m.column] = slopes_[k * plan_.joints.size() + m.at];
+      for (const LinkMotion::Moving& m : made.moving()) slopes_of_robot_[m.column] = slopes_[k * columns_ + m.at];
       along = &slopes_of_robot_;
     }
     robots_[motion].at(std::span(scratch_.poses).subspan(k * links, links), *along, links_);
@@ -148,6 +159,10 @@ void MotionPoses::twists(std::size_t k, const BodyPoses& placed, std::span<Twist
     if (place < plan_.given_bodies) {
       const BodyMotion& motion = instants_[k].moving->given[place];
       own = {motion.axis() * motion.angle(), motion.along()};
+      if (columns_ > 0) {
+        const double* const s = &slopes_[k * columns_ + plan_.joints.size() + 3 * std::size_t{place}];
+        own.shift = {s[0], s[1], s[2]};
+      }
     } else if (place != kNone) {
       own = twists_[k * plan_.bodies.size() + place];
     }

@@ -34,6 +34,7 @@ class MotionPoses {
 
  private:
   void take_row(std::size_t k);
+  void take_given(std::size_t k);
   void take_end_rows(const MovingBodies& moving);
   void take_twists(std::size_t motion, std::size_t at);
 
@@ -45,7 +46,8 @@ class MotionPoses {
   std::vector<Twist> twists_;                     // (instants, Plan::bodies) of links, relative to their roots
   std::vector<Twist> links_;                      // of all links of a robot
   std::vector<double> rows_;                      // (instants, joints)
-  std::vector<double> slopes_, slopes_of_robot_;  // likewise, of curves; by column of a robot
+  std::size_t columns_ = 0;                       // MovingBodies::curves
+  std::vector<double> slopes_, slopes_of_robot_;  // (instants, columns_); by column of a robot
   CurveSpan span_;
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;

@@ -46,6 +46,9 @@ struct MotionQuery {
   const MotionBounds& bounds;
 };
 
+/// The answer for a pair whose bodies are grown. Points stay on the bodies as they are without growth.
+PairAnswer grown_answer(PairAnswer answer, const PairGrowth& growth);
+
 /// The search for one motion's rows: a tree of spans of time, each evaluated at its middle. A pair leaves a span once
 /// its motion until the span's ends cannot bring it to its target: the margin (Reduce::kAny), or the required bound on
 /// the least distance. The search evaluates nothing itself: the caller fetches nodes and returns answers.
@@ -71,6 +74,7 @@ class MotionSearch {
     double inner;        // Slack::inner of the pair
     PairRates rates;
     double pace = 1;  // CurveSpan::pace(); 1 for straight motions
+    PairGrowth growth{};
   };
 
   /// Poses and velocities of bodies in the middle of a span.
@@ -148,7 +152,7 @@ class MotionSearch {
   void divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
   void push_rest(Half& half, double middle);
-  HalfSpans half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner, const Moment& moment,
+  HalfSpans half_spans(BodyPair pair, const PairRequest& request, const Vec3d& n, double inner, const Moment& moment,
                        double half, bool of_boxes) const;
   void open_all();
   void open_some(std::span<const OpenPair> open);

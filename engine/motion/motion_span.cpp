@@ -14,6 +14,22 @@ constexpr double kLeastHalf = 0x1p-40;  // shortest half of a span
 
 }  // namespace
 
+PairAnswer grown_answer(PairAnswer answer, const PairGrowth& growth) {
+  if (!growth.any() || std::isnan(answer.distance)) return answer;
+  answer.lower = std::max(difference_below(answer.lower, growth.most), std::min(answer.lower, 0.0));
+  answer.upper = std::max(sum_above(answer.upper, -growth.least), 0.0);
+  if (answer.status == Status::kBeyond) {
+    answer.distance = answer.lower;
+    return answer;
+  }
+  answer.distance = answer.upper > 0 ? answer.upper : answer.lower;
+  if (answer.upper <= 0)
+    answer.status = Status::kOverlap;
+  else if (answer.status == Status::kOk && answer.lower <= 0)
+    answer.status = Status::kContact;
+  return answer;
+}
+
 void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                                  std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
@@ -25,7 +41,8 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
   node.seeds = seed < node.open.size();
   const auto request_about = [&](BodyPair pair, const PairRequest& q) {
     const double stop_below = decides() ? motion_query_.plan.margins.of(node.open[q.open]) : -kInf;
-    to_evaluate.push_back({pair, &placed, sum_above(q.target, q.way), stop_below});
+    to_evaluate.push_back({pair, &placed, sum_above(sum_above(q.target, q.way), q.growth.most),
+                           stop_below + q.growth.least});
     requests.push_back(q);
   };
   if (node.seeds) {
@@ -49,8 +66,9 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
     return slot == kNone ? 0 : speeds_[slot];
   };
   Goal& goal = goal_of(node.open[i]);
-  const double low = difference_below(box_gap(motion_query_.scene, placed, pair),
-                                      sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
+  const double gap = difference_below(box_gap(motion_query_.scene, placed, pair),
+                                      motion_query_.bounds.growth(pair, moving, node.middle()).most),
+               low = difference_below(gap, sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
   if (!(low > target_of(node.open[i], goal, 0))) return false;
   leave(goal, node.open[i], std::max(low, node.low[i]), node.begin);
   return true;
@@ -63,8 +81,8 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& no
   if (!a || !b || request.way == 0) return false;
   const Vec3d n = way_between(*a, *b);
   const double length = norm(n);
-  if (!(length > request.target)) return false;
-  const HalfSpans gaps = half_spans(pair, request.rates, n, 0, moment, node.half(), true);
+  if (!(length > request.target + request.growth.most)) return false;
+  const HalfSpans gaps = half_spans(pair, request, n, 0, moment, node.half(), true);
   const double low = std::min(gaps.before, gaps.after);
   Goal& goal = goal_of(node.open[request.open]);
   if (!(low > (decides() ? request.target : target_of(node.open[request.open], goal, 0)))) return false;
@@ -79,6 +97,7 @@ MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& n
   Slack slack;
   if (!is_unusable(motion_query_.scene, placed, pair)) {
     request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
+    request.growth = motion_query_.bounds.growth(pair, moving, node.middle());
     request.way = way_of_pair(request.rates, node.half());
     slack = pair_slack(placed, pair);
     request.inner = slack.inner;
@@ -120,8 +139,9 @@ void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const Pa
 
 // Lower bounds in either half, along a direction that separates the pair in the middle.
 // \param of_boxes uses the bodies' boxes, which include their uncertainty
-HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const Vec3d& n, double inner,
+HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRequest& request, const Vec3d& n, double inner,
                                    const Moment& moment, double half, bool of_boxes) const {
+  const PairRates& rates = request.rates;
   const auto moving_body = [&](std::uint32_t body) {
     return MovingBody{motion_query_.scene.bodies()[body], moment.placed[body].pose,
                       motion_query_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
@@ -129,8 +149,11 @@ HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRates& rates, const 
   };
   // What remains of a curve is bounded throughout the span, and not by the square of the time.
   const double bend = bend_of_pair(rates, half), always = is_curved() ? bend : 0;
-  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), moving_body(pair.b), half, bend - always);
-  return without_uncertainty(gaps, inner + always, rates.drift, half);
+  MovingBody b = moving_body(pair.b);
+  // Growth brings the bodies nearer along every direction.
+  if (request.growth.any()) b.twist.shift = b.twist.shift - n * (request.growth.slope / norm(n));
+  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), b, half, bend - always);
+  return without_uncertainty(gaps, inner + always + request.growth.most, rates.drift, half);
 }
 
 // Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
@@ -147,7 +170,7 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
   const Vec3d& n = answer.normal;
   const bool has_normal = answer.lower > std::min(target, 0.0) && std::isfinite(n.x + n.y + n.z);
   if (!beyond && !is_proved(low, target) && request.way > 0 && has_normal)
-    gaps = half_spans(motion_query_.plan.pairs.at(position), request.rates, n, inner, moment, node.half(), false);
+    gaps = half_spans(motion_query_.plan.pairs.at(position), request, n, inner, moment, node.half(), false);
   // Shorter spans would not bring the proof past a middle that cannot be proved.
   const bool ends_here = node.half() <= kLeastHalf || (seeks_contact_ && node.half() <= 0.5 * kContactTime && !beyond &&
                                                        answer.lower <= motion_query_.plan.margins.of(position));
@@ -197,7 +220,7 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRe
   halves[1].node.end = node.end;
   const bool seed = node.seeds;  // the pair continues together with the others
   for (std::size_t k = 0; k < requests.size(); ++k) {
-    const PairAnswer& answer = answers[k];
+    const PairAnswer answer = grown_answer(answers[k], requests[k].growth);
     const std::uint64_t position = node.open[requests[k].open];
     Goal& goal = goal_of(position);
     if (std::isnan(answer.distance)) {

@@ -1,9 +1,21 @@
 // The data of one motion, and of a span of a curve.
 #include <algorithm>
+#include <cmath>
+#include <limits>
 
 #include "engine/motion/motion_bounds.h"
 
 namespace clearance {
+
+namespace {
+
+// CurveSpan has bounds for positions up to kMaxPosition.
+bool is_usable_on_curve(const Pose& X) {
+  const Vec3d& t = X.translation;
+  return check(X) != PoseQuality::kBad && std::max({std::abs(t.x), std::abs(t.y), std::abs(t.z)}) <= kMaxPosition;
+}
+
+}  // namespace
 
 void MotionBounds::take_joints(std::size_t robot, MovingBodies& moving) const {
   const LinkMotion& motion = plan_.motions[robot];
@@ -40,19 +52,48 @@ void MotionBounds::take_joints(std::size_t robot, MovingBodies& moving) const {
   moving.travel[robot] = std::max(kinematics.travel(first), kinematics.travel(last));
 }
 
-void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
-  moving.motion = motion;
+// Along a curve the control poses have one rotation. An unusable one makes the motion unusable.
+void MotionBounds::take_given(MovingBodies& moving) const {
+  const std::size_t points = plan_.query.control_points, bodies = plan_.given_bodies;
+  const Pose* const start = plan_.configurations.data() + points * moving.motion * bodies;
   moving.given.clear();
   moving.half_turn = false;
-  const Pose* const start = plan_.configurations.data() + 2 * motion * plan_.given_bodies;
-  for (std::size_t i = 0; i < plan_.given_bodies; ++i) {
-    moving.given.emplace_back(start[i], start[plan_.given_bodies + i]);
+  for (std::size_t i = 0; i < bodies; ++i) {
+    Pose end = start[i + (points > 2 ? 0 : bodies)];
+    for (std::size_t p = 0; points > 2 && p < points; ++p)
+      if (!is_usable_on_curve(start[i + p * bodies])) end.qw = std::numeric_limits<double>::quiet_NaN();
+    moving.given.emplace_back(start[i], end);
     moving.half_turn |= moving.given.back().is_half_turn();
   }
+}
+
+void MotionBounds::take_curves(MovingBodies& moving) const {
+  const std::uint32_t points = plan_.query.control_points;
+  const std::size_t joints = plan_.joints.size(), bodies = plan_.given_bodies, first = points * moving.motion;
   moving.curves.clear();
-  if (const std::uint32_t points = plan_.query.control_points; points > 2)
-    for (std::size_t j = 0, joints = plan_.joints.size(); j < joints; ++j)
-      moving.curves.emplace_back(plan_.positions.data() + points * motion * joints + j, points, joints);
+  moving.growths.clear();
+  moving.growth.clear();
+  if (!plan_.growths.empty())
+    for (std::size_t i = 0; i < bodies; ++i) {
+      const JointCurve& growth = moving.growths.emplace_back(plan_.growths.data() + first * bodies + i, points, bodies);
+      const double by = growth.at(1) - growth.begin();
+      moving.growth.push_back({0, by, std::abs(by) * kMotionSlack, 0});  // if it is linear
+    }
+  if (points == 2) return;
+  for (std::size_t j = 0; j < joints; ++j)
+    moving.curves.emplace_back(plan_.positions.data() + first * joints + j, points, joints);
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const Vec3d& start = plan_.configurations[first * bodies + i].translation;
+    for (const double* coordinate : {&start.x, &start.y, &start.z})
+      moving.curves.emplace_back(coordinate, points, bodies * (sizeof(Pose) / sizeof(double)));
+  }
+  moving.curves.insert(moving.curves.end(), moving.growths.begin(), moving.growths.end());
+}
+
+void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
+  moving.motion = motion;
+  take_given(moving);
+  take_curves(moving);
   moving.along.resize(plan_.motions.size());
   moving.change.resize(plan_.motions.size());
   moving.bend.resize(plan_.motions.size());
@@ -75,6 +116,10 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
       moving.change[m][joint.column] = span.change;
       moving.bend[m][joint.column] = span.bend;
     }
+  if (const std::size_t bodies = moving.growths.size(); bodies > 0) {
+    const std::span<const JointSpan> growth = moving.span.joints().last(bodies);
+    moving.growth.assign(growth.begin(), growth.end());
+  }
   take_rates(moving);
 }
 

@@ -21,9 +21,10 @@ std::span<const T> kept(std::span<const T> given, std::vector<T>& copy) {
 
 }  // namespace
 
-QueryKey::QueryKey(const QueryView& query) : query_(query) {
+QueryKey::QueryKey(const QueryView& query) : query_(query), has_growths_(!query.growths.empty()) {
   query_.configurations = {};
   query_.positions = {};
+  query_.growths = {};
   query_.pairs = kept(query.pairs, pairs_);
   query_.bodies = kept(query.bodies, bodies_);
   query_.joints = kept(query.joints, joints_);
@@ -35,7 +36,7 @@ QueryKey::QueryKey(const QueryView& query) : query_(query) {
 bool QueryKey::is_of(const QueryView& query) const {
   // Options are rows of a table; other inputs are listed here.
   bool same = query.all_pairs == query_.all_pairs && query.configuration_count == query_.configuration_count &&
-              query.scene_revision == query_.scene_revision;
+              query.scene_revision == query_.scene_revision && query.growths.empty() != has_growths_;
   for_each_query_option([&](const QueryOption&, auto member) {
     if constexpr (requires { member(query); }) {
       const auto a = member(query), b = member(query_);

@@ -18,6 +18,7 @@ class QueryKey {
 
  private:
   QueryView query_;  // its spans point into the members below, or are empty
+  bool has_growths_;
   std::vector<BodyPair> pairs_;
   std::vector<std::uint32_t> bodies_, joints_;
   std::vector<MarginEntry> margins_;

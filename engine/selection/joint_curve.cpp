@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <utility>
 
 #include "engine/robot/kinematics_step.h"
 
@@ -71,34 +72,48 @@ double JointCurve::length() const {
   return sum;
 }
 
-void JointCurve::divide(double begin, double end, double* points) const {
+void JointCurve::part(double begin, double end, double* points, std::size_t stride) const {
   assert(0 <= begin && begin < end && end <= 1);
-  double *const before = points, *const after = points + degree_ + 1;
-  std::copy_n(points_, degree_ + 1, before);
-  if (begin > 0) keep_after(before, degree_, begin);
-  if (end < 1) keep_before(before, degree_, (end - begin) / (1 - begin));
-  std::copy_n(before, degree_ + 1, after);
-  keep_before(before, degree_, 0.5);
-  keep_after(after, degree_, 0.5);
-  const double middle = at(0.5 * begin + 0.5 * end);
+  double part[kMostPoints];
+  std::copy_n(points_, degree_ + 1, part);
+  if (begin > 0) keep_after(part, degree_, begin);
+  if (end < 1) keep_before(part, degree_, (end - begin) / (1 - begin));
   // Otherwise the joint has no positions, and must not affect the progress of others.
   const bool is_usable = -kMaxPosition <= least_ && greatest_ <= kMaxPosition;
-  for (std::uint32_t i = 0; i < 2 * (degree_ + 1); ++i) points[i] = is_usable ? points[i] - middle : 0;
+  for (std::uint32_t i = 0; i <= degree_; ++i) points[i * stride] = is_usable ? part[i] : 0;
 }
 
 bool JointCurve::stays_within(double lower, double upper) const {
   return is_curve_within(points_, degree_, lower, upper, kMostHalvings);
 }
 
+// De Casteljau's algorithm in the middle, for all curves at once. Each step rounds once.
+void halve_curves(const double* points, std::uint32_t degree, std::size_t count, double* before, double* after,
+                  double* scratch) {
+  double *from = scratch, *to = scratch + (degree + 1) * count;
+  std::copy_n(points, (degree + 1) * count, from);
+  std::copy_n(from, count, before);
+  std::copy_n(from + degree * count, count, after + degree * count);
+  for (std::uint32_t level = 1; level <= degree; ++level) {
+    const std::size_t rest = (degree + 1 - level) * count;
+    const double* __restrict const p = from;
+    double* __restrict const q = to;
+    for (std::size_t i = 0; i < rest; ++i) q[i] = 0.5 * p[i] + 0.5 * p[i + count];
+    std::copy_n(q, count, before + level * count);
+    std::copy_n(q + rest - count, count, after + (degree - level) * count);
+    std::swap(from, to);
+  }
+}
+
 // Projects the control points on the chord. Progress is 0 in the middle, and has the sign of the time.
 void CurveSpan::take_progress(std::uint32_t degree) {
+  const std::size_t count = joints_.size();
   progress_.assign(points_, 0);
   double squared = 0;
-  for (std::size_t j = 0; j < joints_.size(); ++j) {
-    const double* const p = &points_of_[j * points_];
-    const double chord = joints_[j].slope = p[points_ - 1] - p[0];
+  for (std::size_t j = 0; j < count; ++j) {
+    const double chord = joints_[j].slope = points_of_[(points_ - 1) * count + j] - points_of_[j];
     squared += chord * chord;
-    for (std::uint32_t i = 0; i < points_; ++i) progress_[i] += chord * p[i];
+    for (std::uint32_t i = 0; i < points_; ++i) progress_[i] += chord * points_of_[i * count + j];
   }
   double step = 0;
   farthest_ = 0;
@@ -115,22 +130,34 @@ void CurveSpan::take_progress(std::uint32_t degree) {
 
 void CurveSpan::take(std::span<const JointCurve> curves, double begin, double end) {
   const std::uint32_t degree = curves.empty() ? 1 : curves[0].degree();
+  part_.resize((degree + 1) * curves.size());
+  for (std::size_t j = 0; j < curves.size(); ++j) curves[j].part(begin, end, &part_[j], curves.size());
+  take_points(curves, part_.data(), 0.5 * (end - begin));
+  for (std::size_t j = 0; j < curves.size(); ++j) joints_[j].middle = curves[j].at(0.5 * begin + 0.5 * end);
+}
+
+void CurveSpan::take_points(std::span<const JointCurve> curves, const double* points, double half) {
+  const std::uint32_t degree = curves.empty() ? 1 : curves[0].degree();
+  const std::size_t count = curves.size(), each = (degree + 1) * count;
   points_ = 2 * (degree + 1);
-  points_of_.resize(curves.size() * points_);
-  joints_.assign(curves.size(), {});
-  for (std::size_t j = 0; j < curves.size(); ++j) curves[j].divide(begin, end, &points_of_[j * points_]);
+  halves_.resize(2 * each);
+  scratch_.resize(2 * each);
+  points_of_.resize(2 * each);
+  joints_.assign(count, {});
+  halve_curves(points, degree, count, halves_.data(), halves_.data() + each, scratch_.data());
+  const double* const middle = halves_.data() + each;
+  for (std::uint32_t i = 0; i < points_; ++i)
+    for (std::size_t j = 0; j < count; ++j) points_of_[i * count + j] = halves_[i * count + j] - middle[j];
   take_progress(degree);
-  const double half = 0.5 * (end - begin);
-  for (std::size_t j = 0; j < curves.size(); ++j) {
+  for (std::size_t j = 0; j < count; ++j) {
     JointSpan& joint = joints_[j];
     double way = 0, rest = 0;
     for (std::uint32_t i = 0; i < points_; ++i) {
-      const double p = points_of_[j * points_ + i];
+      const double p = points_of_[i * count + j];
       way = std::max(way, std::abs(p));
       rest = std::max(rest, std::abs(p - joint.slope * progress_[i]));
     }
     const double error = kSpanErrors * curves[j].rounding();
-    joint.middle = curves[j].at(0.5 * begin + 0.5 * end);
     joint.slope *= farthest_ / half;
     joint.change = std::max((way + error) / half * kCurveSlack, std::abs(joint.slope));
     joint.bend = 2 * (rest + error) / (half * half) * kCurveSlack;

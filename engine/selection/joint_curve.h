@@ -36,12 +36,13 @@ class JointCurve {
   /// Range of the control points, and so of the curve; infinite if one is NaN.
   double least() const { return least_; }
   double greatest() const { return greatest_; }
+  double farthest() const { return least_ < -greatest_ ? -least_ : greatest_; }  ///< bound on its distance from 0
   /// Length of the control polygon, and so a bound on that of the curve. Rounded.
   double length() const;
-  /// Control points of the span's parts before and after its middle, each in order, relative to at() of the middle.
+  /// Control points of a span; 0 for a curve without positions.
   /// \param begin, end ascending, in [0, 1]; multiples of 2^-48
-  /// \param points (2, degree() + 1)
-  void divide(double begin, double end, double* points) const;
+  /// \param points receives degree() + 1 numbers at intervals of `stride`
+  void part(double begin, double end, double* points, std::size_t stride) const;
   std::uint32_t degree() const { return degree_; }
   /// Returns whether all positions are within limits, apart from rounding. False if subdivision does not show it.
   bool stays_within(double lower, double upper) const;
@@ -52,13 +53,25 @@ class JointCurve {
   double least_, greatest_, rounding_ = 0;
 };
 
+/// Control points of both halves of some curves, from those of the whole: (degree + 1, count) each.
+/// \param scratch 2 (degree + 1) count numbers
+void halve_curves(const double* points, std::uint32_t degree, std::size_t count, double* before, double* after,
+                  double* scratch);
+
 /// All joints of a motion in a span of time. Reusable memory.
 class CurveSpan {
  public:
   /// \param curves of the joints, of one degree
-  /// \param begin, end as in JointCurve::divide()
+  /// \param begin, end as in JointCurve::part()
   void take(std::span<const JointCurve> curves, double begin, double end);
+  /// The same, without JointSpan::middle, for a span that at most kMostHalvings halvings have cut out.
+  /// \param points (degree + 1, curves.size()) control points of the span
+  /// \param half of its length
+  void take_points(std::span<const JointCurve> curves, const double* points, double half);
+  static constexpr int kMostHalvings = 11;
 
+  /// Control points of the parts before and after the middle, one after the other: (2, degree + 1, curves).
+  std::span<const double> halves() const { return halves_; }
   std::span<const JointSpan> joints() const { return joints_; }
   /// r (JointSpan) has the sign of s, and |r| <= h x for |s| <= pace() h x, if x <= 1. Rounded down; at most 1.
   double pace() const { return pace_; }
@@ -66,9 +79,11 @@ class CurveSpan {
  private:
   void take_progress(std::uint32_t degree);
 
-  std::uint32_t points_ = 0;       // of a joint, in both parts
-  std::vector<double> points_of_;  // (joints, points_), as of JointCurve::divide()
-  std::vector<double> progress_;   // (points_,) of r: control points for a chord of 1
+  std::uint32_t points_ = 0;           // of a joint, in both parts
+  std::vector<double> part_, halves_;  // (degree + 1, joints); see halves()
+  std::vector<double> points_of_;      // (points_, joints), relative to the middle
+  std::vector<double> scratch_;
+  std::vector<double> progress_;  // (points_,) of r: control points for a chord of 1
   std::vector<JointSpan> joints_;
   double farthest_ = 0, pace_ = 1;  // greatest |progress_|
 };

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <iterator>
 #include <string>
 
@@ -121,6 +122,28 @@ void take_joints(const QueryView& query, const engine::Scene& scene, Plan& plan)
   plan.joints.assign(query.joints.begin(), query.joints.end());
 }
 
+void check_growths(std::span<const double> growths) {
+  const auto wrong =
+      std::find_if_not(growths.begin(), growths.end(), [](double g) { return g >= 0 && g <= kMostGrowth; });
+  if (wrong != growths.end())
+    reject("growths[" + std::to_string(wrong - growths.begin()) + "]: expected metres from 0 to " +
+           std::to_string(static_cast<int>(kMostGrowth)) + ", got " + std::to_string(*wrong));
+}
+
+// Along curves bodies do not turn.
+void reject_turns(const QueryView& query) {
+  const std::size_t each = query.bodies.size(), points = query.control_points;
+  for (std::size_t i = 0; i < query.configurations.size(); ++i) {
+    const Pose &first = query.configurations[i / (points * each) * points * each + i % each],
+               &X = query.configurations[i];
+    if (std::memcmp(&X.qw, &first.qw, 4 * sizeof(double)) == 0) continue;
+    throw engine::QueryError(QueryErrorCode::kNotSupported,
+                             "configurations: bodies[" + std::to_string(i % each) + "] turns in motion " +
+                                 std::to_string(i / (points * each)) +
+                                 "; with more than 2 control_points bodies keep their rotation");
+  }
+}
+
 void check_count(const char* what, const char* of, std::size_t got, std::uint64_t configurations, std::size_t each) {
   const std::uint64_t wanted = configurations * each;
   if (got != wanted)
@@ -154,6 +177,7 @@ Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared
   plan.query.weights = plan.weights;
   plan.query.configurations = {};
   plan.query.positions = {};
+  plan.query.growths = {};
   if (with_configurations) plan.take_configurations(query);
 
   plan.moved = plan.snapshot->with_followers(plan.bodies);
@@ -212,8 +236,14 @@ void Plan::take_configurations(const QueryView& requested) {
   const std::uint32_t count = requested.configuration_count;
   check_count("configurations", "poses", requested.configurations.size(), count, requested.bodies.size());
   check_count("positions", "numbers", requested.positions.size(), count, requested.joints.size());
+  if (!requested.growths.empty()) {
+    check_count("growths", "numbers", requested.growths.size(), count, requested.bodies.size());
+    check_growths(requested.growths);
+  }
+  if (query.control_points > 2) reject_turns(requested);
   configurations = requested.configurations;
   positions = requested.positions;
+  growths = requested.growths;
 }
 
 void Plan::keep_configurations() {
@@ -225,6 +255,7 @@ void Plan::keep_configurations() {
   };
   keep(configurations, kept_configurations);
   keep(positions, kept_positions);
+  keep(growths, kept_growths);
 }
 
 }  // namespace clearance

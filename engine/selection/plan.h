@@ -24,6 +24,8 @@ struct Plan {
   std::vector<std::uint32_t> joints;  ///< (J,)
   std::span<const double> positions;  ///< (K, J); likewise
   std::vector<double> kept_positions;
+  std::span<const double> growths;  ///< (K, given_bodies) of motions, or empty; likewise
+  std::vector<double> kept_growths;
   std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
   std::vector<LinkMotion> motions;   ///< of each robot moved by the joints
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
@@ -37,9 +39,10 @@ struct Plan {
 
   /// Unique number of a configuration in a round, as key of data cached for it.
   std::uint64_t number(std::uint64_t configuration) const { return round * size.configurations + configuration; }
-  /// Replaces the configurations by those of a query. Throws QueryError unless they are as many numbers.
+  /// Replaces the configurations by those of a query. Throws QueryError unless they are as many numbers, and for
+  /// growths or turns that are not accepted.
   void take_configurations(const QueryView& requested);
-  /// Copies configurations and positions from the caller's memory.
+  /// Copies configurations, positions and growths from the caller's memory.
   void keep_configurations();
 };
 

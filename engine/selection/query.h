@@ -14,6 +14,7 @@
 namespace clearance {
 
 inline constexpr std::uint32_t kMostControlPoints = 8;  ///< of a motion
+inline constexpr double kMostGrowth = 1000;             ///< metres
 
 /// A batch of minimum-distance queries. Views must stay valid until the job is done.
 struct QueryView {
@@ -39,12 +40,16 @@ struct QueryView {
   std::span<const double> pair_margins{};  ///< (P,) instead of `margins`, in the order of the pairs
   /// For kFieldFreeScale of Reduce::kAny: (J,) radians and metres >= 0 by which joints may move at a scale of 1.
   std::span<const double> weights{};
+  /// For motions: (K, M) metres >= 0 by which the moved bodies are grown on all sides, along with their poses: linearly
+  /// in time, or as the Bezier curve of control_points. Their followers are not grown. Empty for none.
+  std::span<const double> growths{};
   /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
   /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
   std::uint32_t max_evaluations = 0;
   /// Control points per motion, 2 to kMostControlPoints. With n > 2, configurations n k to n k + n - 1 are those of
-  /// motion k: its joints move along a Bezier curve of degree n - 1. Not for poses of bodies.
+  /// motion k: its joints, and the positions of its bodies, move along Bezier curves of degree n - 1. Bodies do not turn
+  /// then: all of their quaternions in a motion are equal.
   std::uint32_t control_points = 2;
   double abs_tol = 0.0;   ///< metres: upper - lower <= max(abs_tol, rel_tol * |distance|) is requested
   double rel_tol = -1.0;  ///< ratio; if negative, the default of the precision (1e-6 float64, 1e-4 float32)

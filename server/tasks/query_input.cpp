@@ -30,6 +30,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   q.configurations = view_as<Pose>(parts.configurations);
   q.joints = view_as<std::uint32_t>(parts.joints);
   q.positions = view_as<double>(parts.positions);
+  q.growths = view_as<double>(parts.growths);
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
   copy_options(parts.options, q);

@@ -335,7 +335,7 @@ DECISION_MUTANTS = [
     *mutants_of(
         "decided_motions -DecisionBounds.*",
         ("span_bend_of_curve", "decision/span_rates.cpp", "@of(changes.bend).speed@) * kUp", "0.0"),
-        ("span_reach_of_curve", "decision/motion_decider.cpp", "reach_[moving.at] = @span.change * half@", "0.0"),
+        ("span_reach_of_curve", "decision/motion_curves.cpp", "reach_[moving.at] = @joint.change * half@", "0.0"),
         ("span_table_reach", "decision/kernel/table_lookup.h", "kNone ? 0 : @reach[pair.at[c]]@", "0.0"),
         ("span_table_side", "decision/kernel/table_lookup.h", "low[c] = at[c] - @by@", "0.0"),
         (
@@ -359,7 +359,7 @@ DECISION_MUTANTS = [
         (
             "span_ball",
             "decision/cover_plan.cpp",
-            "MotionPath(robot, link.link, @ball@)",
+            "robot().kinematics, link.link, @ball@)",
             "LinkBall{}",
         ),
         (
@@ -371,7 +371,7 @@ DECISION_MUTANTS = [
         (
             "span_way",
             "decision/motion_decider.cpp",
-            "@rates.motion.speed * half@ * kUp",
+            "@rates.motion.speed * half@ + growth",
             "0.95 * rates.motion.speed * half",
         ),
         ("span_bend", "decision/motion_decider.cpp", "bend = rates.motion.acceleration * @(0.5 * half * half)@", "0.0"),
@@ -387,18 +387,23 @@ DECISION_MUTANTS = [
             "rates.acceleration * @(0.5 * half_ * half_)@ + error",
             "0.0",
         ),
-        ("span_way_of_pair", "decision/motion_decider.cpp", "@rates.speed * half_@ * kUp", "0.8 * rates.speed * half_"),
+        (
+            "span_way_of_pair",
+            "decision/motion_decider.cpp",
+            "@rates.speed * half_@ + growth",
+            "0.8 * rates.speed * half_",
+        ),
         ("span_seen", "decision/motion_decider.cpp", "{own.turn - @seer.turn@, own.shift", "Vec3d{0, 0, 0}"),
         (
             "span_offset",
             "decision/motion_decider.cpp",
-            "twists_[body.carrier].shift + @cross(twists_[body.carrier].turn, offset)@",
+            "carrier.shift + @cross(carrier.turn, offset)@",
             "Vec3d{0, 0, 0}",
         ),
         (
             "span_carrier",
             "decision/motion_decider.cpp",
-            "{@twists_[body.carrier].turn@, twists_[body.carrier].shift",
+            "{@carrier.turn@, carrier.shift",
             "Vec3d{0, 0, 0}",
         ),
         ("span_sides", "decision/motion_decider.cpp", "for (const double side : {@-0.5@, 0.5})", "0.5"),

@@ -339,9 +339,9 @@ MUTANTS = [
             "mover.reach = (@across(axis, next_) + beyond_@)",
             "0.99 * (across(axis, next_) + beyond_)",
         ),
-        ("motion_turn", "motion/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
-        ("motion_shift", "motion/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
-        ("motion_longer_way", "motion/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
+        ("motion_turn", "selection/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
+        ("motion_shift", "selection/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
+        ("motion_longer_way", "selection/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
         (
             "motion_bend_of_body",
             "motion/motion_bounds.cpp",
@@ -352,7 +352,7 @@ MUTANTS = [
         (
             "motion_drift",
             "motion/motion_bounds.cpp",
-            "rates.add_drift(@drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed)@)",
+            "rates.add_drift(@drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed)@ +",
             "0 * drift_of(pair.a, moving, placed)",
         ),
         ("motion_held", "motion/motion_bounds.cpp", "(reach + link.offset) * kUp", "reach * kUp"),
@@ -404,6 +404,36 @@ MUTANTS = [
         ("curve_pace", "selection/joint_curve.cpp", "farthest_ / (@degree@ * step)", "1"),
         ("curve_sign", "selection/joint_curve.cpp", "i <= degree ? @std::min(r, 0.0)@", "r"),
         ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * curves[j].rounding()", "0.0"),
+    ),
+    # Bodies that move or grow meanwhile.
+    *mutants_of(
+        "motions Meanwhile.*:MotionOracleOfCovers.*:*MotionOracleTest.*meanwhile",
+        ("growth_speed", "motion/motion_bounds.cpp", "rates.speed += @grown.change@", "0.0"),
+        ("growth_bend", "motion/motion_bounds.cpp", "(rates.acceleration + @grown.bend@)", "0.0"),
+        ("growth_most", "motion/motion_bounds.cpp", "sum.most += @at + rounding@", "0.99 * at"),
+        ("growth_least", "motion/motion_bounds.cpp", "sum.least += std::max(@at@ - rounding, 0.0)", "1.001 * at"),
+        ("growth_of_boxes", "motion/motion_bounds.cpp", "speeds.push_back((speed + @grown@) * kUp)", "0 * grown"),
+        ("growth_slope", "motion/motion_span.cpp", "n * (@request.growth.slope@ / norm(n))", "0.0"),
+        (
+            "given_way",
+            "motion/motion_bounds.cpp",
+            "@std::hypot(by[0].change, by[1].change, by[2].change)@ * kUp",
+            "0.9 * std::hypot(by[0].change, by[1].change, by[2].change)",
+        ),
+        (
+            "given_bend",
+            "motion/motion_bounds.cpp",
+            "@std::hypot(by[0].bend, by[1].bend, by[2].bend)@ * kUp",
+            "0.0",
+        ),
+        ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),
+        ("covered_shift", "decision/span_rates.cpp", "(@by.shift@ + path.reach * by.turn) * kUp", "0.5 * by.shift"),
+        ("covered_turn", "decision/span_rates.cpp", "(@path.reach * by.turn * by.turn@ + by.bend)", "0.0"),
+        ("covered_bend", "decision/span_rates.cpp", "path.reach * by.turn * by.turn + @by.bend@", "0.0"),
+        ("covered_velocity", "decision/given_motions.cpp", "@spans_[body].shift@};", "spans_[body].shift * 0.8"),
+        ("covered_growth", "decision/motion_decider.cpp", "static_cast<float>((bend + @growth@) * kUp)", "0.0"),
+        ("covered_growth_of_pair", "decision/motion_decider.cpp", "@growths_[pair.a]@ + growths_[pair.b]", "0.0"),
+        ("covered_growth_in_span", "decision/given_motions.cpp", "@spans_[body].growth@ * half", "0.0"),
     ),
     # Joint tables.
     *mutants_of(

@@ -107,6 +107,9 @@ DOUBTS = {
 #: Invalid values of motions of one body.
 ENDS = [None, "x", 3, [], [IDENTITY], [[[1, 2, 3]]]]
 
+#: Of a call that moves no joints.
+MEANWHILE = [3, "cup", {}, [IDENTITY], {"cup": 3}, {"cup": [IDENTITY]}]
+
 #: Of both front ends: call -> (valid arguments, invalid values of each argument).
 SHAPES = {
     "radius": [*NUMBERS, None], "sphere": ["1.5", True, [1.0], 1j, np.ones(2)],
@@ -136,11 +139,11 @@ FRONT = {
     "check": ({}, {
         name: QUERY[name] for name in ("configurations", "margin", "pairs", "bodies", "joints", "timeout_s")}),
     "motions": ({"bodies": ["cup"], "start": [[IDENTITY]], "end": [[IDENTITY]]}, {
-        "start": ENDS, "end": ENDS, "max_evaluations": COUNTS, "abs_tol": NUMBERS,
+        "start": ENDS, "end": ENDS, "max_evaluations": COUNTS, "abs_tol": NUMBERS, "meanwhile": MEANWHILE,
         **{name: QUERY[name] for name in (
             "joints", "bodies", "pairs", "reduce", "margin", "max_distance", "rel_tol", "fields", "timeout_s")}}),
     "check_path": ({"bodies": ["cup"], "path": [[IDENTITY], [IDENTITY]]}, {
-        "path": [*ENDS, [[IDENTITY]]], "max_evaluations": COUNTS,
+        "path": [*ENDS, [[IDENTITY]]], "max_evaluations": COUNTS, "meanwhile": MEANWHILE,
         **{name: QUERY[name] for name in ("joints", "bodies", "pairs", "margin", "timeout_s")}}),
     "allow": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
     "forbid": ({"a": "cup", "b": "gripper"}, {"a": [*BODIES, None], "b": [*BODIES, None]}),
@@ -278,7 +281,7 @@ def test_docstrings_of_queries_state_each_default(front, name):
     parameters = [
         p for p in inspect.signature(call).parameters.values() if p.name != "self" and p.kind != p.VAR_KEYWORD
     ]
-    assert len(parameters) <= (12 if name == "distances" else 13)
+    assert len(parameters) <= {"distances": 12, "motions": 14}.get(name, 13)
     for parameter in parameters:
         text = described[parameter.name]
         assert parameter.default is parameter.empty or re.search("default|as in", text, re.I), parameter.name

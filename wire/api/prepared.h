@@ -59,6 +59,7 @@ class Prepared {
   struct Inputs {
     std::span<const double> positions{};
     std::span<const Pose7> configurations{};
+    std::span<const double> growths{};
   };
   /// Implemented by the engine and by the client.
   struct Runner {
@@ -75,9 +76,9 @@ class Prepared {
   Result run(const Inputs& inputs) { return runner().run(inputs); }
   Result run() { return run(Inputs{}); }  ///< at the current poses
   /// \param positions (K, J) of the query's joints
-  Result run(std::span<const double> positions) { return run(Inputs{positions, {}}); }
+  Result run(std::span<const double> positions) { return run(Inputs{.positions = positions}); }
   /// \param configurations (K, M) of the query's bodies
-  Result run(std::span<const Pose7> configurations) { return run(Inputs{{}, configurations}); }
+  Result run(std::span<const Pose7> configurations) { return run(Inputs{.configurations = configurations}); }
 
   /// Starts the query and returns at once. The inputs are copied.
   Pending submit(const Inputs& inputs, WhenDone when_done = {}) {

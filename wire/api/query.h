@@ -43,6 +43,9 @@ struct Query {
   std::span<const double> pair_margins = {};
   /// For kFieldFreeScale: (J,) radians and metres >= 0, joint motions at a scale of 1.
   std::span<const double> weights = {};
+  /// For motions: (K * M,) metres >= 0 by which the moved bodies are grown on all sides, along with their poses, as a
+  /// person is who may be anywhere in a ball that grows; empty for none.
+  std::span<const double> growths = {};
   bool check_scene = true;  ///< whether to reject an answer for another scene than the client's
 };
 

@@ -41,6 +41,7 @@ from ._poses import pose7_from_matrix
 from ._query.certificate import Certificate
 from ._query.check import Check
 from ._query.future import Future
+from ._query.meanwhile import BodyPath
 from ._query.path import PathCheck
 from ._query.path_report import PathPoint, PathReport
 from ._query.plan import PathPlan
@@ -104,6 +105,7 @@ __all__ = [
     "StaleQuery",
     "Status",
     "TimeoutError",
+    "BodyPath",
     "Trajectory",
     "__version__",
     "connect",

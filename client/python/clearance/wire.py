@@ -68,6 +68,7 @@ class QueryRecord(enum.IntEnum):
     JOINTS = 8  #: (J,) uint32 ids
     POSITIONS = 9  #: (K, J) float64
     WEIGHTS = 11  #: (J,) float64
+    GROWTHS = 13  #: (K, M) float64, metres
     ROWS = 16  #: uint64 row numbers, for CERTIFY only
 
 

@@ -40,6 +40,7 @@ class Query:
         self.margins: Optional[np.ndarray] = None
         self.pair_margins: Optional[np.ndarray] = None
         self.weights: Optional[np.ndarray] = None
+        self.growths: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
     def check(self, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> None:
@@ -77,8 +78,9 @@ class Query:
         yield is_motion and has_gradient, "fields: motions have no gradient", unsupported
         if q.control_points != 2:
             yield not is_motion, "control_points: only for motions (max_evaluations)", bad
-            text = "control_points: motions with poses of bodies have 2 control points"
-            yield self.bodies is not None, text, unsupported
+        if self.growths is not None:
+            yield not is_motion, "growths: only for motions (max_evaluations)", bad
+            yield self.bodies is None, "growths: expected bodies, which grow", bad
         if fields & Field.FREE_SCALE:
             yield not is_any, "fields: free_scale needs reduce any", bad
             yield is_motion, "fields: motions have no free_scale", unsupported
@@ -109,6 +111,9 @@ class Query:
 
     def set_weights(self, each: np.ndarray) -> None:
         self.weights = each
+
+    def set_growths(self, rows: np.ndarray) -> None:
+        self.growths = rows
 
 
 def _fits(rows: Optional[np.ndarray], ids: Optional[np.ndarray]) -> bool:

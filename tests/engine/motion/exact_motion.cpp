@@ -29,9 +29,16 @@ RealFrame real_between(const Pose& from, const Pose& to, const Real& t) {
 
 ExactScene::Moment ExactScene::at(const Motions& motions, std::uint32_t motion, const Real& t) const {
   std::map<std::uint32_t, RealFrame> frames;
-  for (std::size_t i = 0; i < motions.bodies.size(); ++i) {
-    const Pose* const from = motions.poses.data() + 2 * motion * motions.bodies.size() + i;
-    frames[motions.bodies[i]] = real_between(from[0], from[motions.bodies.size()], t);
+  const std::size_t bodies = motions.bodies.size();
+  std::map<std::uint32_t, Real> growth;
+  for (std::size_t i = 0; i < bodies; ++i) {
+    const Pose* const from = motions.poses.data() + motions.points * motion * bodies + i;
+    RealFrame& X = frames[motions.bodies[i]] = real_between(from[0], from[motions.points == 2 ? bodies : 0], t);
+    const Vec3d& start = from->translation;
+    for (int k = 0; k < 3; ++k) X.t.x[k] = real_curve(&start.x + k, motions.points, 7 * bodies, t);
+    if (!motions.growths.empty())
+      growth[motions.bodies[i]] =
+          real_curve(motions.growths.data() + motions.points * motion * bodies + i, motions.points, bodies, t);
   }
   const SceneRobot& robot = *scene->robots()[0];
   if (!frames.count(robot.base)) frames[robot.base] = real_frame(poses.at(robot.base));
@@ -48,7 +55,7 @@ ExactScene::Moment ExactScene::at(const Motions& motions, std::uint32_t motion, 
     if (!frames.count(body))
       frames[body] = on.count(body) ? frames.at(on.at(body)) * real_frame(poses.at(body)) : real_frame(poses.at(body));
     const Vec3d& c = shape.centre;
-    moment[body] = {frames[body], (frames[body] * real_shift(c.x, c.y, c.z)).t};
+    moment[body] = {frames[body], (frames[body] * real_shift(c.x, c.y, c.z)).t, growth[body]};
   }
   return moment;
 }
@@ -79,10 +86,11 @@ Real ExactScene::distance(const Moment& moment, BodyPair pair) const {
   if (shapes.at(pair.a).is_box || shapes.at(pair.b).is_unsure()) std::swap(pair.a, pair.b);
   const Shape &ball = shapes.at(pair.a), &other = shapes.at(pair.b);
   const Placed &p = moment.at(pair.a), &q = moment.at(pair.b);
+  const Real grown = p.growth + q.growth;
   if (!other.is_box) {
     const Real apart =
         ball.angle > 0 ? least_from_cap(q.centre, p.X.t, p.centre, ball.angle) : real_length(p.centre - q.centre);
-    return apart - ball.radius - ball.position - other.radius;
+    return apart - ball.radius - ball.position - other.radius - grown;
   }
   const RealVec w = p.centre - q.X.t;
   Real outside = 0;
@@ -91,7 +99,7 @@ Real ExactScene::distance(const Moment& moment, BodyPair pair) const {
     const Real over = std::max<Real>(abs(along) - Real(other.half[i]), 0);
     outside += over * over;
   }
-  return sqrt(outside) - ball.radius;
+  return sqrt(outside) - ball.radius - grown;
 }
 
 double ExactScene::rough_distance(const Moment& moment, BodyPair pair) const {
@@ -109,7 +117,7 @@ double ExactScene::rough_distance(const Moment& moment, BodyPair pair) const {
     }
     sum += along * along;
   }
-  return std::sqrt(sum) - a.radius - b.radius;
+  return std::sqrt(sum) - a.radius - b.radius - static_cast<double>(p.growth + q.growth);
 }
 
 }  // namespace clearance::test

@@ -41,6 +41,7 @@ struct ExactScene {
   struct Placed {
     RealFrame X;
     RealVec centre;
+    Real growth = 0;
   };
   using Moment = std::map<std::uint32_t, Placed>;
 

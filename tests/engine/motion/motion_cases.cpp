@@ -76,7 +76,8 @@ Pose pose_of(const Vec3d& t, const Vec3d& x, const Vec3d& y) {
 }  // namespace
 
 const char* name_of(MotionKind kind) {
-  constexpr const char* kNames[] = {"random", "plate", "graze", "swing", "contact", "still", "unsure", "far", "curve"};
+  constexpr const char* kNames[] = {"random", "plate",  "graze", "swing", "contact",
+                                    "still",  "unsure", "far",   "curve", "meanwhile"};
   static_assert(std::size(kNames) == kMotionKinds);
   return kNames[static_cast<int>(kind)];
 }
@@ -84,7 +85,8 @@ const char* name_of(MotionKind kind) {
 MotionCase::MotionCase(Random& random, MotionKind kind, int count, const std::string& folder)
     : random_(random), kind_(kind) {
   far_ = kind == MotionKind::kFar ? std::pow(10.0, random.uniform(1, 5)) : 0;
-  passes_plates_ = kind == MotionKind::kPlate || (kind == MotionKind::kCurve && random.below(2) != 0);
+  const bool is_curved = kind == MotionKind::kCurve || kind == MotionKind::kMeanwhile;
+  passes_plates_ = kind == MotionKind::kPlate || (is_curved && random.below(2) != 0);
   add_robot(folder);
   add_bodies();
   for (std::uint32_t j = 0; j < scene.joints().size(); ++j) motions.joints.push_back(j);
@@ -92,6 +94,19 @@ MotionCase::MotionCase(Random& random, MotionKind kind, int count, const std::st
   if (kind == MotionKind::kCurve) {
     motions.points = 3 + static_cast<std::uint32_t>(random.below(6));
     for (int i = 0; i < count; ++i) add_curve();
+  } else if (kind == MotionKind::kMeanwhile) {
+    motions.points = 2 + static_cast<std::uint32_t>(random.below(7));
+    motions.bodies.push_back(scene.find_body("flies"));
+    if (random.below(2)) motions.bodies.push_back(scene.find_body("one"));
+    const bool grows = random.below(2) != 0;
+    for (int i = 0; i < count; ++i) {
+      add_curve();
+      add_bodies_meanwhile();
+      for (std::size_t k = 0; grows && k < motions.points * motions.bodies.size(); ++k)
+        motions.growths.push_back(random.below(4) ? random.uniform(0, 0.2) : 0);
+      if (random.below(2)) let_meet();
+    }
+    moving_.insert(moving_.end(), motions.bodies.begin(), motions.bodies.end());
   } else {
     if (random.below(2) || motions.joints.empty()) motions.bodies.push_back(scene.find_body("flies"));
     if (!motions.bodies.empty()) moving_.push_back(motions.bodies[0]);
@@ -105,7 +120,7 @@ void MotionCase::add_robot(const std::string& folder) {
   std::vector<ExactScene::Shape> balls;
   const std::string path = folder + "/robot.urdf";
   std::ofstream file(path);
-  file << random_urdf(random_, passes_plates_, kind_ == MotionKind::kCurve, &balls);
+  file << random_urdf(random_, passes_plates_, kind_ == MotionKind::kCurve || kind_ == MotionKind::kMeanwhile, &balls);
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
   engine::RobotOptions options;
   options.urdf = path;
@@ -200,6 +215,42 @@ void MotionCase::add_curve() {
   named.push_back(random_.uniform(0, 1));
 }
 
+// Poses of one motion at random. Along curves bodies do not turn.
+void MotionCase::add_bodies_meanwhile() {
+  const std::size_t first = motions.poses.size(), bodies = motions.bodies.size();
+  motions.poses.resize(first + motions.points * bodies);
+  for (std::size_t b = 0; b < bodies; ++b) {
+    const Pose start = random_.pose(0.8);
+    const double size = std::pow(10.0, random_.uniform(-1, 0.3));
+    for (std::uint32_t p = 0; p < motions.points; ++p) {
+      Pose& X = motions.poses[first + p * bodies + b];
+      X = motions.points == 2 && p > 0 ? random_.pose(0.8) : start;
+      for (int k = 0; k < 3 && p > 0; ++k) X.translation[k] = start.translation[k] + size * random_.uniform(-1, 1);
+    }
+  }
+}
+
+// Shifts the first body of the last motion: it passes a link, or cuts into it, at the named time.
+void MotionCase::let_meet() {
+  const auto motion = static_cast<std::uint32_t>(named.size() - 1);
+  const std::uint32_t body = motions.bodies[0], link = moving_[random_.below(moving_.size())];
+  const ExactScene::Moment moment = exact.at(motions, motion, named[motion]);
+  const RealVec n = any_across(way_at(motion, body, named[motion]) - way_at(motion, link, named[motion]));
+  const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
+  const double apart =
+      exact.shapes.at(body).radius + exact.shapes.at(link).radius + static_cast<double>(moment.at(body).growth) + graze;
+  const Vec3d shift = rounded(along(moment.at(link).centre, n, apart) - moment.at(body).centre);
+  for (std::uint32_t p = 0; p < motions.points; ++p) {
+    Pose& X = motions.poses[(motion * motions.points + p) * motions.bodies.size()];
+    X.translation = X.translation + shift;
+  }
+}
+
+// Where a body's centre moves to.
+RealVec MotionCase::way_at(std::uint32_t motion, std::uint32_t body, const Real& t) const {
+  return exact.at(motions, motion, t + Real("1e-9")).at(body).centre - exact.at(motions, motion, t).at(body).centre;
+}
+
 // A unit vector perpendicular to another.
 RealVec MotionCase::any_across(const RealVec& way) {
   RealVec n{{random_.normal(), random_.normal(), random_.normal()}};
@@ -213,8 +264,10 @@ RealVec MotionCase::any_across(const RealVec& way) {
 // Places an obstacle where a ball passes at the motion's named time.
 void MotionCase::add_obstacle(std::uint32_t motion) {
   const std::uint32_t body = moving_[random_.below(moving_.size())];
-  const double radius = exact.shapes.at(body).radius, t = named[motion];
-  const RealVec centre = exact.at(motions, motion, t).at(body).centre;
+  const double t = named[motion];
+  const ExactScene::Placed there = exact.at(motions, motion, t).at(body);
+  const double radius = exact.shapes.at(body).radius + static_cast<double>(there.growth);
+  const RealVec& centre = there.centre;
   RealVec way = exact.at(motions, motion, Real(t) + Real("1e-9")).at(body).centre - centre;
   const Real length = real_length(way);
   if (length == 0)
@@ -259,9 +312,11 @@ void MotionCase::put(const std::string& name, const ExactScene::Shape& shape, co
 Motions MotionCase::one(std::uint32_t motion) const {
   Motions one = motions;
   const auto joints = static_cast<std::ptrdiff_t>(one.points * one.joints.size()),
-             bodies = static_cast<std::ptrdiff_t>(2 * one.bodies.size());
+             bodies = static_cast<std::ptrdiff_t>(one.points * one.bodies.size());
   one.positions.assign(motions.positions.begin() + motion * joints, motions.positions.begin() + (motion + 1) * joints);
   one.poses.assign(motions.poses.begin() + motion * bodies, motions.poses.begin() + (motion + 1) * bodies);
+  if (!motions.growths.empty())
+    one.growths.assign(motions.growths.begin() + motion * bodies, motions.growths.begin() + (motion + 1) * bodies);
   return one;
 }
 

@@ -16,8 +16,10 @@ enum class MotionKind : std::uint8_t {
   kUnsure,   ///< bodies of uncertain position and rotation
   kFar,      ///< up to 1e5 m from the origin, with grazes
   kCurve,    ///< joints along curves of degree 2 to 7: plates and grazes
+  /// Joints, and bodies along lines or curves, which may grow: plates and grazes, also of a link and such a body.
+  kMeanwhile,
 };
-inline constexpr int kStraightKinds = 8, kMotionKinds = 9;
+inline constexpr int kStraightKinds = 8, kMotionKinds = 10;
 const char* name_of(MotionKind kind);
 
 /// A scene, its exact description for the oracle, and motions in it.
@@ -42,6 +44,9 @@ class MotionCase {
   void add_ball(const std::string& name, const std::string& parent);
   void add_motion();
   void add_curve();
+  void add_bodies_meanwhile();
+  void let_meet();
+  RealVec way_at(std::uint32_t motion, std::uint32_t body, const Real& t) const;
   void add_obstacle(std::uint32_t motion);
   void put(const std::string& name, const ExactScene::Shape& shape, const Pose& X);
   RealVec any_across(const RealVec& way);

@@ -311,7 +311,7 @@ void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
 MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
-    if (c.motions.bodies.empty())
+    if (c.motions.bodies.empty() || only >= kStraightKinds)
       if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) oracle.check_decisions(decide);
     return findings.motions < motions;
   });

@@ -15,12 +15,13 @@ inline constexpr double kInf = std::numeric_limits<double>::infinity();
 inline constexpr std::uint32_t kMotionAnswer =
     kDefaultFields | kFieldFlags | kFieldPair | kFieldPairLower | kFieldConfiguration | kMotionFields | kFieldPoints;
 
-/// Straight lines of some joints or bodies, or curves of joints.
+/// Straight lines or curves of some joints and bodies, which may grow.
 struct Motions {
   std::vector<std::uint32_t> joints, bodies;
   std::vector<BodyPair> pairs;    ///< all if empty
-  std::vector<double> positions;  ///< (2 K, J): start, end, start, end ...
-  std::vector<Pose> poses;        ///< (2 K, M)
+  std::vector<double> positions;  ///< (points K, J): start, end, start, end ... of straight lines
+  std::vector<Pose> poses;        ///< (points K, M)
+  std::vector<double> growths;    ///< likewise, or empty
   std::uint32_t points = 2;       ///< of each motion: control points
 
   std::uint32_t count() const {
@@ -35,6 +36,7 @@ struct Motions {
     query.positions = positions;
     query.bodies = bodies;
     query.configurations = poses;
+    query.growths = growths;
     query.configuration_count = points * count();
     query.control_points = points;
     query.reduce = reduce;

@@ -210,9 +210,8 @@ TEST(Curves, BadOnesAreRejectedByName) {
   EXPECT_EQ(error_of([](QueryView& q) { q.control_points = 4; }), "configurations: motions have 4 each, got 9");
   EXPECT_EQ(error_of([](QueryView& q) { q.max_evaluations = 0, q.fields = kDefaultFields; }),
             "control_points: only for motions (max_evaluations)");
-  const std::uint32_t body = 0;
-  EXPECT_EQ(error_of([&](QueryView& q) { q.bodies = std::span(&body, 1); }),
-            "control_points: motions with poses of bodies have 2 control points");
+  const std::vector<double> growths(2, 0.1);
+  EXPECT_EQ(error_of([&](QueryView& q) { q.growths = growths; }), "growths: expected bodies, which grow");
 }
 
 }  // namespace

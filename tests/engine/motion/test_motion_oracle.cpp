@@ -19,6 +19,26 @@ TEST_P(MotionOracleTest, NothingIsNearerThanReportedNorFarther) {
   EXPECT_GT(found.hits, 5);
 }
 
+// By an engine with covers: motions that it proves free alone, as it does for verdicts.
+TEST(MotionOracleOfCovers, FreeMotionsOfJointsAndBodiesAreFree) {
+  int by_covers = 0;
+  const MotionDecider decide = [&](const engine::Scene& scene, QueryView query) -> MotionDecision {
+    if (query.reduce != Reduce::kAny) return {};
+    query.fields = kFieldVerdict;
+    const engine::Engine engine(engine::Scene(scene), {.backend = "cpu", .threads = 1});
+    engine.wait_covers(std::chrono::seconds(60));
+    const Answer answer = evaluate(engine, query);
+    by_covers += answer.info.pairs_evaluated == 0;
+    return {.kind = static_cast<Status>(answer.view.verdict[0]) == Status::kBeyond ? MotionDecision::kFree
+                                                                                   : MotionDecision::kOpen};
+  };
+  const MotionFindings found = check_decisions(5, 60, static_cast<int>(MotionKind::kMeanwhile), decide);
+  std::printf("%s; %d by covers alone\n", found.text().c_str(), by_covers);
+  EXPECT_EQ(found.wrong(), 0) << found.text();
+  EXPECT_GT(found.free, 20);
+  EXPECT_GT(by_covers, 5);
+}
+
 INSTANTIATE_TEST_SUITE_P(Kinds, MotionOracleTest, ::testing::Range(0, kMotionKinds),
                          [](const auto& kind) { return name_of(static_cast<MotionKind>(kind.param)); });
 

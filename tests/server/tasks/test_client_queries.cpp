@@ -87,6 +87,7 @@ void expect_same(const wire::QueryParts& a, const wire::QueryParts& b) {
   expect_same(a.margins, b.margins, "margins");
   expect_same(a.pair_margins, b.pair_margins, "pair_margins");
   expect_same(a.weights, b.weights, "weights");
+  expect_same(a.growths, b.growths, "growths");
 }
 
 class ClientQueriesTest : public testing::Test {

@@ -8,11 +8,11 @@ from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
-from .._arguments import to_floats
 from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
-from .._poses import as_pose7
 from .._words import FIELD_MASKS, Field, Reduce, Status
+from .arrays import arrays_of, count_of, curves_of, ends_of, interleave, is_curved, positions_of
 from .check import Check
+from .meanwhile import meanwhile_of, meanwhile_of_each
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result
@@ -66,10 +66,10 @@ class Distances(Call):
                     raise ValueError(f"{what}: only together with configurations")
             return query.run(False, 1), None, None
         if query.bodies is None and query.joints is not None:  # the usual case of planners
-            rows = _positions(configurations, query.joint_count, "configurations")
+            rows = positions_of(configurations, query.joint_count, "configurations")
             return query.run(True, len(rows)), None, rows
         poses, positions = arrays_of(query, configurations, "configurations")
-        return query.run(True, _count(poses, positions)), poses, positions
+        return query.run(True, count_of(poses, positions)), poses, positions
 
 
 class Checks(Distances):
@@ -103,17 +103,34 @@ class Motions(Call):
 
     def read(self, start: Any = None, end: Any = None) -> Request:
         query = self.query
-        if end is None and _is_curved(query, start):
-            points = _curves(query, start, "start")
+        if query.meanwhile is not None:
+            return self._read_meanwhile(start, end)
+        if end is None and is_curved(query, start):
+            points = curves_of(query, start, "start")
             return query.run(True, len(points), points.shape[1]), None, points.reshape(-1, points.shape[2])
         if query.bodies is None and query.joints is not None:  # the usual case of planners
-            first = _positions(start, query.joint_count, "start")
-            last = _positions(end, query.joint_count, "end")
-            return query.run(True, len(first)), None, _interleave(first, last)
+            first = positions_of(start, query.joint_count, "start")
+            last = positions_of(end, query.joint_count, "end")
+            return query.run(True, len(first)), None, interleave(first, last)
         start_poses, start_positions = arrays_of(query, start, "start")
         end_poses, end_positions = arrays_of(query, end, "end")
-        poses, positions = _interleave(start_poses, end_poses), _interleave(start_positions, end_positions)
-        return query.run(True, _count(poses, positions) // 2), poses, positions
+        poses, positions = interleave(start_poses, end_poses), interleave(start_positions, end_positions)
+        return query.run(True, count_of(poses, positions) // 2), poses, positions
+
+    def _read_meanwhile(self, start: Any, end: Any) -> Request:
+        """Bodies move over the time of each motion, from 0 to 1; control poses may be those of each motion."""
+        query = self.query
+        assert query.meanwhile is not None
+        if end is None and is_curved(query, start):
+            curves = curves_of(query, start, "start")
+        else:
+            first = positions_of(start, query.joint_count, "start")
+            ends = interleave(first, positions_of(end, query.joint_count, "end"))
+            assert ends is not None
+            curves = ends.reshape(-1, 2, query.joint_count)
+        poses, growths = meanwhile_of_each(query.meanwhile, len(curves), curves.shape[1])
+        run = query.run_growing(len(curves), curves.shape[1], growths)
+        return run, poses.reshape(-1, *poses.shape[2:]), curves.reshape(-1, curves.shape[2])
 
 
 class Paths(Call):
@@ -123,8 +140,8 @@ class Paths(Call):
     details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
     def steps(self, path: Any = None) -> Steps:
-        points, count, each = self._points(path)
-        positions, is_curved = points[1], isinstance(path, Trajectory)
+        points, count, each, growths = self._points(path)
+        positions, are_curves = points[1], points[1] is not None and points[1].ndim == 3
         if count < 1:
             raise ValueError(f"path: expected two waypoints or more, got {count + 1}")
         violations: tuple[LimitViolation, ...] = ()
@@ -134,8 +151,8 @@ class Paths(Call):
         first, room = 0, _FIRST_MOTIONS
         while first < count:
             last = min(first + room, count)
-            poses, rows = (_ends(p, first, last, is_curved) for p in points)
-            run = self.query.run(True, last - first, each)
+            poses, rows = (ends_of(p, first, last, are_curves) for p in points)
+            run = self.query.run_growing(last - first, each, ends_of(growths, first, last, True))
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
                 violations = self._violations(positions)
@@ -143,8 +160,8 @@ class Paths(Call):
                 first, room = last, min(2 * room, _MOST_MOTIONS)
                 continue
             first += int(np.argmax(Result(answer, _ANY, run).verdict != _BEYOND))
-            poses, rows = (_ends(p, first, first + 1, is_curved) for p in points)
-            run = self.query.run_of(True, self.details, each)
+            poses, rows = (ends_of(p, first, first + 1, are_curves) for p in points)
+            run = self.query.run_growing(1, each, ends_of(growths, first, first + 1, True), self.details)
             answer = yield run, poses, rows
             result = Result(answer, _ANY, run)
             if result.status[0] != _BEYOND:
@@ -152,13 +169,24 @@ class Paths(Call):
             first += 1
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
 
-    def _points(self, path: Any) -> tuple[tuple[Optional[np.ndarray], Optional[np.ndarray]], int, int]:
-        """Returns waypoints or control points, the number of motions, and of the control points of each."""
+    def _points(
+        self, path: Any
+    ) -> tuple[tuple[Optional[np.ndarray], Optional[np.ndarray]], int, int, Optional[np.ndarray]]:
+        """Returns waypoints or control points, the number of motions, of the control points of each, and growths."""
+        query = self.query
         if isinstance(path, Trajectory):
-            curves = _curves(self.query, path, "path")
-            return (None, curves), len(curves), curves.shape[1]
-        points = arrays_of(self.query, path, "path")
-        return points, _count(*points) - 1, 2
+            curves = curves_of(query, path, "path")
+        elif query.meanwhile is None:
+            points = arrays_of(query, path, "path")
+            return points, count_of(*points) - 1, 2, None
+        else:
+            rows = positions_of(path, query.joint_count, "path")
+            curves = np.stack((rows[:-1], rows[1:]), axis=1)
+        poses = growths = None
+        if query.meanwhile is not None and len(curves):
+            knots = path.times if isinstance(path, Trajectory) else np.arange(len(curves) + 1.0)
+            poses, growths = meanwhile_of(query.meanwhile, knots, curves.shape[1])
+        return (poses, curves), len(curves), curves.shape[1], growths
 
     def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
         joints = self.query.joints
@@ -183,7 +211,7 @@ class Scales(Call):
 
     def read(self, positions: Any = None) -> Request:
         poses, rows = arrays_of(self.query, positions, "positions")
-        return self.query.run(True, _count(poses, rows)), poses, rows
+        return self.query.run(True, count_of(poses, rows)), poses, rows
 
     def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> np.ndarray:
         return Result(answer, _ANY, run).free_scale
@@ -196,93 +224,6 @@ CALLS: dict[str, type[Call]] = {
     "check_path": Paths,
     "free_scale": Scales,
 }
-
-
-def arrays_of(query: Query, value: Any, what: str) -> tuple[Optional[np.ndarray], Optional[np.ndarray]]:
-    """Returns (K, M, 7) poses and (K, J) positions of configurations, None for the kind that does not move."""
-    if query.joints is None:
-        return _poses(query, value, what), None
-    if query.bodies is None:
-        return None, _positions(value, query.joint_count, what)
-    if not isinstance(value, (tuple, list)) or len(value) != 2:
-        raise TypeError(f"{what}: expected a pair (positions, poses), since joints and bodies move")
-    positions = _positions(value[0], query.joint_count, f"{what}[0]")
-    poses = _poses(query, value[1], f"{what}[1]")
-    if len(poses) != len(positions):
-        raise ValueError(f"{what}: expected K = {len(positions)} poses as of positions, got {len(poses)}")
-    return poses, positions
-
-
-def _count(poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> int:
-    return len(poses) if poses is not None else 0 if positions is None else len(positions)
-
-
-def _positions(value: Any, joints: int, what: str) -> np.ndarray:
-    if value is None:
-        raise ValueError(f"{what}: expected (K, J) positions of joints, got none")
-    rows = to_floats(value, what, "(K, J) numbers")
-    shape = rows.shape
-    if len(shape) != 2 or shape[1] != joints:
-        raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}")
-    if not shape[0]:
-        raise ValueError(f"{what}: expected at least one row, got shape {shape}")
-    return rows
-
-
-def _poses(query: Query, value: Any, what: str) -> np.ndarray:
-    if value is None:
-        raise ValueError(f"{what}: expected (K, M, 7) poses of bodies, got none")
-    poses = as_pose7(value, what)
-    if poses.ndim != 3:
-        raise ValueError(f"{what}: expected shape (K, M, 7) or (K, M, 4, 4), got {np.shape(value)}")
-    bodies, _ = query.moved(True)
-    count = 0 if bodies is None else len(bodies)
-    if poses.shape[1] != count:
-        whose = "every movable body" if query.bodies is None else "bodies"
-        raise ValueError(f"{what}: expected M = {count} poses each ({whose}), got shape {np.shape(value)}")
-    if not len(poses):
-        raise ValueError(f"{what}: expected at least one, got shape {np.shape(value)}")
-    return poses
-
-
-def _is_curved(query: Query, start: Any) -> bool:
-    """Whether the motions have control points instead of two ends."""
-    if isinstance(start, Trajectory):
-        return True
-    if start is None or query.joints is None or query.bodies is not None:
-        return False
-    return to_floats(start, "start", "(K, J) numbers").ndim == 3
-
-
-def _curves(query: Query, value: Any, what: str) -> np.ndarray:
-    """Returns (K, D + 1, J) control points of motions of joints."""
-    if query.joints is None or query.bodies is not None:
-        raise ValueError(f"{what}: expected poses, since bodies move: only joints move along a Trajectory")
-    trajectory = value if isinstance(value, Trajectory) else Trajectory(value)
-    return trajectory.columns(query.joints.names, what)
-
-
-def _interleave(start: Optional[np.ndarray], end: Optional[np.ndarray]) -> Optional[np.ndarray]:
-    """Interleaves the ends of motions as a query expects them: first start, first end, second start, ..."""
-    if start is None or end is None:
-        return None
-    if start.shape != end.shape:
-        raise ValueError(f"end: expected shape {start.shape}, as start has, got {end.shape}")
-    if len(start) == 1:
-        return np.concatenate((start, end))
-    return np.stack((start, end), axis=1).reshape(-1, *start.shape[1:])
-
-
-def _ends(waypoints: Optional[np.ndarray], first: int, last: int, are_curves: bool) -> Optional[np.ndarray]:
-    """Returns the ends of the motions from waypoint `first` to `last`, in turn: every waypoint twice, except those.
-
-    are_curves: of curves instead, their control points.
-    """
-    if are_curves:
-        return None if waypoints is None else waypoints[first:last].reshape(-1, waypoints.shape[2])
-    if waypoints is None or len(waypoints) == 2:
-        return waypoints
-    return np.repeat(waypoints[first : last + 1], 2, axis=0)[1:-1]
 
 
 def _stopped(r: Result, motion: int, violations: tuple[LimitViolation, ...]) -> PathCheck:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Optional
 
@@ -10,6 +11,7 @@ import numpy as np
 
 from .._joints import JointsRef
 from .._names import Margin, Pairs
+from .meanwhile import BodyPath, Meanwhile, meanwhile_of, pose_between, to_body_paths
 from .path import PathCheck
 from .result import Result
 from .trajectory import Trajectory
@@ -51,44 +53,72 @@ class PathReport:
 
 
 def explain_path(
-    front: Any, path: Any, joints: JointsRef, pairs: Pairs, margin: Margin, max_evaluations: int
+    front: Any, path: Any, joints: JointsRef, pairs: Pairs, margin: Margin, max_evaluations: int, meanwhile: Meanwhile
 ) -> PathReport:
     """Implements Front.explain_path(), of `front`."""
     if joints is None:
         raise ValueError("joints: expected some, that move")
+    bodies = None if meanwhile is None else to_body_paths(meanwhile)
+    if bodies is not None and any(body.grows for body in bodies.values()):
+        raise ValueError("meanwhile: explain_path() takes no bodies that grow; use check_path()")
     common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
-    check = front.check_path(path, max_evaluations=max_evaluations, **common)
+    check = front.check_path(path, max_evaluations=max_evaluations, meanwhile=meanwhile, **common)
     if isinstance(path, Trajectory):
-        curves = path.columns(front.joints(joints).names, "path")
+        curves, knots = path.columns(front.joints(joints).names, "path"), path.times
     else:
         rows = np.asarray(path, dtype=np.float64)
-        curves = np.stack((rows[:-1], rows[1:]), axis=1)
+        curves, knots = np.stack((rows[:-1], rows[1:]), axis=1), np.arange(float(len(rows)))
+    motions = _Motions(curves, bodies, knots)
     common["max_evaluations"] = max_evaluations
     if check.index is not None and check.hit:
-        return _of_hit(front, curves[check.index], check, check.index, common)
-    nearest, least = _nearest(front, curves, common)
-    until = None if check.index is None else (check.index, _contact_times(front, curves[check.index], common)[0])
+        return _of_hit(front, motions, check, check.index, common)
+    nearest, least = _nearest(front, motions, common)
+    until = None if check.index is None else (check.index, _contact_times(front, motions, check.index, common)[0])
     return PathReport(check, until, None, nearest, least)
 
 
-def _of_hit(front: Any, curve: np.ndarray, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
+class _Motions:
+    """The motions of a path: of joints, and of bodies meanwhile."""
+
+    def __init__(self, curves: np.ndarray, bodies: Optional[dict[Any, BodyPath]], knots: np.ndarray):
+        self.curves, self.bodies = curves, bodies
+        self.poses = None if bodies is None else meanwhile_of(bodies, knots, curves.shape[1])[0]
+
+    def of(self, first: int, last: int) -> dict[str, Any]:
+        """Returns arguments of motions() for some of them."""
+        if self.bodies is None or self.poses is None:
+            return {"start": self.curves[first:last]}
+        meanwhile = {body: BodyPath(self.poses[first:last, :, i]) for i, body in enumerate(self.bodies)}
+        return {"start": self.curves[first:last], "meanwhile": meanwhile}
+
+    def at(self, index: int, times: Sequence[float]) -> dict[str, Any]:
+        """Returns arguments of distances() for states of one of them, rounded."""
+        rows = np.array([_at(self.curves[index], t) for t in times])
+        if self.bodies is None or self.poses is None:
+            return {"configurations": rows}
+        controls = self.poses[index]
+        poses = np.array([[pose_between(controls[:, i], t) for i in range(controls.shape[1])] for t in times])
+        return {"configurations": (rows, poses), "bodies": list(self.bodies)}
+
+
+def _of_hit(front: Any, motions: _Motions, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
     """Reports a path with a proved contact in motion `index`."""
-    proved, within = _contact_times(front, curve, common)
+    proved, within = _contact_times(front, motions, index, common)
     if math.isinf(within):
         within = check.t or 0.0  # the search for the first one ended before
     at = {name: common[name] for name in ("joints", "pairs", "margin")}
-    if proved == 0.0 and front.check(curve[:1], **at).hit[0]:
+    if proved == 0.0 and front.check(**motions.at(index, [0.0]), **at).hit[0]:
         within = 0.0
-    times = np.linspace(within, 1.0, _STATES)
-    rows = np.array([_at(curve, time) for time in times])
+    times = np.linspace(within, 1.0, _STATES).tolist()
     of: dict[str, Any] = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
-    deep = front.distances(configurations=rows, reduce="min", pairs=common["pairs"], **of)
-    found = front.check(rows[:1], **at)
+    deep = front.distances(**motions.at(index, times), reduce="min", pairs=common["pairs"], **of)
+    start = motions.at(index, times[:1])
+    found = front.check(**start, **at)
     pair = check.pair if found.free[0] else tuple(found.pair[0].tolist())
-    first = front.distances(configurations=rows[:1], pairs=[pair], **of)
-    k = int(np.argmin(deep.upper))
-    contact = _point(first, (0, 0), index, within, rows[0])
-    return PathReport(check, (index, proved), contact, _point(deep, k, index, float(times[k]), rows[k]), None)
+    first = front.distances(**start, pairs=[pair], **of)
+    k, curve = int(np.argmin(deep.upper)), motions.curves[index]
+    contact = _point(first, (0, 0), index, within, _at(curve, within))
+    return PathReport(check, (index, proved), contact, _point(deep, k, index, times[k], _at(curve, times[k])), None)
 
 
 def _at(curve: np.ndarray, t: float) -> np.ndarray:
@@ -98,23 +128,23 @@ def _at(curve: np.ndarray, t: float) -> np.ndarray:
     return curve[0]
 
 
-def _contact_times(front: Any, curve: np.ndarray, common: dict[str, Any]) -> tuple[float, float]:
+def _contact_times(front: Any, motions: _Motions, index: int, common: dict[str, Any]) -> tuple[float, float]:
     """Returns the times of a motion until which it is proved free, and at which a pair is within its margin."""
-    r = front.motions(curve[None], fields=_MOTION_FIELDS, **common)
+    r = front.motions(**motions.of(index, index + 1), fields=_MOTION_FIELDS, **common)
     proved, within = r.first_contact[0].tolist()
     return (0.0 if math.isinf(proved) else proved), within
 
 
-def _nearest(front: Any, curves: np.ndarray, common: dict[str, Any]) -> tuple[PathPoint, tuple[float, float]]:
+def _nearest(front: Any, motions: _Motions, common: dict[str, Any]) -> tuple[PathPoint, tuple[float, float]]:
     """Returns the state of the least distance of all motions, and its bounds."""
     lower, nearest = math.inf, None
-    for first in range(0, len(curves), _MOST_MOTIONS):
-        r = front.motions(curves[first : first + _MOST_MOTIONS], fields=_MOTION_FIELDS, **common)
+    for first in range(0, len(motions.curves), _MOST_MOTIONS):
+        r = front.motions(**motions.of(first, first + _MOST_MOTIONS), fields=_MOTION_FIELDS, **common)
         lower = min(lower, float(r.lower.min()))
         k = int(np.argmin(r.upper))
         if nearest is None or r.upper[k] < nearest.upper:
             time = float(r.time[k])
-            nearest = _point(r, k, first + k, time, _at(curves[first + k], time))
+            nearest = _point(r, k, first + k, time, _at(motions.curves[first + k], time))
     assert nearest is not None  # a path has a motion
     return nearest, (lower, nearest.upper)
 

@@ -13,6 +13,7 @@ from .._joints import JointsRef
 from .._names import Margin, Pairs
 from .certificate import Certificate
 from .check import Check
+from .meanwhile import Meanwhile
 from .path_report import PathReport, explain_path
 from .query import Run
 
@@ -81,18 +82,25 @@ class Plans:
         return _plan(self, start, goal, joints, pairs, margin, search, clearance, certificate)
 
     def explain_path(
-        self, path: Any, joints: JointsRef, pairs: Pairs = None, margin: Margin = 0.0, max_evaluations: int = 256
+        self,
+        path: Any,
+        joints: JointsRef,
+        pairs: Pairs = None,
+        margin: Margin = 0.0,
+        max_evaluations: int = 256,
+        meanwhile: Meanwhile = None,
     ) -> PathReport:
         """Returns where a path comes closest to a contact, or why it is not free.
 
         path: (N, J) positions of `joints`, radians and metres; or a Trajectory of them.
         joints, pairs, margin, max_evaluations: as in check_path().
+        meanwhile: likewise, for bodies that do not grow.
 
         If the path is free: its least distance, to 1 mm, and where it is. Otherwise the first contact, its pair, and
         the deepest of 33 states of the motion from there on, with the penetration depth. Takes up to a hundred times as
         long as check_path(), whose verdict is included. Raises as check_path() does.
         """
-        return explain_path(self, path, joints, pairs, margin, max_evaluations)
+        return explain_path(self, path, joints, pairs, margin, max_evaluations, meanwhile)
 
 
 def _plan(

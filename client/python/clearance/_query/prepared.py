@@ -191,6 +191,8 @@ class Prepared:
             query.renew()
         if run.names.revision == query.names.revision:
             return run
+        if run.growths is not None:
+            return query.growing(run.mask, run.points, run.growths)
         return query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
 
 

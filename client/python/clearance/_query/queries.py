@@ -18,6 +18,7 @@ from .calls import CALLS
 from .certificate import Certificate
 from .check import Check
 from .future import Future
+from .meanwhile import Meanwhile
 from .path import PathCheck
 from .prepared import Prepared, check_arguments
 from .query import Run
@@ -134,6 +135,7 @@ class Queries:
         max_evaluations: int = 256,
         fields: Fields = None,
         timeout_s: Optional[float] = None,
+        meanwhile: Meanwhile = None,
     ) -> Result:
         """Returns the least distances of bodies along whole continuous motions, with certified bounds, not samples.
 
@@ -156,6 +158,8 @@ class Queries:
             returned by default. For reduce="any" the default is status, verdict, flags, pair and time: bounds and steps
             take several times as long where a motion is free, and `first_contact` where it is not. `gradient` and
             signed distances are not available.
+        meanwhile: {body: (2, 7) poses at the ends of all motions, (K, D + 1, 7) Bezier control poses or a BodyPath} of
+            bodies that move meanwhile. Witness points are on bodies as they are without growth. Default: none.
 
         Columns begin with (K,), or (K, P) for reduce="none". [lower, upper] contains the least distance of the whole
         motion, both ends included. `time`, 0 to 1, is the time of the witness points. `first_contact` (..., 2) is the
@@ -175,6 +179,7 @@ class Queries:
         margin: Margin = 0.0,
         max_evaluations: int = 256,
         timeout_s: Optional[float] = None,
+        meanwhile: Meanwhile = None,
     ) -> PathCheck:
         """Returns whether a path is free: every pair is proved farther than its margin along the whole path.
 
@@ -182,12 +187,12 @@ class Queries:
             or a Trajectory of `joints`, for its segments.
         joints, bodies, pairs, margin, max_evaluations: as in motions() with reduce="any".
         timeout_s: as in distances(), of each of the queries, which have up to 1024 motions.
+        meanwhile: {body: poses or a BodyPath} of bodies that move over the seconds of the Trajectory, or of waypoints a
+            second apart. Default: none.
 
-        Stops at the first motion that is not proved free. `ok` of the
-        result includes the joints' limits, `free` does not. Warns (JointLimitWarning) of positions that look like
-        degrees.
-
-        Raises ValueError for fewer than two waypoints, and as motions() does.
+        Stops at the first motion that is not proved free. `ok` of the result includes the joints' limits, `free` does
+        not. Warns (JointLimitWarning) of positions that look like degrees. Raises ValueError for fewer than two
+        waypoints, and as motions() does.
         """
         return self._once("check_path", locals())
 

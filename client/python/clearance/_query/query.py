@@ -12,6 +12,7 @@ from .._errors import QueryError, StaleQuery
 from .._joints import Joints, JointTable
 from .._names import NameTable, has_selectors
 from .._words import MARGIN_DTYPE
+from .meanwhile import BodyPath, to_body_paths
 from .result import fields_mask
 
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
@@ -55,6 +56,15 @@ class Query:
         names = self.names = source._names
         given = dict(arguments)
         pairs, bodies, joints = (given.pop(name, None) for name in ("pairs", "bodies", "joints"))
+        meanwhile = given.pop("meanwhile", None)
+        self.meanwhile: Optional[dict[Any, BodyPath]] = None
+        if meanwhile is not None:
+            self.meanwhile = to_body_paths(meanwhile)
+            if joints is None:
+                raise ValueError("meanwhile: expected joints that move along the path, got none")
+            if bodies is not None:
+                raise ValueError("bodies: expected none, since meanwhile names those that move, got some")
+            bodies = list(self.meanwhile)
         self.pairs = None if pairs is None else _own(names.pairs_array(pairs))
         self.selects = self.pairs is not None and has_selectors(self.pairs)
         self.bodies = None if bodies is None else _some(_own(names.bodies_array(bodies, "bodies")), "bodies")
@@ -112,6 +122,18 @@ class Query:
     def with_columns(self, moves: bool, mask: int, points: int = 2) -> Run:
         """Returns the query with these columns, and keeps it for run()."""
         run = self._runs[moves, mask, points] = self.made(moves, mask, points)
+        return run
+
+    def run_growing(self, count: int, points: int, growths: Optional[np.ndarray], mask: Optional[int] = None) -> Run:
+        """Returns the query for motions, in which bodies grow if there are growths: (..., M) metres."""
+        run = self.run(True, count, points) if mask is None else self.run_of(True, mask, points)
+        return run if growths is None else self.growing(run.mask, points, growths.reshape(-1, growths.shape[-1]))
+
+    def growing(self, mask: int, points: int, growths: np.ndarray) -> Run:
+        """Returns the query with these columns, for one run in which bodies grow. growths: (K, M) metres."""
+        run = self.made(True, mask, points)
+        run.raw.set_growths(growths)
+        run.growths = growths
         return run
 
     def made(self, moves: bool, mask: int, points: int = 2) -> Run:
@@ -185,8 +207,8 @@ class Run:
     """
 
     __slots__ = (
-        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "reduce", "timeout_s",
-        "copy",
+        "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "growths", "reduce",
+        "timeout_s", "copy",
     )  # fmt: skip
 
     def __init__(
@@ -201,6 +223,7 @@ class Run:
     ):
         self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
         self.points = points  # of each motion
+        self.growths: Optional[np.ndarray] = None  # of this run alone
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
         self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
 

@@ -1,4 +1,4 @@
-#include "engine/motion/body_motion.h"
+#include "engine/selection/body_motion.h"
 
 #include <algorithm>
 #include <array>
