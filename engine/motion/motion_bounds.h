@@ -46,6 +46,8 @@ class MotionBounds {
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
   void take_span(double begin, double end, MovingBodies& moving) const;
+  /// Likewise, by bounds on the derivatives of curves: docs/bounds_robots.md, "Certificates of curves".
+  void take_derivatives(double begin, double end, MovingBodies& moving) const;
   /// Speed bound of each of Plan::moved, in metres per unit of time. A pair's speed is at most the sum of its bodies'.
   /// \param placed at any time of the motion
   void speeds(const MovingBodies& moving, const BodyPoses& placed, std::vector<double>& speeds) const;

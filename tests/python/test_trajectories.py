@@ -217,12 +217,6 @@ def test_limits_hold_for_the_curve(arm_engine):
             assert done.limit_violations[0].joint == arm.names[0] and done.limit_violations[0].excess > 0
 
 
-def test_a_certificate_is_for_straight_motions(arm_engine):
-    arm = arm_engine.joints("arm")
-    with pytest.raises(clearance.QueryError, match="control_points: certificates are for straight motions"):
-        arm_engine.certificate(start=random_curves(arm, 1, 3), joints=arm, pairs=PAIRS)
-
-
 def test_bodies_move_straight(arm_engine):
     arm = arm_engine.joints("arm")
     with pytest.raises(ValueError, match="start: expected poses, since bodies move"):
