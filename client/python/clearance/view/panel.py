@@ -203,6 +203,11 @@ class Panel:
         return self.positions() if self._moved else None
 
     @property
+    def is_along(self) -> bool:
+        """Whether elsewhere() is a state of the path."""
+        return self._along is not None
+
+    @property
     def path_margin(self) -> float:
         return float(self._path_margin.value)
 
@@ -214,7 +219,7 @@ class Panel:
 
     def follow(self, positions: np.ndarray) -> None:
         """Moves the sliders to the joints' positions, unless the user has moved them."""
-        if not self._moved:
+        if not self._moved or self.is_along:
             for slider, position in zip(self._sliders, positions.tolist()):
                 if abs(slider.value - position) > 1e-9:
                     slider.value = min(max(position, slider.min), slider.max)

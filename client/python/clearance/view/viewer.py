@@ -96,6 +96,8 @@ class Viewer:
         elsewhere = self._panel.elsewhere()
         picture = self._session.picture(self._panel.question, elsewhere)
         positions = None if self._session.joints is None else self._session.positions()
+        if self._panel.is_along:
+            positions = elsewhere
         self._on_page(self._draw, picture, positions, self._notice(elsewhere))
         if self._panel.edge_asked:
             self._panel.edge_asked = False
