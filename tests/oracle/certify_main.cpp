@@ -21,7 +21,7 @@ namespace {
 constexpr int kBatch = 200;
 
 struct Options {
-  std::int64_t pairs = 10000, slack = 0, motions = 0, states = 0, edges = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0, trajectories = 0, states = 0, edges = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
@@ -99,16 +99,21 @@ bool certify_slack(const Options& o) {
   return findings.all() == 0;
 }
 
-void write_motions(std::ostream& out, const Options& o, const std::vector<test::MotionFindings>& kinds) {
-  out << "# motions " << o.motions << ", seed " << o.seed << ", backend " << o.backends.front()
-      << ", judged with 60 digits\n"
-      << "kind,motions,overlaps,free,hits,undecided,on_device,least_on_device,nearer,farther,untrue,wide\n";
+void write_motions(const Options& o, const std::string& what, std::size_t first_kind,
+                   const std::vector<test::MotionFindings>& kinds) {
+  if (o.csv.empty()) return;
+  std::ofstream out(o.csv);
+  out << "# " << what << ", seed " << o.seed << ", backend " << o.backends.front() << ", judged with 60 digits\n"
+      << "kind,motions,overlaps,free,hits,undecided,on_device,least_on_device,nearer,farther,untrue,wide,decided_early,"
+         "stopped\n";
   for (std::size_t k = 0; k < kinds.size(); ++k) {
     const test::MotionFindings& f = kinds[k];
-    out << test::name_of(static_cast<test::MotionKind>(k)) << ',' << f.motions << ',' << f.overlaps << ',' << f.free
-        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.least_on_device << ',' << f.nearer
-        << ',' << f.farther << ',' << f.untrue << ',' << f.wide << '\n';
+    out << test::name_of(static_cast<test::MotionKind>(first_kind + k)) << ',' << f.motions << ',' << f.overlaps << ','
+        << f.free << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.least_on_device << ','
+        << f.nearer << ',' << f.farther << ',' << f.untrue << ',' << f.wide << ',' << f.decided << ',' << f.stopped
+        << '\n';
   }
+  if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
 }
 
 /// Motions of each kind in turn, divided among the threads. Returns false if any is wrong, or if a requested device has
@@ -131,12 +136,29 @@ bool certify_motions(const Options& o) {
     if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
   });
   std::cerr << all.text() << '\n';
-  if (!o.csv.empty()) {
-    std::ofstream out(o.csv);
-    write_motions(out, o, kinds);
-    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
-  }
+  write_motions(o, "motions " + std::to_string(o.motions), 0, kinds);
   return all.wrong() == 0 && (backend != "cuda" || all.on_device > 0);
+}
+
+/// Trajectories of several segments, divided among the threads. Returns false if any segment is wrong.
+bool certify_trajectories(const Options& o) {
+  constexpr std::int64_t kAtOnce = 100;
+  const auto shares = static_cast<std::size_t>((o.trajectories + kAtOnce - 1) / kAtOnce);
+  std::vector<test::MotionFindings> all(1);
+  std::mutex mutex;
+  std::size_t done = 0;
+  in_parallel(shares, o.threads, [&](std::size_t k) {
+    const std::int64_t count = std::min(kAtOnce, o.trajectories - static_cast<std::int64_t>(k) * kAtOnce);
+    const test::MotionFindings found = test::check_trajectories(o.seed * 1'000'000 + k, static_cast<int>(count));
+    const std::lock_guard lock(mutex);
+    all[0].add(found);
+    if (found.wrong() > 0) std::cerr << "trajectories, share " << k << ": " << found.text() << '\n';
+    if (++done % 20 == 0) std::cerr << done * kAtOnce << " trajectories\n";
+  });
+  std::cerr << o.trajectories << " trajectories: " << all[0].text() << '\n';
+  write_motions(o, "trajectories " + std::to_string(o.trajectories),
+                static_cast<std::size_t>(test::MotionKind::kTrajectory), all);
+  return all[0].wrong() == 0;
 }
 
 /// A robot whose states and edges are decided.
@@ -263,6 +285,8 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--motions", o.motions, "in place of pairs so many motions, of all kinds, judged with 60 digits")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--trajectories", o.trajectories, "likewise, so many splines of two to four segments that overshoot")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--states", o.states,
                  "in place of pairs so many states of each robot, decided with and without covers")
       ->check(CLI::NonNegativeNumber);
@@ -283,6 +307,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     if (o.states > 0 || o.edges > 0) return clearance::exact::certify_decisions(o) ? 0 : 1;
+    if (o.trajectories > 0) return clearance::exact::certify_trajectories(o) ? 0 : 1;
     if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);
   } catch (const std::exception& e) {

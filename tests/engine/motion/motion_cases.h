@@ -16,14 +16,17 @@ enum class MotionKind : std::uint8_t {
   kUnsure,   ///< bodies of uncertain position and rotation
   kFar,      ///< up to 1e5 m from the origin, with grazes
   kCurve,    ///< joints along curves of degree 2 to 7: plates and grazes
+  /// Segments of one trajectory that overshoots its knots: plates and grazes between knots, and where it turns back.
+  kTrajectory,
 };
-inline constexpr int kStraightKinds = 8, kMotionKinds = 9;
+inline constexpr int kStraightKinds = 8, kMotionKinds = 9, kAllKinds = 10;
 const char* name_of(MotionKind kind);
 
 /// A scene, its exact description for the oracle, and motions in it.
 class MotionCase {
  public:
   /// \param folder for the robot's file, which is read immediately
+  /// \param count of motions, or of segments
   MotionCase(Random& random, MotionKind kind, int count, const std::string& folder);
   MotionCase(const MotionCase&) = delete;
   MotionCase& operator=(const MotionCase&) = delete;
@@ -32,6 +35,7 @@ class MotionCase {
   ExactScene exact;
   Motions motions;
   std::vector<double> named;  ///< for each motion: a time at which two bodies are near by construction
+  int beyond_turns = 0;       ///< obstacles just beyond the place where a body turns back
 
   /// One of the motions alone.
   Motions one(std::uint32_t motion) const;
@@ -42,6 +46,8 @@ class MotionCase {
   void add_ball(const std::string& name, const std::string& parent);
   void add_motion();
   void add_curve();
+  void add_trajectory(int segments);
+  void name_turn(std::uint32_t segment, std::size_t joint);
   void add_obstacle(std::uint32_t motion);
   void put(const std::string& name, const ExactScene::Shape& shape, const Pose& X);
   RealVec any_across(const RealVec& way);
@@ -50,6 +56,7 @@ class MotionCase {
   MotionKind kind_;
   bool passes_plates_ = false;         // small balls pass through plates, or just miss them
   double far_ = 0;                     // metres from the origin
+  std::vector<bool> turns_;            // of each segment: whether all joints stop at its named time
   std::vector<std::uint32_t> moving_;  // balls moved by most motions
 };
 
