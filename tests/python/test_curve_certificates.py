@@ -11,6 +11,7 @@ import pytest
 import clearance
 from certificates import NAMES
 from clearance import Trajectory
+from scenes import at
 from test_motion_certificates import check, claims, engine, kind_of_contact, spans  # noqa: F401  (a fixture)
 
 PAIRS = [("arm/finger", "egg"), ("arm/fore", "wall"), ("arm/rod", "arm/base"), ("arm/fore", "post"),
@@ -83,7 +84,7 @@ def test_the_checkers_derive_the_same_bounds_from_control_points(checker):
         begin, end = sorted(Fraction(int(x), 64) for x in rng.choice(65, 2, replace=False))
         (low, high), speed, bend = checker.checker.extent(points, begin, end)
 
-        def at(time, order, points=points):
+        def derivative(time, order, points=points):
             """The derivative by Bernstein's polynomials."""
             values = list(points)
             for _ in range(order):
@@ -92,12 +93,59 @@ def test_the_checkers_derive_the_same_bounds_from_control_points(checker):
             return sum(math.comb(n, i) * time**i * (1 - time) ** (n - i) * p for i, p in enumerate(values))
 
         times = [begin + k * (end - begin) / 16 for k in range(17)]
-        assert all(low <= at(t, 0) <= high and abs(at(t, 1)) <= speed and abs(at(t, 2)) <= bend for t in times)
-        assert low <= min(at(begin, 0), at(end, 0)) and high >= max(at(begin, 0), at(end, 0))
+        assert all(low <= derivative(t, 0) <= high for t in times)
+        assert all(abs(derivative(t, 1)) <= speed and abs(derivative(t, 2)) <= bend for t in times)
+        assert low <= min(derivative(t, 0) for t in (begin, end))
         if count == 2:
             assert (speed, bend) == (abs(points[1] - points[0]), 0)
         if count == 3:
-            assert (speed, bend) == (max(abs(at(begin, 1)), abs(at(end, 1))), abs(at(begin, 2)))
+            assert (speed, bend) == (max(abs(derivative(t, 1)) for t in (begin, end)), abs(derivative(begin, 2)))
+
+
+SLIDER = """<robot name="r"><link name="base"/><link name="ball"><collision><geometry><sphere radius="0.25"/></geometry>
+  </collision></link><joint name="x" type="prismatic"><parent link="base"/><child link="ball"/><axis xyz="1 0 0"/>
+  <limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"""
+
+
+@pytest.fixture(scope="module")
+def slide(tmp_path_factory):
+    """A ball that slides along x towards a wall at x = 1: 3/4 - q m apart."""
+    urdf = tmp_path_factory.mktemp("slider") / "slider.urdf"
+    urdf.write_text(SLIDER)
+    scene = clearance.Scene()
+    scene.add_robot("r", urdf, home={}, base=at(0))
+    scene.add_box("wall", [1, 1, 1], static=True, pose=at(1.5))
+    engine = clearance.Engine(scene)  # noqa: F811
+
+    def document(points, place, order, lower):
+        """One span of the whole motion, evaluated at a time."""
+        found = engine.certificate(joints="r", start=[[[x] for x in points]], pairs=[("r/ball", "wall")]).document
+        (row,) = found["rows"]
+        (pair,) = row["pairs"]
+        claim = {"pieces": [0, 0], "order": order, "seer": None, "direction": [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
+                 "arithmetic": "float64"}  # fmt: skip
+        pair["spans"] = [{**pair["spans"][0], "begin": 0, "end": 1, "at": place, "lower": [claim]}]
+        pair["free"] = row["first_contact"] = None
+        row["lower"] = pair["lower"] = lower
+        return found
+
+    return document
+
+
+@pytest.mark.parametrize("points", [(0.0, -0.5, 0.0), (0.0, 0.125, 0.5), (0.25, 0.0, -0.125), (-0.5, 0.0, 0.5)])
+@pytest.mark.parametrize("place", [0.0, 0.25, 0.5, 1.0])
+def test_bounds_of_parabolas_are_tight(checker, slide, points, place):
+    """Velocity and acceleration are exact, so one span proves the distance at the nearer end, and no more."""
+    nearest = 0.75 - max(points[0], points[2])
+    assert checker.each_rejects(slide(points, place, 2, nearest - 2**-40)) == [False, False]
+    assert checker.each_rejects(slide(points, place, 2, nearest + 2**-40)) == [True, True]
+
+
+def test_bounds_by_speed_are_those_of_the_hull(checker, slide):
+    points = (0.0, -0.5, 0.25)  # the speed is 1 at first, -0.125 in the middle, and 1.5 at last
+    apart = 0.75 - (-0.1875) - 0.5 * 1.5
+    assert checker.each_rejects(slide(points, 0.5, 1, apart - 2**-40)) == [False, False]
+    assert checker.each_rejects(slide(points, 0.5, 1, apart + 2**-40)) == [True, True]
 
 
 # ---- tampering -------------------------------------------------------------------------------------------------------
