@@ -25,12 +25,14 @@ struct Look {
 
 class MotionOracle {
  public:
-  MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
+  MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend,
+               engine::Covers covers = engine::Covers::kOff)
       : case_(c),
         random_(random),
         findings_(findings),
         of_limits_(random),
-        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = engine::Covers::kOff}) {
+        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = covers}),
+        has_covers_(covers != engine::Covers::kOff && engine_.wait_covers()) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
@@ -233,6 +235,16 @@ class MotionOracle {
     check_decision(steps, margin_beside_least(of_limits_));
   }
 
+  // Checks the verdict alone, which covers decide, against a decision without them.
+  void check_verdict(QueryView query, bool is_free, bool is_hit) {
+    query.fields = kFieldVerdict;
+    const auto verdict = static_cast<Status>(evaluate(engine_, query).view.verdict[0]);
+    ++findings_.by_covers;
+    const bool free = verdict == Status::kBeyond, open = verdict == Status::kUnconverged;
+    findings_.untrue += (free && is_hit) || (!free && !open && is_free);
+    for (const Look& look : looks_) findings_.untrue += free && is_within(look, query.margin, nullptr, true);
+  }
+
   void check_decision(std::uint32_t steps, double margin) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
@@ -242,6 +254,7 @@ class MotionOracle {
     const auto status = static_cast<Status>(any.view.status[0]);
     const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
     const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;
+    if (has_covers_) check_verdict(query, is_free, !is_free && !is_open);
     findings_.on_device += any.info.backend == "cuda";
     (steps < kSteps ? findings_.stopped : findings_.undecided) += is_open;
     findings_.decided += steps < kSteps && !is_open;
@@ -265,6 +278,7 @@ class MotionOracle {
   MotionFindings& findings_;
   Random of_limits_;  // of its own, so that limits do not change the cases
   engine::Engine engine_;
+  bool has_covers_;
   std::vector<BodyPair> pairs_;
   std::vector<ExactScene::Moment> chance_;
   std::uint32_t motion_ = 0;
@@ -293,7 +307,7 @@ struct Folder {
 void MotionFindings::add(const MotionFindings& o) {
   motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
   on_device += o.on_device, least_on_device += o.least_on_device, stopped += o.stopped, decided += o.decided,
-      turned += o.turned;
+      turned += o.turned, by_covers += o.by_covers;
   nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
 }
 
@@ -301,9 +315,9 @@ std::string MotionFindings::text() const {
   const auto n = [](int count) { return std::to_string(count); };
   return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
          " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(decided) + " decided and " + n(stopped) +
-         " stopped with fewer steps, " + n(on_device) + " on a device, " + n(least_on_device) +
-         " least distances; wrong: " + n(nearer) + " nearer than lower, " + n(farther) + " farther than upper, " +
-         n(untrue) + " untrue, " + n(wide) + " too wide";
+         " stopped with fewer steps, " + n(by_covers) + " verdicts by covers, " + n(on_device) + " on a device, " +
+         n(least_on_device) + " least distances; wrong: " + n(nearer) + " nearer than lower, " + n(farther) +
+         " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
 }
 
 void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings) {
@@ -353,7 +367,7 @@ MotionFindings check_trajectories(std::uint64_t seed, int trajectories) {
     Random random(seed * 1'000'003 + static_cast<std::uint64_t>(i));
     const int segments = 2 + static_cast<int>(random.below(3));
     const MotionCase c(random, MotionKind::kTrajectory, segments, folder.path);
-    MotionOracle(c, random, findings, "cpu").check(i % 4 == 0);
+    MotionOracle(c, random, findings, "cpu", engine::Covers::kBackground).check(i % 4 == 0);
     findings.turned += c.beyond_turns;
   }
   return findings;

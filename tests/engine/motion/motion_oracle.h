@@ -16,6 +16,7 @@ struct MotionFindings {
   int undecided = 0;        ///< likewise, undecided after 512 configurations
   int stopped = 0;          ///< decisions that a lower limit of steps ended, undecided
   int decided = 0;          ///< decisions reached within lower limits of steps
+  int by_covers = 0;        ///< verdicts of an engine with covers
   int turned = 0;           ///< segments of trajectories with an obstacle just beyond a place where a body turns back
   int on_device = 0;        ///< likewise, queried on a device; its CPU completed the unresolved ones
   int least_on_device = 0;  ///< least distances requested from a device, or computed by a MotionDecider
@@ -41,7 +42,7 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
 
-/// Checks trajectories (MotionKind::kTrajectory) of two to four segments.
+/// Checks trajectories (MotionKind::kTrajectory) of two to four segments, and verdicts about them by covers.
 MotionFindings check_trajectories(std::uint64_t seed, int trajectories);
 
 /// Decision of another implementation about one motion.
