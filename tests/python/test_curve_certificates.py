@@ -76,6 +76,19 @@ def test_trajectories(checker, arm_engine, profile):
     assert checker.each_rejects(document) == [False, False]
 
 
+def test_every_front_has_them(checker, arm_front, arm_engine):
+    """Clients of a daemon get the engine's rows."""
+    arm = arm_engine.joints("arm")
+    rng = np.random.default_rng(11)
+    home = np.array([joint.position for joint in arm_engine.joint_states()])[: len(arm)]
+    points = home + rng.uniform(-0.2, 0.2, (3, 4, len(arm)))
+    requested = {"start": points, "pairs": [("arm", "cup")], "reduce": "any"}
+    document = arm_front.certificate(joints=arm_front.joints("arm"), **requested).document
+    assert all(is_proved for is_proved, _ in checker.verdicts(document))
+    expected = arm_engine.certificate(joints=arm, **requested).document
+    assert document["rows"] == expected["rows"] and document["configurations"] == expected["configurations"]
+
+
 def test_the_checkers_derive_the_same_bounds_from_control_points(checker):
     """Bounds on derivatives hold samples, and are those of the exact polynomial at its ends."""
     rng = np.random.default_rng(1)
