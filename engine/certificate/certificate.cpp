@@ -97,6 +97,8 @@ struct CertificateRun::Impl {
 CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const PoseSnapshot> snapshot,
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
+  if (query.control_points > 2 && !query.bodies.empty())
+    throw engine::QueryError(QueryErrorCode::kNotSupported, "bodies: certificates of curves are for joints alone");
   if (query.reduce != Reduce::kNone && query.max_evaluations == 0)
     reject(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,

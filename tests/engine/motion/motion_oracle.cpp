@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 
 #include "engine/motion/motion_step.h"
@@ -32,7 +33,7 @@ class MotionOracle {
         findings_(findings),
         of_limits_(random),
         engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = covers}),
-        has_covers_(covers != engine::Covers::kOff && engine_.wait_covers()) {
+        has_covers_(covers != engine::Covers::kOff && engine_.wait_covers(std::chrono::minutes(10))) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
