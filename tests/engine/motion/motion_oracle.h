@@ -42,7 +42,7 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
 
-/// Checks trajectories (MotionKind::kTrajectory) of two to four segments, and verdicts about them by covers.
+/// Checks trajectories (MotionKind::kTrajectory) of two to four segments, and for some of them verdicts by covers.
 MotionFindings check_trajectories(std::uint64_t seed, int trajectories);
 
 /// Decision of another implementation about one motion.
