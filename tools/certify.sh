@@ -22,5 +22,6 @@ build/bin/clearance-certificates --cases 30000 --meshes 3000 --python 1000 --mot
 "$python" tools/check_certificate.py out/certificates/*.json
 $certify --pairs 1000000 --slack 2000 --csv docs/results/accuracy.csv --failures out/certify_failures.txt
 $certify --motions 270000 --csv docs/results/motion_accuracy.csv
+$certify --trajectories 100000 --csv docs/results/trajectory_accuracy.csv
 $certify --meshes --pairs 1000000 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 $certify --states 1000000 --edges 100000 --robots "${robots[@]}" --csv docs/results/decision_accuracy.csv

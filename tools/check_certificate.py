@@ -1,6 +1,7 @@
 #!/usr/bin/env python3
 """Checks certificates of Clearance (docs/certificates.md) in exact arithmetic, with Python 3.9 alone.
 check_certificate.py [--all] FILE... prints why rows fail, and other rows' proofs. Exit code 0 if all are proved."""
+import functools
 import json
 import math
 import sys
@@ -61,6 +62,17 @@ def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of len
     for _ in range(120):  # half the angle
         cosine, = near(cosine + size((cosine, sine, 0)))
     return near(*axis), near(sine / cosine * (1 << 121))[0]
+def polar(points, times):  # polar form of a Bezier curve
+    for t in times:
+        points = [x + t * (y - x) for x, y in zip(points, points[1:])]
+    return points[0]
+def place(points, time): return polar(points, [time] * (len(points) - 1))
+def slopes(points): return [(len(points) - 1) * (y - x) for x, y in zip(points, points[1:])] or [0]  # by time
+@functools.lru_cache(1 << 16)
+def extent(points, begin, end):  # of a curve in a span: its ends, and bounds on both derivatives' lengths
+    hulls = [[polar(p, [begin] * (len(p) - 1 - k) + [end] * k) for k in range(len(p))]
+             for p in (points, slopes(points), slopes(slopes(points)))]  # each is in its control points' hull
+    return (min(hulls[0]), max(hulls[0])), *(max(map(abs, hull)) for hull in hulls[1:])
 class Piece:
     def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # if missing, the hull of the vertices
@@ -109,53 +121,59 @@ class Body:
 class Motion:  # bodies between the two ends of a configuration, at times in [0, 1]; or at its only end
     def __init__(self, bodies, document, count):
         self.bodies, self.seen, self.poses, self.positions = bodies, {}, document["poses"], document["positions"]
-        ends = (*self.poses.items(), *self.positions.items())
-        require(all(len(x) == count and key == str(int(key)) for key, x in ends), "an end is missing, or whose it is")
-    def steps(self, id, time):  # each in the previous: (pose, rate, whether it turns or slides)
+        require(all(key == str(int(key)) for key in (*self.poses, *self.positions)), "whose end is it")
+        points = {*map(len, self.positions.values())} or {count}  # of each curve: all have as many
+        require({count, *map(len, self.poses.values())} == {count}, "an end is missing")
+        require(len(points) == 1 and count <= min(points) <= 8 ** (count - 1), "a control point is missing")
+    def steps(self, id, time):  # each in the previous: (pose, axis, curve along or about it, whether it turns)
         if str(id) in self.poses:
             (*t, a, b, c, d), (*t1, w, x, y, z) = (map(exact, several(self.poses[str(id)][k], 7)) for k in (0, -1))
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
-            yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), False
-            yield from [(turn_about(axis, time * angle), times(angle, axis), True)] if angle else []
+            yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), (0, 1), False
+            yield from [(turn_about(axis, time * angle), axis, (0, angle), True)] if angle else []
             return
-        yield pose_of(*map(exact, self.bodies[id].pose)), ZERO, False
+        yield pose_of(*map(exact, self.bodies[id].pose)), ZERO, (0,), False
         for move in self.bodies[id].moves:
             axis, ends = vector(move["axis"]), self.positions.get(str(move["column"])) or [move["stands"]]
-            first, last = (exact(move["multiplier"]) * exact(ends[k]) + exact(move["offset"]) for k in (0, -1))
-            axis, now = near(*times(1 / size(axis), axis)), first + time * (last - first)
+            curve = tuple(exact(move["multiplier"]) * exact(x) + exact(move["offset"]) for x in ends)
+            axis, now = near(*times(1 / size(axis), axis)), place(curve, time)
             pose = turn_about(axis, now) if move["turns"] else (times(now, axis), AXES, BLUR)
-            yield pose, times(last - first, axis), bool(move["turns"])
-    def at(self, id, time):  # its pose, and its movers from the world on: (rate, point, whether it rotates)
+            yield pose, axis, curve, bool(move["turns"])
+    def at(self, id, time):  # its pose, and its movers from the world on: (axis, point, whether it rotates, curve)
         if (id, time) not in self.seen:
             X, movers = (WORLD, []) if self.bodies[id].on is None else self.at(self.bodies[id].on, time)
-            for (t, rows, blur), rate, turns in self.steps(id, time):
+            for (t, rows, blur), axis, curve, turns in self.steps(id, time):
                 o, R, _ = X
                 X = (t, rows, blur) if X is WORLD else (
                     near(*plus(o, turned(R, t))), tuple(near(*turned(zip(*rows), row)) for row in R), BLUR)
-                movers = movers + [(near(*turned(R, rate)), X[0], turns)] if any(rate) else movers
+                moves = any(axis) and len(set(curve)) > 1
+                movers = movers + [(near(*turned(R, axis)), X[0], turns, curve)] if moves else movers
             require(max(*map(abs, X[0]), self.bodies[id].reach) < LARGEST or not X[2], "a body is too large or far")
             self.seen[id, time] = X, movers
         return self.seen[id, time]
     def path(self, seer, id, time):  # movers of a body relative to another one (of the world if None)
         mine, his = self.at(id, time)[1], self.at(seer, time)[1] if seer is not None else []
         shared = sum(x is y for x, y in zip(mine, his))
-        return [(times(-1, rate), point, turns) for rate, point, turns in reversed(his[shared:])] + mine[shared:]
-    def rates(self, seer, id, time, half):  # bounds on speed and acceleration before the seer
-        (centre, rest), (o, R, _), slide, speeds, angles = self.bodies[id].ball, self.at(id, time)[0], ZERO, [], []
-        nearest = plus(o, turned(R, centre))
-        for rate, point, turns in reversed(self.path(seer, id, time)):
-            ends = [plus(plus(nearest, point, -1), slide, s) for s in (-half, half)]
-            speeds.append(size(rate) * rest + max(size(cross(rate, v)) for v in ends) if turns else size(rate))
-            angles.append(size(rate) if turns else 0)
-            rest += max(map(size, ends)) if turns else 0
-            nearest, slide = (point, ZERO) if turns else (nearest, plus(slide, rate))
-        return sum(speeds), sum(v * (w + 2 * sum(angles[k + 1:])) for k, (v, w) in enumerate(zip(speeds, angles)))
+        return [(times(-1, axis), *more) for axis, *more in reversed(his[shared:])] + mine[shared:]
+    def rates(self, seer, id, time, begin, end):  # bounds on speed and acceleration before the seer, in a span
+        (centre, rest), (o, R, _), speeds, angles, bent = self.bodies[id].ball, self.at(id, time)[0], [], [], 0
+        arms = [plus(o, turned(R, centre))]  # less the point of the next turn: wherever sliding joints lead
+        for axis, point, turns, curve in reversed(self.path(seer, id, time)):
+            reach, (ends, fast, bend) = size(axis), extent(curve, begin, end)
+            angles.append(reach * fast if turns else 0)
+            if turns:
+                arms = [plus(v, point, -1) for v in arms]
+                reach = reach * rest + max(size(cross(axis, v)) for v in arms)
+                rest += max(map(size, arms))
+            arms = [point] if turns else [plus(v, axis, x - place(curve, time)) for v in arms for x in ends]
+            speeds, bent = [*speeds, reach * fast], bent + reach * bend
+        return sum(speeds), bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
     def frames(self, id):  # the bodies that it follows, outermost first, without other links of its robot
         on, joint = self.bodies[id].on, self.bodies[id].joint
         while joint and self.bodies[on].joint:
             on = self.bodies[on].on
         return [] if on is None else [*self.frames(on), on]
-    def slack(self, id, frames, time, half):  # metres: inner slack of a body in the middle of a span, and throughout it
+    def slack(self, id, frames, time, begin, end):  # metres: inner slack in the middle of a span, and throughout it
         shift, turn, along, body = 0, 0, 0, self.bodies[id]
         for frame, next_ in zip(frames, [*frames[1:], id]):
             own = self.bodies[frame].position + self.bodies[frame].moved
@@ -163,7 +181,8 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             along = size(plus(self.at(next_, time)[0][0], self.at(frame, time)[0][0], -1))
         known = body.inner + body.moved + shift + (body.chord and body.chord * body.reach)
         known += turn and turn * (along + body.moved + body.reach)
-        return known, known + (turn and turn * half * self.rates(None, id, time, half)[0])
+        half = max(end - time, time - begin)
+        return known, known + (turn and turn * half * self.rates(None, id, time, begin, end)[0])
     def check_span(self, ids, span, bound):
         begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
         half, rates = max(end - middle, middle - begin), {}
@@ -171,14 +190,14 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         a, b, *frames = *(self.bodies[id] for id in ids), *map(self.frames, ids)
         require(begin <= middle <= end and a.pieces and b.pieces, "a time beyond the ends, or a body without pieces")
         shared = sum(x == y for x, y in zip(*frames))  # common carriers move neither body relative to the other
-        known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, half) for id, f in zip(ids, frames))))
+        known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, begin, end) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
         counts = len(a.pieces), len(b.pieces)
         cover = [list(map(run, several(claim["pieces"], 2), counts)) for claim in span["lower"]]
         for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
             named, seer, moves = claim["direction"], claim["seer"], {1: False, 2: True}[claim["order"]]
             n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
-            rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, half) for id in ids]
+            rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, begin, end) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # the proved gap is concave between these
                 need = bound + inner + blur_a + blur_b + (bend * s * s / 2 if moves else speed * half)
@@ -202,7 +221,8 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
     def lean(self, seer, id, time, n, s):  # upper bound at s of n.x for points x of constant velocity: lean.x + more
-        path = self.path(seer, id, time) if s else []
+        path = [(times(place(slopes(curve), time), axis), point, turns)
+                for axis, point, turns, curve in (self.path(seer, id, time) if s else [])]
         turn = tuple(map(sum, zip(ZERO, *(rate for rate, _, turns in path if turns))))
         return plus(n, cross(n, turn), s), s * sum(dot(n, cross(p, v) if turns else v) for v, p, turns in path)
     def check_upper(self, ids, claim, bound):

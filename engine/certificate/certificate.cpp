@@ -97,8 +97,8 @@ struct CertificateRun::Impl {
 CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const PoseSnapshot> snapshot,
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
-  if (query.control_points != 2)
-    throw engine::QueryError(QueryErrorCode::kNotSupported, "control_points: certificates are for straight motions");
+  if (query.control_points > 2 && !query.bodies.empty())
+    throw engine::QueryError(QueryErrorCode::kNotSupported, "bodies: certificates of curves are for joints alone");
   if (!query.growths.empty())
     throw engine::QueryError(QueryErrorCode::kNotSupported, "growths: certificates are for bodies that do not grow");
   if (query.reduce != Reduce::kNone && query.max_evaluations == 0)

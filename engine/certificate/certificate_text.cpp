@@ -186,17 +186,17 @@ bool CertificateText::end(WorkMeter& meter) {
 
 // Values of all joints and bodies in the document that the query moves.
 void CertificateText::add_configuration(std::uint64_t k) {
-  const std::uint64_t ends = plan_.query.max_evaluations > 0 ? 2 : 1,
-                      count = plan_.query.configuration_count > 0 ? ends : 0;
+  const bool is_motion = plan_.query.max_evaluations > 0, has_any = plan_.query.configuration_count > 0;
+  const std::uint64_t ends = is_motion ? 2 : 1, points = is_motion ? plan_.query.control_points : 1;
   Json poses = Json::object(), positions = Json::object();
   for (std::size_t i = 0; i < plan_.given_bodies; ++i)
-    for (std::uint64_t e = 0; e < count && known_.contains(plan_.bodies[i]); ++e)
+    for (std::uint64_t e = 0; has_any && e < ends && known_.contains(plan_.bodies[i]); ++e)
       poses[std::to_string(plan_.bodies[i])].push_back(
           pose(plan_.configurations[(k * ends + e) * plan_.given_bodies + i]));
   for (std::size_t j = 0; j < plan_.joints.size(); ++j)
-    for (std::uint64_t e = 0; e < count; ++e)
+    for (std::uint64_t p = 0; has_any && p < points; ++p)
       positions[std::to_string(plan_.joints[j])].push_back(
-          number(plan_.positions[(k * ends + e) * plan_.joints.size() + j]));
+          number(plan_.positions[(k * points + p) * plan_.joints.size() + j]));
   add_item(text_of({{"configuration", k}, {"poses", poses}, {"positions", positions}}), first_configuration_);
 }
 

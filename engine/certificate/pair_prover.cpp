@@ -58,6 +58,7 @@ PairProver::PairProver(const engine::Scene& scene, const MotionBounds& bounds, c
 void PairProver::begin_span() {
   const Span& span = left_.back();
   moment_.move_to(span.middle());
+  moment_.restrict_to(bounds_, span.begin, span.end);
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
   slack_ = pair_slack(moment_.placed(), pair_);
   way_ = way_of_pair(rates_, span.half());

@@ -27,6 +27,10 @@ class MotionMoment {
   /// Begins with another motion.
   /// \param moving must outlive its use
   void begin(MovingBodies& moving);
+  /// Restricts the rates of curves to a span.
+  void restrict_to(const MotionBounds& bounds, double begin, double end) {
+    bounds.take_derivatives(begin, end, *moving_);
+  }
   /// \param time in [0, 1]
   void move_to(double time);
 
@@ -38,7 +42,7 @@ class MotionMoment {
   const Plan& plan_;
   MotionPoses poses_;
   BodyPoses placed_;
-  const MovingBodies* moving_ = nullptr;
+  MovingBodies* moving_ = nullptr;
   double time_ = -1;
   std::uint64_t moments_ = 0;  // number of moments so far; each has a number of its own
   std::vector<Mat3d> rotations_;

@@ -57,6 +57,8 @@ class MotionBounds {
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
   void take_span(double begin, double end, MovingBodies& moving) const;
+  /// Likewise, by bounds on the derivatives of curves: docs/bounds_robots.md, "Certificates of curves".
+  void take_derivatives(double begin, double end, MovingBodies& moving) const;
   /// Growth of a pair in the span.
   /// \param middle of the span
   PairGrowth growth(BodyPair pair, const MovingBodies& moving, double middle) const;

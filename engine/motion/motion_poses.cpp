@@ -33,11 +33,15 @@ void MotionPoses::take_row(std::size_t k) {
   const std::size_t joints = plan_.joints.size();
   double* const row = rows_.data() + k * joints;
   if (const std::span<const JointCurve> curves = instant.moving->curves; !curves.empty()) {
-    span_.take(curves, instant.begin, instant.end);
+    const bool is_span = instant.begin < instant.end;
+    if (is_span) span_.take(curves, instant.begin, instant.end);
     for (std::size_t j = 0; j < joints; ++j) {
-      row[j] = are_usable(curves[j]) ? span_.joints()[j].middle : std::numeric_limits<double>::quiet_NaN();
+      const double middle = is_span ? span_.joints()[j].middle : curves[j].at(instant.time());
+      row[j] = are_usable(curves[j]) ? middle : std::numeric_limits<double>::quiet_NaN();
     }
-    for (std::size_t c = 0; c < columns_; ++c) slopes_[k * columns_ + c] = span_.joints()[c].slope;
+    for (std::size_t c = 0; c < columns_; ++c)
+      slopes_[k * columns_ + c] =
+          is_span ? span_.joints()[c].slope : curves[c].derivatives(instant.begin, instant.end).slope;
     return;
   }
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;

@@ -10,7 +10,7 @@
 
 namespace clearance {
 
-/// The middle of a span of a motion. The span may be a single time for straight motions alone.
+/// The middle of a span of a motion. At a single time the velocities of curves are exact, and not those of a chord.
 struct Instant {
   const MovingBodies* moving;
   double begin, end;  ///< in [0, 1]

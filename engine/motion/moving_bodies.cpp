@@ -123,4 +123,18 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
   take_rates(moving);
 }
 
+// The error of a velocity counts as an acceleration.
+void MotionBounds::take_derivatives(double begin, double end, MovingBodies& moving) const {
+  if (moving.curves.empty()) return;
+  const double middle = 0.5 * begin + 0.5 * end, half = std::max(end - middle, middle - begin);
+  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
+    for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
+      const JointDerivatives span = moving.curves[joint.at].derivatives(begin, end);
+      moving.along[m][joint.column] = span.slope;
+      moving.change[m][joint.column] = span.change;
+      moving.bend[m][joint.column] = (span.bend + 2 * span.error / half) * (1 + 0x1p-30);
+    }
+  take_rates(moving);
+}
+
 }  // namespace clearance

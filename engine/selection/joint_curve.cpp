@@ -16,6 +16,7 @@ constexpr double kStepUnits = 6;             // error of position_between(), in 
 constexpr double kSpanErrors = 6;            // error of a span's control points and differences, in errors of at()
 constexpr double kCurveSlack = 1 + 0x1p-30;  // covers the rounding of sums and products
 constexpr int kMostHalvings = 14;            // of a curve near a limit
+constexpr double kDerivativeUnits = 32;      // error of derivatives() by degree^order, in roundings of the positions
 
 double position_between(double a, double b, double t) {
   return a + t * (b - a);
@@ -30,6 +31,23 @@ void keep_after(double* points, std::uint32_t degree, double time) {
 void keep_before(double* points, std::uint32_t degree, double time) {
   for (std::uint32_t first = 1; first <= degree; ++first)
     for (std::uint32_t i = degree; i >= first; --i) points[i] = position_between(points[i - 1], points[i], time);
+}
+
+// Polar form: the value that is linear in each time, the first `ends` of which are `end`, and the others `begin`.
+double polar(const double* points, std::uint32_t degree, double begin, double end, std::uint32_t ends) {
+  double p[JointCurve::kMostPoints];
+  std::copy_n(points, degree + 1, p);
+  for (std::uint32_t level = 0; level < degree; ++level)
+    for (std::uint32_t i = 0; i < degree - level; ++i)
+      p[i] = position_between(p[i], p[i + 1], level < ends ? end : begin);
+  return p[0];
+}
+
+// Greatest length of the control points in a span.
+double greatest_in(const double* points, std::uint32_t degree, double begin, double end) {
+  double most = 0;
+  for (std::uint32_t i = 0; i <= degree; ++i) most = std::max(most, std::abs(polar(points, degree, begin, end, i)));
+  return most;
 }
 
 bool is_curve_within(const double* points, std::uint32_t degree, double lower, double upper, int halvings) {
@@ -81,6 +99,21 @@ void JointCurve::part(double begin, double end, double* points, std::size_t stri
   // Otherwise the joint has no positions, and must not affect the progress of others.
   const bool is_usable = -kMaxPosition <= least_ && greatest_ <= kMaxPosition;
   for (std::uint32_t i = 0; i <= degree_; ++i) points[i * stride] = is_usable ? part[i] : 0;
+}
+
+JointDerivatives JointCurve::derivatives(double begin, double end) const {
+  JointDerivatives found;
+  if (!(least_ < greatest_) || !std::isfinite(greatest_ - least_)) return found;
+  const double d = degree_, unit = kDerivativeUnits * kCurveUnit * d * d * std::max(-least_, greatest_);
+  double first[kMostPoints], second[kMostPoints];
+  for (std::uint32_t i = 0; i < degree_; ++i) first[i] = d * (points_[i + 1] - points_[i]);
+  for (std::uint32_t i = 0; i + 1 < degree_; ++i) second[i] = (d - 1) * (first[i + 1] - first[i]);
+  const double middle = 0.5 * begin + 0.5 * end;
+  found.error = unit;
+  found.slope = polar(first, degree_ - 1, middle, middle, 0);
+  found.change = (greatest_in(first, degree_ - 1, begin, end) + unit) * kCurveSlack;
+  if (degree_ > 1) found.bend = (greatest_in(second, degree_ - 2, begin, end) + 2 * d * unit) * kCurveSlack;
+  return found;
 }
 
 bool JointCurve::stays_within(double lower, double upper) const {

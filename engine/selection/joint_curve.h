@@ -9,6 +9,14 @@
 
 namespace clearance {
 
+/// Bounds on a curve's derivatives in a span of time, and the first one at its middle. Rounded up.
+struct JointDerivatives {
+  double slope = 0;   ///< q'(m), rounded
+  double change = 0;  ///< bound on |q'|
+  double bend = 0;    ///< bound on |q''|
+  double error = 0;   ///< bound on the error of `slope`
+};
+
 /// A joint in a span of time [m - h, m + h], as a part of a straight motion and a remainder. For |s| <= h, q(m + s) is
 /// within `change` h of q(m), and within `bend` h^2 / 2 of q(m) + `slope` r, where r in [-h, h] is the same for all
 /// joints. Bounds are rounded up.
@@ -44,6 +52,9 @@ class JointCurve {
   /// \param points receives degree() + 1 numbers at intervals of `stride`
   void part(double begin, double end, double* points, std::size_t stride) const;
   std::uint32_t degree() const { return degree_; }
+  /// Derivatives by time, from their control points in the span.
+  /// \param begin, end ascending, in [0, 1]
+  JointDerivatives derivatives(double begin, double end) const;
   /// Returns whether all positions are within limits, apart from rounding. False if subdivision does not show it.
   bool stays_within(double lower, double upper) const;
 

@@ -17,6 +17,7 @@ import threading
 import time
 import traceback
 
+import numpy as np
 from playwright.sync_api import sync_playwright
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 
@@ -43,9 +44,9 @@ def wait_until(condition, what):
 
 
 @contextlib.contextmanager
-def viewing(front, scene, source):
+def viewing(front, scene, source, path=None):
     """A viewer in a thread of this process."""
-    viewer = Viewer(Session(front, scene, source), port=18080, rate_hz=4)
+    viewer = Viewer(Session(front, scene, source, path), port=18080, rate_hz=4)
     thread = threading.Thread(target=viewer.run)
     thread.start()
     try:
@@ -194,6 +195,29 @@ def try_edge(tab, viewer, judge, arm):
     tab.picture("edge")
 
 
+def try_path(browser):
+    """A path into the shelf: its motions' verdicts, its first contact, and the arm at a time of it."""
+    scene = clearance.Scene.load(SCENE)
+    front = clearance.Engine(scene)
+    names = [state.name for state in front.joint_states()]
+    rows = np.repeat([[state.position for state in front.joint_states()]], 3, axis=0)
+    rows[1:, 0] += -0.3, 0.9
+    path = clearance.Trajectory.linear([0, 1, 2], rows, names)
+    contact = front.explain_path(rows, front.joints("arm"), margin=0.01).contact
+    with viewing(front, scene, str(SCENE.name), path) as viewer:
+        tab = Tab(browser, viewer.url)
+        tab.open("Path")
+        tab.page.wait_for_selector("tr[data-motion]")
+        verdicts = tab.page.evaluate("() => [...document.querySelectorAll('tr[data-motion] i')].map(i => i.innerText)")
+        assert verdicts == ["free", "hit"], verdicts
+        tab.page.get_by_text(f"first contact at {1 + contact.t:.3f}").wait_for()
+        fill(tab.page, "time [s]", "1.5")
+        wait_until(lambda: abs(front.joint_states()[0].position - rows[1:, 0].mean()) < 1e-3, "the arm on its path")
+        tab.picture("path")
+        assert not tab.errors, tab.errors
+        tab.page.close()
+
+
 def try_daemon(browser, folder):
     """A daemon: its numbers, those at other joint positions without any change to it; its end, and its return."""
     url = f"ipc://{folder}/clearance.ipc"
@@ -268,6 +292,7 @@ def main():
         browser = playwright.chromium.launch(executable_path=program, args=GL)
         with writing_in_its_loop():
             try_scene(browser)
+            try_path(browser)
             try_daemon(browser, folder)
         try_command(browser)
         browser.close()

@@ -404,6 +404,20 @@ MUTANTS = [
         ("curve_pace", "selection/joint_curve.cpp", "farthest_ / (@degree@ * step)", "1"),
         ("curve_sign", "selection/joint_curve.cpp", "i <= degree ? @std::min(r, 0.0)@", "r"),
         ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * curves[j].rounding()", "0.0"),
+        ("derivative_slope", "selection/joint_curve.cpp", "polar(first, degree_ - 1, @middle@, middle, 0)", "begin"),
+        (
+            "derivative_change",
+            "selection/joint_curve.cpp",
+            "(greatest_in(first, degree_ - 1, begin, @end@) + unit)",
+            "(0.9 * end + 0.1 * begin)",
+        ),
+        (
+            "derivative_bend",
+            "selection/joint_curve.cpp",
+            "(greatest_in(second, degree_ - 2, @begin@, end) + 2 * d * unit)",
+            "(0.9 * begin + 0.1 * end)",
+        ),
+        ("derivative_error", "selection/joint_curve.cpp", "found.error = @unit@", "1e-3 * unit"),
     ),
     # Bodies that move or grow meanwhile.
     *mutants_of(

@@ -9,7 +9,7 @@
 #include <thread>
 #include <utility>
 
-#include "tests/engine/motion/motion_oracle.h"
+#include "tests/oracle/certify.h"
 #include "tests/oracle/in_parallel.h"
 #include "tests/oracle/oracle_run.h"
 #include "tests/oracle/slack_oracle.h"
@@ -20,19 +20,6 @@ namespace {
 
 constexpr int kBatch = 200;
 
-struct Options {
-  std::int64_t pairs = 10000, slack = 0, motions = 0, states = 0, edges = 0;
-  std::uint64_t seed = 1;
-  int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
-  int columns_every = 10;
-  std::vector<std::string> backends{"cpu", "reference"};
-  std::string csv, only, failures;
-  std::vector<std::string> robots;
-  bool meshes = false;
-
-  const std::vector<CaseClass>& classes() const { return meshes ? mesh_classes() : case_classes(); }
-};
-
 /// Cases from `first` to `first + count` of a class.
 struct Batch {
   const CaseClass* c;
@@ -42,7 +29,7 @@ struct Batch {
 };
 
 /// Divides the pairs among the classes, with fewer for slower ones.
-std::vector<Batch> share_out(const Options& o) {
+std::vector<Batch> share_out(const CertifyOptions& o) {
   double shares = 0;
   const auto chosen = [&](const CaseClass& c) { return o.only.empty() || c.name.find(o.only) != std::string::npos; };
   for (const CaseClass& c : o.classes()) shares += chosen(c) / static_cast<double>(c.cost);
@@ -59,7 +46,7 @@ std::vector<Batch> share_out(const Options& o) {
   return batches;
 }
 
-void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& settings,
+void write_csv(std::ostream& out, const CertifyOptions& o, const std::vector<Setting>& settings,
                const std::vector<std::vector<Tally>>& table) {
   out << "# pairs " << o.pairs << ", seed " << o.seed << ", witness points and normals proved for one batch in "
       << o.columns_every << "\n"
@@ -80,7 +67,7 @@ void write_csv(std::ostream& out, const Options& o, const std::vector<Setting>& 
 }
 
 /// Attempts of each kind of slack_oracle.h. Returns whether all are right.
-bool certify_slack(const Options& o) {
+bool certify_slack(const CertifyOptions& o) {
   Findings findings;
   Random random(o.seed);
   for (std::int64_t i = 0; i < o.slack; ++i) {
@@ -97,46 +84,6 @@ bool certify_slack(const Options& o) {
               << findings.untrue << " untrue statuses, " << findings.wide << " too wide, " << findings.unresolved
               << " unsettled\n";
   return findings.all() == 0;
-}
-
-void write_motions(std::ostream& out, const Options& o, const std::vector<test::MotionFindings>& kinds) {
-  out << "# motions " << o.motions << ", seed " << o.seed << ", backend " << o.backends.front()
-      << ", judged with 60 digits\n"
-      << "kind,motions,overlaps,free,hits,undecided,on_device,least_on_device,nearer,farther,untrue,wide\n";
-  for (std::size_t k = 0; k < kinds.size(); ++k) {
-    const test::MotionFindings& f = kinds[k];
-    out << test::name_of(static_cast<test::MotionKind>(k)) << ',' << f.motions << ',' << f.overlaps << ',' << f.free
-        << ',' << f.hits << ',' << f.undecided << ',' << f.on_device << ',' << f.least_on_device << ',' << f.nearer
-        << ',' << f.farther << ',' << f.untrue << ',' << f.wide << '\n';
-  }
-}
-
-/// Motions of each kind in turn, divided among the threads. Returns false if any is wrong, or if a requested device has
-/// decided none.
-bool certify_motions(const Options& o) {
-  const std::string& backend = o.backends.front();
-  constexpr int kAtOnce = 400;
-  const auto shares = static_cast<std::size_t>((o.motions + kAtOnce - 1) / kAtOnce);
-  std::vector<test::MotionFindings> kinds(test::kMotionKinds);
-  test::MotionFindings all;
-  std::mutex mutex;
-  in_parallel(shares, o.threads, [&](std::size_t k) {
-    const std::size_t kind = k % kinds.size();
-    const test::MotionFindings found =
-        test::check_many(o.seed * 1'000 + k, kAtOnce, static_cast<int>(kind), false, backend);
-    const std::lock_guard lock(mutex);
-    kinds[kind].add(found);
-    all.add(found);
-    if (found.wrong() > 0) std::cerr << "motions, share " << k << ": " << found.text() << '\n';
-    if (all.motions / kAtOnce % 25 == 0) std::cerr << all.motions << " motions\n";
-  });
-  std::cerr << all.text() << '\n';
-  if (!o.csv.empty()) {
-    std::ofstream out(o.csv);
-    write_motions(out, o, kinds);
-    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
-  }
-  return all.wrong() == 0 && (backend != "cuda" || all.on_device > 0);
 }
 
 /// A robot whose states and edges are decided.
@@ -159,7 +106,7 @@ void write_decisions(std::ostream& out, const char* what, const DecidedRobot& ro
     }
 }
 
-void write_decisions(std::ostream& out, const Options& o, const std::vector<DecidedRobot>& robots) {
+void write_decisions(std::ostream& out, const CertifyOptions& o, const std::vector<DecidedRobot>& robots) {
   out << "# states " << o.states << " and edges " << o.edges << " of each robot, seed " << o.seed << "\n"
       << "of,robot,kind,margin,count,free,hit,wrong,fewer,more,other_pairs,other_bits,exact,untrue,close_free,"
          "close_hit,inside,pairs_without,pairs_with\n";
@@ -171,7 +118,7 @@ void write_decisions(std::ostream& out, const Options& o, const std::vector<Deci
 
 /// States and edges of two made robots and of those in files, in shares that do not depend on the threads. Returns
 /// false if any decision is wrong.
-bool certify_decisions(const Options& o) {
+bool certify_decisions(const CertifyOptions& o) {
   constexpr std::size_t kMade = 2, kShares = 16;
   std::vector<DecidedRobot> robots(kMade + o.robots.size());
   in_parallel(robots.size(), o.threads, [&](std::size_t r) {
@@ -206,7 +153,7 @@ bool certify_decisions(const Options& o) {
   return all.errors() == 0;
 }
 
-int certify(const Options& o) {
+int certify(const CertifyOptions& o) {
   const std::vector<Setting> settings = standard_settings(o.backends, !o.meshes);
   const std::vector<Batch> batches = share_out(o);
   std::vector<std::vector<Tally>> table(o.classes().size(), std::vector<Tally>(settings.size()));
@@ -256,12 +203,14 @@ int certify(const Options& o) {
 }  // namespace clearance::exact
 
 int main(int argc, char** argv) {
-  clearance::exact::Options o;
+  clearance::exact::CertifyOptions o;
   CLI::App app{"Puts seeded pairs of every class before the engine, judges every answer exactly, writes a table."};
   app.add_option("--pairs", o.pairs, "pairs in all; each is asked under every setting")->check(CLI::PositiveNumber);
   app.add_option("--slack", o.slack, "also scenes of each kind of slack, judged by all that is allowed")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--motions", o.motions, "in place of pairs so many motions, of all kinds, judged with 60 digits")
+      ->check(CLI::NonNegativeNumber);
+  app.add_option("--trajectories", o.trajectories, "likewise, so many splines of two to four segments that overshoot")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--states", o.states,
                  "in place of pairs so many states of each robot, decided with and without covers")
@@ -283,6 +232,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     if (o.states > 0 || o.edges > 0) return clearance::exact::certify_decisions(o) ? 0 : 1;
+    if (o.trajectories > 0) return clearance::exact::certify_trajectories(o) ? 0 : 1;
     if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);
   } catch (const std::exception& e) {

@@ -111,6 +111,42 @@ def test_trapezoidal():
     assert np.abs(velocity[1:, 0] - velocity[:-1, -1]).max() < 1e-12
 
 
+def test_trapezoidal_equals_its_profile():
+    """In rational numbers: each part is a polynomial of its share of time, within `rounding`; times are relative."""
+    rng = np.random.default_rng(8)
+    kinds, worst = set(), Fraction(0)
+    for _ in range(300):
+        rows = rng.uniform(-2, 2, (2, 3)) * 10.0 ** rng.uniform(-3, 1, 3)
+        rows[1, rng.integers(3)] *= -1  # the change is up to twice the size
+        limits = [rng.uniform(0.1, 3, 3), rng.uniform(0.1, 20, 3)]
+        made = Trajectory.trapezoidal(rows, *limits)
+        change = [b - a for a, b in zip(*exact(rows))]
+        velocity, acceleration = (min(m / abs(c) for m, c in zip(exact(limit), change)) for limit in limits)
+        square = velocity * velocity / acceleration  # of the change, at constant speed or more
+        assert len(made) == (3 if square < 1 else 2)
+        share = min(square, 1) / 2
+        kinds.add(len(made))
+        for j in range(3):
+            start, end = exact(rows[:, j])
+            a, b = start + share * change[j], end - share * change[j]
+            # Shares of the change at a share t of each part's time: t^2, t, and 1 - (1 - t)^2.
+            parts = [(start, a, lambda t: t * t), (a, b, lambda t: t), (b, end, lambda t: 1 - (1 - t) ** 2)]
+            if len(made) == 2:
+                del parts[1]
+            for points, (p, q, of) in zip(made.points[:, :, j], parts):
+                for t in (Fraction(0), Fraction(1, 7), Fraction(1, 2), Fraction(1)):
+                    off = abs(bezier(points, t) - (p + of(t) * (q - p)))
+                    assert off <= Fraction(float(made.rounding[j]))
+                    worst = max(worst, off / Fraction(float(made.rounding[j])))
+        if square < 1:
+            until, cruise = velocity / acceleration, (1 - 2 * share) / velocity
+            given = [until, until + cruise, 2 * until + cruise]
+            assert all(abs(exact(t) - g) <= g / 2**48 for t, g in zip(made.times[1:], given))
+        else:  # half of the change within until^2 acceleration / 2
+            assert all(abs(exact(t) ** 2 * acceleration - k * k) < Fraction(1, 2**46) for k, t in enumerate(made.times))
+    assert kinds == {2, 3} and worst > Fraction(1, 10)
+
+
 def test_from_ros():
     names, points = ["a", "b"], [([0, 1], [0.5, 0], [0, 0], 1), ([1, 0], [0, 1], [1, 0], 3)]
     rows = [np.array(r, dtype=float) for r in zip(*[p[:3] for p in points])]
@@ -215,12 +251,6 @@ def test_limits_hold_for_the_curve(arm_engine):
         assert done.beyond_limits == (not within)
         if not within:
             assert done.limit_violations[0].joint == arm.names[0] and done.limit_violations[0].excess > 0
-
-
-def test_a_certificate_is_for_straight_motions(arm_engine):
-    arm = arm_engine.joints("arm")
-    with pytest.raises(clearance.QueryError, match="control_points: certificates are for straight motions"):
-        arm_engine.certificate(start=random_curves(arm, 1, 3), joints=arm, pairs=PAIRS)
 
 
 def test_bodies_move_straight(arm_engine):

@@ -76,16 +76,16 @@ Pose pose_of(const Vec3d& t, const Vec3d& x, const Vec3d& y) {
 }  // namespace
 
 const char* name_of(MotionKind kind) {
-  constexpr const char* kNames[] = {"random", "plate",  "graze", "swing", "contact",
-                                    "still",  "unsure", "far",   "curve", "meanwhile"};
-  static_assert(std::size(kNames) == kMotionKinds);
+  constexpr const char* kNames[] = {"random", "plate", "graze", "swing",     "contact",   "still",
+                                    "unsure", "far",   "curve", "meanwhile", "trajectory"};
+  static_assert(std::size(kNames) == kAllKinds);
   return kNames[static_cast<int>(kind)];
 }
 
 MotionCase::MotionCase(Random& random, MotionKind kind, int count, const std::string& folder)
     : random_(random), kind_(kind) {
   far_ = kind == MotionKind::kFar ? std::pow(10.0, random.uniform(1, 5)) : 0;
-  const bool is_curved = kind == MotionKind::kCurve || kind == MotionKind::kMeanwhile;
+  const bool is_curved = kind >= MotionKind::kCurve;
   passes_plates_ = kind == MotionKind::kPlate || (is_curved && random.below(2) != 0);
   add_robot(folder);
   add_bodies();
@@ -107,6 +107,8 @@ MotionCase::MotionCase(Random& random, MotionKind kind, int count, const std::st
       if (random.below(2)) let_meet();
     }
     moving_.insert(moving_.end(), motions.bodies.begin(), motions.bodies.end());
+  } else if (kind == MotionKind::kTrajectory) {
+    add_trajectory(count);
   } else {
     if (random.below(2) || motions.joints.empty()) motions.bodies.push_back(scene.find_body("flies"));
     if (!motions.bodies.empty()) moving_.push_back(motions.bodies[0]);
@@ -120,7 +122,7 @@ void MotionCase::add_robot(const std::string& folder) {
   std::vector<ExactScene::Shape> balls;
   const std::string path = folder + "/robot.urdf";
   std::ofstream file(path);
-  file << random_urdf(random_, passes_plates_, kind_ == MotionKind::kCurve || kind_ == MotionKind::kMeanwhile, &balls);
+  file << random_urdf(random_, passes_plates_, kind_ >= MotionKind::kCurve, &balls);
   if (!file.flush()) throw std::runtime_error("cannot write " + path);
   engine::RobotOptions options;
   options.urdf = path;
@@ -263,12 +265,16 @@ RealVec MotionCase::any_across(const RealVec& way) {
 
 // Places an obstacle where a ball passes at the motion's named time.
 void MotionCase::add_obstacle(std::uint32_t motion) {
-  const std::uint32_t body = moving_[random_.below(moving_.size())];
+  std::uint32_t body = moving_[random_.below(moving_.size())];
   const double t = named[motion];
-  const ExactScene::Placed there = exact.at(motions, motion, t).at(body);
+  ExactScene::Moment at = exact.at(motions, motion, t), after = exact.at(motions, motion, Real(t) + Real("1e-9"));
+  const bool turns = kind_ == MotionKind::kTrajectory && turns_[motion];
+  for (const std::uint32_t other : moving_)  // not all are moved by a joint alone
+    if (turns && real_length(after.at(body).centre - at.at(body).centre) == 0) body = other;
+  const ExactScene::Placed there = at.at(body);
   const double radius = exact.shapes.at(body).radius + static_cast<double>(there.growth);
-  const RealVec& centre = there.centre;
-  RealVec way = exact.at(motions, motion, Real(t) + Real("1e-9")).at(body).centre - centre;
+  const RealVec centre = there.centre;
+  RealVec way = after.at(body).centre - centre;
   const Real length = real_length(way);
   if (length == 0)
     way = {{1, 0, 0}};
@@ -278,6 +284,12 @@ void MotionCase::add_obstacle(std::uint32_t motion) {
   const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
   const std::string name = "obstacle" + std::to_string(motion);
   ExactScene::Shape shape;
+  if (turns && random_.below(4) != 0) {  // beyond its turn: the farthest that it gets
+    ++beyond_turns;
+    shape = {.half = {0.05, 0.05, 0.5 * kThin}, .is_box = true};
+    const Vec3d z = rounded(way), x = rounded(n);
+    return put(name, shape, pose_of(rounded(along(centre, way, -(0.5 * kThin + radius + graze))), x, cross(z, x)));
+  }
   if (passes_plates_) {
     const double wide = random_.uniform(0.01, 0.1);
     shape = {.half = {wide, wide, 0.5 * kThin}, .is_box = true};

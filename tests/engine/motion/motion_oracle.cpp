@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <chrono>
 #include <filesystem>
 
 #include "engine/motion/motion_step.h"
@@ -13,8 +14,10 @@ namespace clearance::test {
 namespace {
 
 constexpr double kTolerance = 1e-3;
-constexpr double kRough = 1e-7;  // metres: results of rounded arithmetic this far off need no exact check
-constexpr double kDeep = 2e-4;   // metres: deeper than any constructed graze
+constexpr double kRough = 1e-7;   // metres: results of rounded arithmetic this far off need no exact check
+constexpr double kDeep = 2e-4;    // metres: deeper than any constructed graze
+constexpr int kCoversEvery = 16;  // of trajectories: covers take ten times as long as the rest
+constexpr std::uint32_t kSteps = 512, kFewerSteps[] = {1, 2, 4, 12, 64};
 
 struct Look {
   double time;
@@ -24,11 +27,14 @@ struct Look {
 
 class MotionOracle {
  public:
-  MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend)
+  MotionOracle(const MotionCase& c, Random& random, MotionFindings& findings, const std::string& backend,
+               engine::Covers covers = engine::Covers::kOff)
       : case_(c),
         random_(random),
         findings_(findings),
-        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = engine::Covers::kOff}) {
+        of_limits_(random),
+        engine_(engine::Scene(c.scene), {.backend = backend, .threads = 1, .covers = covers}),
+        has_covers_(covers != engine::Covers::kOff && engine_.wait_covers(std::chrono::minutes(10))) {
     const bool all = random.below(8) == 0;
     for (const BodyPair pair : engine_.pairs(c.motions.view(Reduce::kNone)))
       if (c.exact.answers(pair) && (all || !overlaps_by_chance(pair))) pairs_.push_back(pair);
@@ -46,10 +52,12 @@ class MotionOracle {
       motion_ = m;
       looks_.clear();
       look_around(min.view.time[m]);
+      findings_.overlaps += min.view.status[m] == static_cast<std::uint8_t>(Status::kOverlap);
       check_row(min, m, nullptr);
       check_contact(min.view.first_contact[2 * m], min.view.first_contact[2 * m + 1], 0);
       if (each_pair) check_pairs(none, m);
-      check_decision();
+      check_decision(kSteps, margin_beside_least(random_));
+      for (const std::uint32_t steps : kFewerSteps) check_with(steps);
     }
   }
 
@@ -73,8 +81,8 @@ class MotionOracle {
 
  private:
   // Without the column that only the CPU supports.
-  static QueryView least_of(const Motions& motions) {
-    QueryView query = motions.view(Reduce::kMin);
+  static QueryView least_of(const Motions& motions, std::uint32_t steps = 256) {
+    QueryView query = motions.view(Reduce::kMin, steps);
     query.fields &= ~kFieldPairLower;
     return query;
   }
@@ -141,7 +149,6 @@ class MotionOracle {
     const double lower = view.lower[row], upper = view.upper[row], time = view.time[row];
     for (const Look& look : looks_) findings_.nearer += lower > 0 && is_within(look, lower, pair, false);
     const bool overlaps = view.status[row] == static_cast<std::uint8_t>(Status::kOverlap);
-    if (!pair) findings_.overlaps += overlaps;
     if (!std::isnan(time) && (!pair || overlaps || random_.below(16) == 0)) {
       const Look& there = look_once(time);
       findings_.farther += !is_within(there, upper, pair, true);
@@ -156,8 +163,8 @@ class MotionOracle {
   }
 
   // A margin that is 1e-6 to 1e-4 m less or more than the least sampled distance.
-  double margin_beside_least() {
-    const double graze = std::pow(10.0, random_.uniform(-6, -4)) * (random_.below(2) ? 1 : -1);
+  double margin_beside_least(Random& random) {
+    const double graze = std::pow(10.0, random.uniform(-6, -4)) * (random.below(2) ? 1 : -1);
     return std::max(look_once(best_).least + graze, 0.0);
   }
 
@@ -176,7 +183,7 @@ class MotionOracle {
     one.pairs = pairs_;
     QueryView query = least_of(one);
     query.max_evaluations = 512;
-    query.margin = random_.below(2) ? margin_beside_least() : 0;
+    query.margin = random_.below(2) ? margin_beside_least(random_) : 0;
     if (!when) query.fields &= ~kFieldFirstContact;
     const MotionDecision found = decide(engine_.scene(), query);
     findings_.undecided += found.kind == MotionDecision::kOpen;
@@ -196,7 +203,7 @@ class MotionOracle {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
     QueryView query = one.view(Reduce::kAny, 512);
-    query.margin = margin_beside_least();
+    query.margin = margin_beside_least(random_);
     if (!when) query.fields &= ~kFieldFirstContact;
     const MotionDecision found = decide(engine_.scene(), query);
     findings_.free += found.kind == MotionDecision::kFree;
@@ -219,21 +226,45 @@ class MotionOracle {
       for (const Look& look : looks_) findings_.untrue += is_within(look, query.margin, nullptr, true);
   }
 
-  void check_decision() {
+  // Checks searches that end after so many configurations.
+  void check_with(std::uint32_t steps) {
     Motions one = case_.one(motion_);
     one.pairs = pairs_;
-    QueryView query = one.view(Reduce::kAny, 512);
-    query.margin = margin_beside_least();
+    const Answer min = evaluate(engine_, least_of(one, steps));
+    findings_.untrue += min.view.steps[0] > steps;
+    check_row(min, 0, nullptr);
+    check_contact(min.view.first_contact[0], min.view.first_contact[1], 0);
+    check_decision(steps, margin_beside_least(of_limits_));
+  }
+
+  // Checks the verdict alone, which covers decide, against a decision without them.
+  void check_verdict(QueryView query, bool is_free, bool is_hit) {
+    query.fields = kFieldVerdict;
+    const auto verdict = static_cast<Status>(evaluate(engine_, query).view.verdict[0]);
+    ++findings_.by_covers;
+    const bool free = verdict == Status::kBeyond, open = verdict == Status::kUnconverged;
+    findings_.untrue += (free && is_hit) || (!free && !open && is_free);
+    for (const Look& look : looks_) findings_.untrue += free && is_within(look, query.margin, nullptr, true);
+  }
+
+  void check_decision(std::uint32_t steps, double margin) {
+    Motions one = case_.one(motion_);
+    one.pairs = pairs_;
+    QueryView query = one.view(Reduce::kAny, steps);
+    query.margin = margin;
     const Answer any = evaluate(engine_, query);
     const auto status = static_cast<Status>(any.view.status[0]);
     const double unproved = any.view.first_contact[0], hit = any.view.first_contact[1], time = any.view.time[0];
     const bool is_free = status == Status::kBeyond, is_open = status == Status::kUnconverged;
+    if (has_covers_) check_verdict(query, is_free, !is_free && !is_open);
     findings_.on_device += any.info.backend == "cuda";
-    findings_.free += is_free;
-    findings_.undecided += is_open;
+    (steps < kSteps ? findings_.stopped : findings_.undecided) += is_open;
+    findings_.decided += steps < kSteps && !is_open;
+    findings_.free += steps == kSteps && is_free;
+    findings_.untrue += any.view.steps[0] > steps;
     findings_.untrue += is_free != (unproved == kInf) || (!is_free && !is_open) != (hit < kInf) || unproved > hit;
     if (!is_free && !is_open) {
-      ++findings_.hits;
+      findings_.hits += steps == kSteps;
       findings_.untrue += !is_within(look_once(time), query.margin, &any.view.pair[0], true);
       findings_.untrue += !is_within(look_once(hit), query.margin, nullptr, true);
     }
@@ -247,7 +278,9 @@ class MotionOracle {
   const MotionCase& case_;
   Random& random_;
   MotionFindings& findings_;
+  Random of_limits_;  // of its own, so that limits do not change the cases
   engine::Engine engine_;
+  bool has_covers_;
   std::vector<BodyPair> pairs_;
   std::vector<ExactScene::Moment> chance_;
   std::uint32_t motion_ = 0;
@@ -275,14 +308,16 @@ struct Folder {
 
 void MotionFindings::add(const MotionFindings& o) {
   motions += o.motions, free += o.free, hits += o.hits, undecided += o.undecided, overlaps += o.overlaps;
-  on_device += o.on_device, least_on_device += o.least_on_device;
+  on_device += o.on_device, least_on_device += o.least_on_device, stopped += o.stopped, decided += o.decided,
+      turned += o.turned, by_covers += o.by_covers;
   nearer += o.nearer, farther += o.farther, untrue += o.untrue, wide += o.wide;
 }
 
 std::string MotionFindings::text() const {
   const auto n = [](int count) { return std::to_string(count); };
   return n(motions) + " motions, " + n(overlaps) + " with an overlap; by margins beside the truth " + n(free) +
-         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(on_device) + " on a device, " +
+         " free, " + n(hits) + " hits, " + n(undecided) + " undecided, " + n(decided) + " decided and " + n(stopped) +
+         " stopped with fewer steps, " + n(by_covers) + " verdicts by covers, " + n(on_device) + " on a device, " +
          n(least_on_device) + " least distances; wrong: " + n(nearer) + " nearer than lower, " + n(farther) +
          " farther than upper, " + n(untrue) + " untrue, " + n(wide) + " too wide";
 }
@@ -324,6 +359,21 @@ MotionFindings check_many(std::uint64_t seed, int motions, int only, bool until_
     MotionOracle(c, random, findings, backend).check(i % 4 == 0 || until_wrong);
     return findings.motions < motions && !(until_wrong && findings.wrong() > 0);
   });
+  return findings;
+}
+
+MotionFindings check_trajectories(std::uint64_t seed, int trajectories) {
+  const Folder folder;
+  MotionFindings findings;
+  for (int i = 0; i < trajectories; ++i) {
+    Random random(seed * 1'000'003 + static_cast<std::uint64_t>(i));
+    const int segments = 2 + static_cast<int>(random.below(3));
+    const MotionCase c(random, MotionKind::kTrajectory, segments, folder.path);
+    const bool has_covers = i % kCoversEvery == 0;
+    const engine::Covers covers = has_covers ? engine::Covers::kBackground : engine::Covers::kOff;
+    MotionOracle(c, random, findings, "cpu", covers).check(i % 4 == 0);
+    findings.turned += c.beyond_turns;
+  }
   return findings;
 }
 

@@ -14,6 +14,10 @@ struct MotionFindings {
   int free = 0;             ///< proved free, by a margin within 1e-4 m of the least sampled distance
   int hits = 0;             ///< likewise, found not to be free
   int undecided = 0;        ///< likewise, undecided after 512 configurations
+  int stopped = 0;          ///< decisions that a lower limit of steps ended, undecided
+  int decided = 0;          ///< decisions reached within lower limits of steps
+  int by_covers = 0;        ///< verdicts of an engine with covers
+  int turned = 0;           ///< segments of trajectories with an obstacle just beyond a place where a body turns back
   int on_device = 0;        ///< likewise, queried on a device; its CPU completed the unresolved ones
   int least_on_device = 0;  ///< least distances requested from a device, or computed by a MotionDecider
   int overlaps = 0;         ///< least distances of 0
@@ -27,8 +31,8 @@ struct MotionFindings {
   std::string text() const;
 };
 
-/// Checks all motions of a case: reduced to their least distance, decided for a margin near it and, if `each_pair`,
-/// each pair alone.
+/// Checks all motions of a case: reduced to their least distance, decided for a margin near it, both again with fewer
+/// and fewer steps and, if `each_pair`, each pair alone.
 void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFindings& findings);
 
 /// Checks cases of every kind in turn, four motions each, until at least `motions` are done. A seed determines the
@@ -37,6 +41,9 @@ void check_motions(const MotionCase& c, Random& random, bool each_pair, MotionFi
 /// \param backend of EngineOptions; the CPU answers the motions that a device passes on
 MotionFindings check_many(std::uint64_t seed, int motions, int only = -1, bool until_wrong = false,
                           const std::string& backend = "cpu");
+
+/// Checks trajectories (MotionKind::kTrajectory) of two to four segments, and for some of them verdicts by covers.
+MotionFindings check_trajectories(std::uint64_t seed, int trajectories);
 
 /// Decision of another implementation about one motion.
 struct MotionDecision {

@@ -202,5 +202,51 @@ TEST(JointCurve, AJointBeyondAllPositionsDoesNotAffectOthers) {
   }
 }
 
+// A derivative of a curve at a time, exactly.
+Real derivative_at(const std::vector<double>& points, int order, const Real& t) {
+  std::vector<Real> p(points.begin(), points.end());
+  for (int k = 0; k < order; ++k) {
+    const Real degree = static_cast<double>(p.size() - 1);
+    for (std::size_t i = 0; i + 1 < p.size(); ++i) p[i] = degree * (p[i + 1] - p[i]);
+    if (p.size() == 1) return 0;
+    p.pop_back();
+  }
+  for (; p.size() > 1; p.pop_back())
+    for (std::size_t i = 0; i + 1 < p.size(); ++i) p[i] += t * (p[i + 1] - p[i]);
+  return p[0];
+}
+
+TEST(JointCurve, DerivativesAreBoundedInSpans) {
+  RobotRandom random(17);
+  Real worst = 0, loosest = 0;
+  int close = 0;
+  for (int i = 0; i < 3000; ++i) {
+    const std::vector<double> points = random_points(random);
+    double begin = random.uniform(0, 1), end = random.uniform(0, 1);
+    if (random.below(2)) end = begin + std::pow(10.0, random.uniform(-12, -1)) * (1 - begin);
+    if (end < begin) std::swap(begin, end);
+    const JointDerivatives found = curve_of(points).derivatives(begin, end);
+    const double middle = 0.5 * begin + 0.5 * end;
+    const Real off = abs(Real(found.slope) - derivative_at(points, 1, middle));
+    EXPECT_LE(off, Real(found.error)) << i;
+    if (found.error > 0) worst = std::max<Real>(worst, off / found.error);
+    Real fastest = 0;
+    for (int k = 0; k <= 16; ++k) {
+      const Real t = Real(begin) + (Real(end) - Real(begin)) * k / 16, rate = abs(derivative_at(points, 1, t));
+      EXPECT_LE(rate, Real(found.change)) << i;
+      EXPECT_LE(abs(derivative_at(points, 2, t)), Real(found.bend)) << i;
+      fastest = std::max(fastest, rate);
+    }
+    if (end - begin > 1e-3 || !(fastest > 100 * found.error)) continue;
+    ++close;
+    loosest = std::max<Real>(loosest, Real(found.change) / fastest);
+  }
+  std::printf("error of a velocity up to %.2f of its bound; bounds up to %.3f of the speed in short spans\n",
+              static_cast<double>(worst), static_cast<double>(loosest));
+  EXPECT_GT(worst, 0.001);
+  EXPECT_GT(close, 500);
+  EXPECT_LT(loosest, 1.3);
+}
+
 }  // namespace
 }  // namespace clearance

@@ -17,6 +17,21 @@ TEST_P(MotionOracleTest, NothingIsNearerThanReportedNorFarther) {
   EXPECT_GE(found.motions, 40);
   EXPECT_GT(found.free, 3);
   EXPECT_GT(found.hits, 5);
+  EXPECT_GT(found.decided, 20) << "with fewer steps";
+  if (GetParam() != static_cast<int>(MotionKind::kStill)) {
+    EXPECT_GT(found.stopped, 0);
+  }
+}
+
+TEST(MotionOracle, TrajectoriesAreDecidedRightWithAnyNumberOfSteps) {
+  const MotionFindings found = check_trajectories(5, 40);
+  std::printf("%s\n", found.text().c_str());
+  EXPECT_EQ(found.wrong(), 0) << found.text();
+  EXPECT_GT(found.free, 10);
+  EXPECT_GT(found.hits, 20);
+  EXPECT_GT(found.stopped, 20);
+  EXPECT_GT(found.turned, 10);
+  EXPECT_GT(found.by_covers, 20);
 }
 
 // By an engine with covers: motions that it proves free alone, as it does for verdicts.

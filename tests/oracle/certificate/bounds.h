@@ -9,13 +9,13 @@ using IdPair = std::array<Id, 2>;
 IdPair pair_of(const Value& ids);
 
 /// Begin and end of a proved span of time.
-struct Span {
+struct ProvedTime {
   double begin, end;
-  friend auto operator<=>(const Span&, const Span&) = default;
+  friend auto operator<=>(const ProvedTime&, const ProvedTime&) = default;
 };
 
 /// Checks that two bodies are farther apart than `bound` throughout a span of a certificate. Throws `Rejection`.
-Span check_span(const Motion& motion, const IdPair& ids, const Value& span, const Dyadic& bound);
+ProvedTime check_span(const Motion& motion, const IdPair& ids, const Value& span, const Dyadic& bound);
 
 /// Checks that two bodies are no farther apart than `bound` at a witness's time. Throws `Rejection`.
 void check_witness(const Motion& motion, const IdPair& ids, const Value& witness, const Dyadic& bound);

@@ -72,11 +72,11 @@ void check_status(const Row& row, const Query& query) {
 // Checks that the spans of `claim` prove its bound for two bodies, without a gap from 0 to `end`.
 void check_spans(const IdPair& ids, const Value& claim, double end, const Motion& motion) {
   const Dyadic lower = claim["lower"].finite();
-  std::vector<Span> spans;
+  std::vector<ProvedTime> spans;
   for (const Value& span : claim["spans"].list()) spans.push_back(check_span(motion, ids, span, lower));
   std::sort(spans.begin(), spans.end());
   double until = 0;
-  for (const Span& span : spans) {
+  for (const ProvedTime& span : spans) {
     require(span.begin == until, "spans leave a gap");
     until = span.end;
   }
@@ -163,10 +163,10 @@ std::vector<std::string> check_rows(const Value& document) {
   for (const Value& body : document["bodies"].list())
     require(bodies.try_emplace(body["id"].integer(), body, parts).second, "two bodies have one id");
   const Query query = read_query(document["query"]);
-  const std::size_t ends = document["query"]["motions"].boolean() ? 2 : 1;
+  const bool moves = document["query"]["motions"].boolean();
   std::map<Id, Motion> motions;
   for (const Value& place : document["configurations"].list())
-    require(motions.try_emplace(place["configuration"].integer(), bodies, place, ends).second,
+    require(motions.try_emplace(place["configuration"].integer(), bodies, place, moves).second,
             "two configurations have one number");
   std::vector<std::string> why;
   for (const Value& row : document["rows"].list()) {

@@ -13,12 +13,11 @@ struct Look {
   const IdPair& ids;
   const Body &a, &b;
   const Pose &X_wa, &X_wb;
-  double begin, at, end;
-  Dyadic half;    // bound on the time from `at` to the farther end
+  Span span;
   Dyadic target;  // required distance of the parts without motion
 
   Rates rates(Frame seer) const {
-    const Rates of_a = motion.rates(seer, ids[0], at, half), of_b = motion.rates(seer, ids[1], at, half);
+    const Rates of_a = motion.rates(seer, ids[0], span), of_b = motion.rates(seer, ids[1], span);
     return {of_a.speed + of_b.speed, of_a.bend + of_b.bend};
   }
 };
@@ -34,8 +33,9 @@ Lean lean(const Motion& motion, Frame seer, Id id, double time, const Vector& n,
   if (s.sign() == 0) return lean;
   Vector turn;
   for (const Mover& mover : motion.path(seer, id, time)) {
-    if (mover.turns) turn = turn + mover.rate;
-    lean.more += dot(n, mover.turns ? cross(mover.point, mover.rate) : mover.rate);
+    const Vector rate = mover.curve.rate(time) * mover.axis;
+    if (mover.turns) turn = turn + rate;
+    lean.more += dot(n, mover.turns ? cross(mover.point, rate) : rate);
   }
   lean.more = s * lean.more;
   lean.n_moved = n + s * cross(n, turn);
@@ -70,8 +70,8 @@ Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& r
 // Checks that the parts are apart by `need` along n (in the world's axes, of any length) after s.
 void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, const Dyadic& need,
                const RunPair& runs) {
-  const Lean of_a = lean(look.motion, seer, look.ids[0], look.at, n, s);
-  const Lean of_b = lean(look.motion, seer, look.ids[1], look.at, n, s);
+  const Lean of_a = lean(look.motion, seer, look.ids[0], look.span.at, n, s);
+  const Lean of_b = lean(look.motion, seer, look.ids[1], look.span.at, n, s);
   const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
   const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
   // The root is above |n|, so that a negative product is too low. It is raised a little.
@@ -94,9 +94,9 @@ void check_direction(const Look& look, const Value& claim, const Rates& rates, c
   const std::int64_t order = claim["order"].integer();
   require(!is_zero(n), "a direction is 0");
   require(order == 1 || order == 2, "a proof is of no known order");
-  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.half, runs);
-  for (const double end : {look.begin, look.end}) {
-    const Dyadic s = Dyadic(end) - look.at;
+  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.span.half(), runs);
+  for (const double end : {look.span.begin, look.span.end}) {
+    const Dyadic s = Dyadic(end) - look.span.at;
     check_gap(look, seer, n, s, look.target + Dyadic(0.5) * rates.bend * s * s, runs);
   }
 }
@@ -160,13 +160,13 @@ void check_outside(const Body& held, const Pose& X_wh, const Body& holder, const
 }
 
 // Relative slack of two bodies: a frame that carries both adds none.
-Dyadic checked_slack(const Motion& motion, const IdPair& ids, const Value& said, double at, const Dyadic& half) {
+Dyadic checked_slack(const Motion& motion, const IdPair& ids, const Value& said, const Span& span) {
   std::vector<Id> of_a = motion.frames(ids[0]), of_b = motion.frames(ids[1]);
   const auto [a, b] = std::mismatch(of_a.begin(), of_a.end(), of_b.begin(), of_b.end());
   of_a.erase(of_a.begin(), a);
   of_b.erase(of_b.begin(), b);
-  const MotionUncertainty uncertainty_a = motion.uncertainty(ids[0], of_a, at, half),
-                          uncertainty_b = motion.uncertainty(ids[1], of_b, at, half);
+  const MotionUncertainty uncertainty_a = motion.uncertainty(ids[0], of_a, span),
+                          uncertainty_b = motion.uncertainty(ids[1], of_b, span);
   Dyadic counted;
   for (const Value& term : said["terms"].list()) counted += term["inner"].length();
   require(counted >= uncertainty_a.in_the_middle + uncertainty_b.in_the_middle, "slack is too little");
@@ -184,18 +184,17 @@ IdPair pair_of(const Value& ids) {
   return {ids.at(0).integer(), ids.at(1).integer()};
 }
 
-Span check_span(const Motion& motion, const IdPair& ids, const Value& span, const Dyadic& bound) {
-  const double begin = span["begin"].finite(), at = span["at"].finite(), end = span["end"].finite();
+ProvedTime check_span(const Motion& motion, const IdPair& ids, const Value& claims, const Dyadic& bound) {
+  const Span span{claims["begin"].finite(), claims["at"].finite(), claims["end"].finite()};
   const Body &a = motion.body(ids[0]), &b = motion.body(ids[1]);
-  require(begin <= at && at <= end, "a span is looked at beyond its ends");
+  require(span.begin <= span.at && span.at <= span.end, "a span is looked at beyond its ends");
   require(!a.parts.empty() && !b.parts.empty(), "a body has no pieces");
-  const Pose &X_wa = motion.at(ids[0], at).pose, &X_wb = motion.at(ids[1], at).pose;
-  const Dyadic half = std::max(Dyadic(end) - at, Dyadic(at) - begin);
-  const Dyadic inner = checked_slack(motion, ids, span["slack"], at, half);
-  const Look look{motion, ids, a, b, X_wa, X_wb, begin, at, end, half, bound + inner + blur_of(X_wa, X_wb)};
+  const Pose &X_wa = motion.at(ids[0], span.at).pose, &X_wb = motion.at(ids[1], span.at).pose;
+  const Dyadic inner = checked_slack(motion, ids, claims["slack"], span);
+  const Look look{motion, ids, a, b, X_wa, X_wb, span, bound + inner + blur_of(X_wa, X_wb)};
   std::vector<RunPair> covered;
   std::map<Frame, Rates> rates;
-  for (const Value& claim : span["lower"].list()) {
+  for (const Value& claim : claims["lower"].list()) {
     covered.push_back(named_runs(look, claim));
     const Frame seer = frame_of(claim["seer"]);
     if (!rates.contains(seer)) rates.emplace(seer, look.rates(seer));
@@ -211,7 +210,7 @@ Span check_span(const Motion& motion, const IdPair& ids, const Value& span, cons
                                     std::none_of(b.wholes.begin(), b.wholes.end(), has_elements)),
             "how deep surfaces overlap is not of one direction");
   }
-  return {begin, end};
+  return {span.begin, span.end};
 }
 
 }  // namespace clearance::certificate_oracle

@@ -34,6 +34,15 @@ Id id_of(std::string_view text) {
   return id;
 }
 
+// Places at both ends of the range of a sliding joint in a span.
+std::vector<Vector> slid(const std::vector<Vector>& places, const Mover& mover, const CurveExtent& extent,
+                         const Dyadic& now) {
+  std::vector<Vector> all;
+  for (const Vector& place : places)
+    for (const Dyadic& end : {extent.least, extent.greatest}) all.push_back(place + (end - now) * mover.axis);
+  return all;
+}
+
 }  // namespace
 
 Frame frame_of(const Value& id) {
@@ -81,18 +90,20 @@ const Dyadic& Body::ball() const {
   return *ball_;
 }
 
-Motion::Motion(const Bodies& bodies, const Value& configuration, std::size_t ends)
-    : bodies_(&bodies),
-      poses_(ends_of(configuration["poses"], ends)),
-      positions_(ends_of(configuration["positions"], ends)) {}
-
-Motion::Ends Motion::ends_of(const Value& document, std::size_t count) const {
-  Ends ends;
-  for (std::size_t k = 0; k < document.names().size(); ++k) {
-    const std::span<const Value> values = document.values()[k].list();
-    require(values.size() == count, "an end is missing");
-    ends.emplace(id_of(document.names()[k]), values);
+Motion::Motion(const Bodies& bodies, const Value& configuration, bool moves)
+    : bodies_(&bodies), poses_(ends_of(configuration["poses"])), positions_(ends_of(configuration["positions"])) {
+  const std::size_t ends = moves ? 2 : 1, most = moves ? kMostPoints : 1;
+  for (const auto& [id, values] : poses_) require(values.size() == ends, "an end is missing");
+  for (const auto& [column, values] : positions_) {
+    require(values.size() == positions_.begin()->second.size(), "a control point is missing");
+    require(ends <= values.size() && values.size() <= most, "a curve has too few control points, or too many");
   }
+}
+
+Motion::Ends Motion::ends_of(const Value& document) const {
+  Ends ends;
+  for (std::size_t k = 0; k < document.names().size(); ++k)
+    ends.emplace(id_of(document.names()[k]), document.values()[k].list());
   return ends;
 }
 
@@ -105,34 +116,33 @@ const Body& Motion::body(Id id) const {
 std::vector<Motion::Step> Motion::steps_between(Id id, std::span<const Value> ends, double time) const {
   const FramePlacement first = placement_of(ends.front()), last = placement_of(ends.back());
   const Vector way = last.origin - first.origin;
-  std::vector<Step> steps{{pose_of(first.origin + Dyadic(time) * way, first.q), way, false}};
+  std::vector<Step> steps{{pose_of(first.origin + Dyadic(time) * way, first.q), way, false, Curve({0.0, 1.0})}};
   auto turn = turns_.find(id);
   if (turn == turns_.end()) turn = turns_.emplace(id, turn_between(first.q, last.q)).first;
   const auto& [axis, angle] = turn->second;
-  if (angle.sign() != 0) steps.push_back({turn_about(axis, Dyadic(time) * angle), angle * axis, true});
+  if (angle.sign() != 0)
+    steps.push_back({turn_about(axis, Dyadic(time) * angle), axis, true, Curve({Dyadic(), angle})});
   return steps;
 }
 
 Motion::Step Motion::step_of_joint(const Value& move, double time) const {
   const Value& column = move["column"];
-  double first = 0, last = 0;
-  if (const auto found = column.is_null() ? positions_.end() : positions_.find(column.integer());
-      found != positions_.end()) {
-    first = found->second.front().finite();
-    last = found->second.back().finite();
-  } else {
-    first = last = move["stands"].finite();
-  }
+  const Dyadic multiplier = move["multiplier"].finite(), offset = move["offset"].finite();
+  std::vector<Dyadic> points;
+  const auto add = [&](const Value& position) { points.push_back(multiplier * position.finite() + offset); };
+  const auto found = column.is_null() ? positions_.end() : positions_.find(column.integer());
+  if (found == positions_.end())
+    add(move["stands"]);
+  else
+    for (const Value& position : found->second) add(position);
   const Vector along = move["axis"].vector();
   require(!is_zero(along), "an axis has no direction");
-  const Vector axis = unit(along);
-  const Dyadic multiplier = move["multiplier"].finite(), way = multiplier * (Dyadic(last) - first);
-  const Dyadic now = multiplier * first + move["offset"].finite() + Dyadic(time) * way;
-  Step step{{}, way * axis, move["turns"].boolean()};
+  Step step{{}, unit(along), move["turns"].boolean(), Curve(std::move(points))};
+  const Dyadic now = step.curve.at(time);
   if (step.turns) {
-    step.pose = turn_about(axis, now);
+    step.pose = turn_about(step.axis, now);
   } else {
-    step.pose.origin = now * axis;
+    step.pose.origin = now * step.axis;
     step.pose.is_rounded = true;
   }
   return step;
@@ -141,7 +151,7 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
 std::vector<Motion::Step> Motion::steps(Id id, double time) const {
   if (const auto found = poses_.find(id); found != poses_.end()) return steps_between(id, found->second, time);
   const FramePlacement stands = placement_of(*body(id).pose);
-  std::vector<Step> steps{{pose_of(stands.origin, stands.q), {}, false}};
+  std::vector<Step> steps{{pose_of(stands.origin, stands.q), {}}};
   for (const Value& move : body(id).moves->list()) steps.push_back(step_of_joint(move, time));
   return steps;
 }
@@ -155,9 +165,9 @@ Place Motion::placed(Id id, double time) const {
     const Pose outer = std::move(place.pose);
     place.pose = is_world ? std::move(step.pose) : composed(outer, step.pose);
     is_world = false;
-    if (is_zero(step.rate)) continue;
-    place.movers.push_back(std::make_shared<Mover>(
-        Mover{rounded(turned(outer.rows, step.rate), outer.divisor), place.pose.origin, step.turns}));
+    if (is_zero(step.axis) || step.curve.is_still()) continue;
+    place.movers.push_back(std::make_shared<Mover>(Mover{rounded(turned(outer.rows, step.axis), outer.divisor),
+                                                         place.pose.origin, step.turns, std::move(step.curve)}));
   }
   if (place.pose.is_rounded) {
     const auto& [x, y, z] = place.pose.origin;
@@ -189,38 +199,44 @@ std::vector<Mover> Motion::path(Frame seer, Id id, double time) const {
   std::vector<Mover> path;
   for (auto mover = his.end(); mover != back;) {
     path.push_back(**--mover);
-    path.back().rate = Dyadic(-1.0) * path.back().rate;
+    path.back().axis = Dyadic(-1.0) * path.back().axis;
   }
   for (auto mover = on; mover != mine.end(); ++mover) path.push_back(**mover);
   return path;
 }
 
-Rates Motion::rates(Frame seer, Id id, double time, const Dyadic& half) const {
-  const std::vector<Mover> path = this->path(seer, id, time);
+Rates Motion::rates(Frame seer, Id id, const Span& span) const {
+  const std::vector<Mover> path = this->path(seer, id, span.at);
   if (path.empty()) return {};
-  const Pose& pose = at(id, time).pose;
+  const Pose& pose = at(id, span.at).pose;
   // From the axis of each mover there is a chain of lengths to the body's points: across to the next axis (or to the
-  // centre of its ball), with the sliding joints between them, and then `beyond`.
-  Vector next = rounded(pose.divisor * pose.origin + turned(pose.rows, body(id).centre), pose.divisor), slide;
+  // centre of its ball), wherever the sliding joints between them lead, and then `beyond`.
+  std::vector<Vector> nexts{rounded(pose.divisor * pose.origin + turned(pose.rows, body(id).centre), pose.divisor)};
   const bool is_turned = std::any_of(path.begin(), path.end(), [](const Mover& mover) { return mover.turns; });
   Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // the speed of a slide does not depend on size
   Rates rates;
   std::vector<Dyadic> speeds, turns;
   for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {
-    const Dyadic rate = length_above(mover->rate);
+    const CurveExtent extent = mover->curve.extent(span.begin, span.end);
+    const Dyadic length = length_above(mover->axis);
     if (!mover->turns) {
-      speeds.push_back(rate);
+      speeds.push_back(length * extent.change);
       turns.emplace_back();
-      slide = slide + mover->rate;
+      rates.bend += length * extent.bend;
+      nexts = slid(nexts, *mover, extent, mover->curve.at(span.at));
       continue;
     }
-    const Vector before = next - mover->point - half * slide, after = next - mover->point + half * slide;
-    const Dyadic across = std::max(length_above(cross(mover->rate, before)), length_above(cross(mover->rate, after)));
-    speeds.push_back(rate * beyond + across);
-    turns.push_back(rate);
-    beyond += std::max(length_above(before), length_above(after));
-    next = mover->point;
-    slide = {};
+    Dyadic across, farthest;
+    for (const Vector& next : nexts) {
+      across = std::max(across, length_above(cross(mover->axis, next - mover->point)));
+      farthest = std::max(farthest, length_above(next - mover->point));
+    }
+    const Dyadic reach = length * beyond + across;
+    speeds.push_back(reach * extent.change);
+    turns.push_back(length * extent.change);
+    rates.bend += reach * extent.bend;
+    beyond += farthest;
+    nexts = {mover->point};
   }
   for (std::size_t k = speeds.size(); k-- > 0;) {  // from the observer on: nearer movers rotate farther ones
     rates.speed += speeds[k];
@@ -246,7 +262,7 @@ std::vector<Id> Motion::frames(Id id) const {
   return frames;
 }
 
-MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const {
+MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, const Span& span) const {
   const Body& body = this->body(id);
   Dyadic shift, turn, along;
   for (std::size_t k = 0; k < frames.size(); ++k) {
@@ -256,13 +272,14 @@ MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, doub
     turn += frame.chord;
     if (turn.sign() == 0) continue;  // then `along` has no effect
     const Id next = k + 1 < frames.size() ? frames[k + 1] : id;
-    along = length_above(at(next, time).pose.origin - at(frames[k], time).pose.origin);
+    along = length_above(at(next, span.at).pose.origin - at(frames[k], span.at).pose.origin);
   }
   MotionUncertainty uncertainty{body.inner + body.moved + shift, {}};
   if (body.chord.sign() != 0) uncertainty.in_the_middle += body.chord * body.reach();
   if (turn.sign() != 0) uncertainty.in_the_middle += turn * (along + body.moved + body.reach());
   uncertainty.all_along = uncertainty.in_the_middle;
-  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * half * rates({}, id, time, half).speed;
+  const Dyadic half = span.half();
+  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * half * rates({}, id, span).speed;
   return uncertainty;
 }
 

@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "tests/oracle/certificate/convex_part.h"
+#include "tests/oracle/certificate/curve.h"
 #include "tests/oracle/certificate/turns.h"
 
 namespace clearance::certificate_oracle {
@@ -46,17 +47,25 @@ class Body {
 
 using Bodies = std::map<Id, Body>;
 
-/// Motion of a body in the world at some time: points move along `rate`, or rotate with it about an axis through
-/// `point`.
+/// Motion of a body in the world at some time: points move along `axis`, or rotate about it through `point`, by the
+/// positions of a curve.
 struct Mover {
-  Vector rate, point;
+  Vector axis, point;
   bool turns;
+  Curve curve;
 };
 
 /// A body at a time. Bodies with the same carriers share their first movers.
 struct Place {
   Pose pose;
   std::vector<std::shared_ptr<const Mover>> movers;  ///< from the world on
+};
+
+/// A part of a motion, and the time in it at which bodies are placed.
+struct Span {
+  double begin, at, end;
+  /// From `at` to the farther end.
+  Dyadic half() const { return std::max(Dyadic(end) - at, Dyadic(at) - begin); }
 };
 
 /// Bounds on the speed and acceleration of a body's points.
@@ -72,30 +81,30 @@ struct MotionUncertainty {
 /// Bodies in one configuration: between its two ends at times in [0, 1], or at its only one.
 class Motion {
  public:
-  /// \param ends 1, or 2 for motions. The bodies and the document must outlive this
-  Motion(const Bodies& bodies, const Value& configuration, std::size_t ends);
+  /// The bodies and the document must outlive this.
+  Motion(const Bodies& bodies, const Value& configuration, bool moves);
 
   const Body& body(Id id) const;
   const Place& at(Id id, double time) const;
   /// Motion of a body as observed by `seer`.
   std::vector<Mover> path(Frame seer, Id id, double time) const;
-  /// From `half` before that time until as long after it.
-  Rates rates(Frame seer, Id id, double time, const Dyadic& half) const;
+  Rates rates(Frame seer, Id id, const Span& span) const;
   /// The bodies that it follows, the farthest first, without links of its own robot that carry it.
   std::vector<Id> frames(Id id) const;
   /// \param frames those of them that count
-  MotionUncertainty uncertainty(Id id, const std::vector<Id>& frames, double time, const Dyadic& half) const;
+  MotionUncertainty uncertainty(Id id, const std::vector<Id>& frames, const Span& span) const;
 
  private:
-  // One of the steps from the carrier of a body to the body: a pose in the step before, and its change.
+  // One of the steps from the carrier of a body to the body: a pose in the step before, and what changes it.
   struct Step {
     Pose pose;
-    Vector rate;
-    bool turns;
+    Vector axis;
+    bool turns = false;
+    Curve curve = Curve({Dyadic()});
   };
   using Ends = std::map<Id, std::span<const Value>>;
 
-  Ends ends_of(const Value& document, std::size_t count) const;
+  Ends ends_of(const Value& document) const;
   std::vector<Step> steps(Id id, double time) const;
   std::vector<Step> steps_between(Id id, std::span<const Value> ends, double time) const;
   Step step_of_joint(const Value& move, double time) const;

@@ -135,6 +135,8 @@ class Trajectory:
         """Moves straight between (N, J) positions, and stops at each, as fast as the limits allow.
 
         max_velocity, max_acceleration: (J,) or a number, above 0. All joints of a motion begin and end together.
+
+        `rounding` is for equal shares of each part's time; `times` are rounded as well, by less than 2^-48 of a motion.
         """
         rows = _rows(positions, "positions")
         limits = []
@@ -163,7 +165,8 @@ class Trajectory:
                     times.append(times[-1] + duration)
         if not points:
             raise ValueError("positions: expected some that differ")
-        return cls(points, times, joint_names, 8 * _UNIT * np.abs(rows).max(axis=0))
+        # Roundings of `share`: 2 of each limit per change, 1 of their quotient, 3 of its product; 3 until the point.
+        return cls(points, times, joint_names, 12 * _UNIT * np.abs(rows).max(axis=0))
 
     @classmethod
     def from_ros(cls, message: Any) -> Trajectory:

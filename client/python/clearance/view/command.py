@@ -18,6 +18,7 @@ _EPILOG = """
 Example
   clearance view scenes/cell/robot.yaml                              a scene file, answered in this process
   clearance view panda.urdf --packages franka_description=.           a robot alone
+  clearance view scenes/cell/robot.yaml --path path.csv              a path, with its least distance or first contact
   clearance view scenes/cell/robot.yaml --connect ipc:///tmp/c.ipc   a daemon, with the file's shapes
 
 A daemon does not send shapes: without its scene file, bodies are drawn as their bounding spheres. Sliders query
@@ -42,6 +43,12 @@ def parser() -> argparse.ArgumentParser:
         default=[],
         metavar="NAME=FOLDER",
         help="folder of package://NAME; may be repeated",
+    )
+    options.add_argument(
+        "--path",
+        type=Path,
+        metavar="FILE",
+        help="waypoints (.csv, as for `clearance path`), JointTrajectory (.json)",
     )
     options.add_argument("--host", default="127.0.0.1", help="address to serve on; default: this machine alone")
     options.add_argument("--port", type=int, default=8080, help="first port to try; default 8080")
@@ -83,16 +90,18 @@ def main(arguments: Optional[Sequence[str]] = None) -> int:
 def open_session(options: argparse.Namespace) -> Session:
     """Creates the session for the options. Raises ValueError for inconsistent options."""
     from .model import all_joints, positions_now
+    from .path import read_path
     from .session import Session
 
     url = options.connect or (None if options.scene else os.environ.get("CLEARANCE_URL"))
     if options.scene is None and url is None:
         raise ValueError("expected a scene file, a URDF, or --connect URL")
+    path = None if options.path is None else read_path(options.path)
     scene = None if options.scene is None else load(options.scene, options.srdf, options.packages)
     if url is not None:
         from .._client_front import connect
 
-        return Session(connect(url, options.timeout, service_class="planning"), scene, url)
+        return Session(connect(url, options.timeout, service_class="planning"), scene, url, path)
     assert scene is not None
     from .._engine_front import Engine
 
@@ -100,7 +109,7 @@ def open_session(options: argparse.Namespace) -> Session:
     joints = all_joints(engine)
     if joints is not None:
         engine.set_joints(positions_now(engine), joints)  # otherwise a robot without a home has no pose
-    return Session(engine, scene, str(options.scene))
+    return Session(engine, scene, str(options.scene), path)
 
 
 def load(file: Path, srdf: Optional[Path], packages: Sequence[str]) -> Scene:

@@ -1,4 +1,4 @@
-"""The drawing with viser: bodies, segments, an edge."""
+"""The drawing with viser: bodies, segments, an edge, a path."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from typing import Any, Optional
 import numpy as np
 import viser
 
-from .edge import Edge
+from .._query.path_report import PathReport
+from .edge import Edge, Verdict
 from .model import Picture
+from .path import ProvedPath
 from .shapes import Shape
 from .tables import BLUE, COLOURS, HIT
 
@@ -109,6 +111,7 @@ class Page:
         self._segments: Any = None
         self._drawn_segments = b""
         self._edge: list[Any] = []
+        self._path: list[Any] = []
         self._scene.set_up_direction("+z")
         self._scene.add_grid("/grid", 4.0, 4.0, cell_size=0.25, infinite_grid=True, fade_distance=12.0)
 
@@ -177,28 +180,52 @@ class Page:
 
         The first contact and the nearest or deepest state have thick lines between their witness points.
         """
-        for handle in self._edge:
-            handle.remove()
-        self._edge = []
+        _remove(self._edge)
         if edge is None:
             return
         points = np.stack([span.segment for span in edge.spans])
         there = np.isfinite(points).all(axis=(1, 2))
         for verdict, colour in COLOURS.items():  # one set per colour, since viser draws mixed ones too light
             decided = np.array([span.verdict is verdict for span in edge.spans])
-            self._add_to_edge(f"witnesses/{verdict.name}", points[decided & there], _rgb(colour), 1.5)
+            self._add(self._edge, f"edge/witnesses/{verdict.name}", points[decided & there], _rgb(colour), 1.5)
             if trace is not None:
                 way = np.stack([trace[:-1], trace[1:]], axis=1)
                 parts = np.repeat(decided, len(way) // len(edge.spans))
-                self._add_to_edge(f"way/{verdict.name}", way[parts], _rgb(colour), 5.0)
+                self._add(self._edge, f"edge/way/{verdict.name}", way[parts], _rgb(colour), 5.0)
+        self._add_points(self._edge, "edge", edge.report, _rgb(COLOURS[edge.whole.verdict]))
 
-        for name, point in (("contact", edge.report.contact), ("nearest", edge.report.nearest)):
+    def draw_path(self, proved: Optional[ProvedPath], ways: Optional[np.ndarray]) -> None:
+        """Draws the polyline of each body that a path moves, coloured by the proof of each motion.
+
+        ways: (K * each + 1, B, 3), of Session.ways(). The first contact and the nearest or deepest state have thick
+        lines between their witness points.
+        """
+        _remove(self._path)
+        if proved is None:
+            return
+        for verdict, colour in COLOURS.items():
+            decided = np.array([each is verdict for each in proved.verdicts])
+            if ways is not None and decided.any():
+                steps = np.stack([ways[:-1], ways[1:]], axis=2)  # (S, B, 2, 3)
+                parts = steps[np.repeat(decided, len(steps) // len(decided))]
+                self._add(self._path, f"path/way/{verdict.name}", parts.reshape(-1, 2, 3), _rgb(colour), 2.5)
+        is_free = proved.report.check.free
+        self._add_points(self._path, "path", proved.report, _rgb(COLOURS[Verdict.FREE if is_free else Verdict.HIT]))
+
+    def _add_points(self, to: list[Any], name: str, report: PathReport, colour: tuple[int, int, int]) -> None:
+        for what, point in (("contact", report.contact), ("nearest", report.nearest)):
             if point is not None and np.isfinite(point.segment).all():
-                self._add_to_edge(name, point.segment[None], _rgb(COLOURS[edge.whole.verdict]), 6.0)
+                self._add(to, f"{name}/{what}", point.segment[None], colour, 6.0)
 
-    def _add_to_edge(self, name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> None:
+    def _add(self, to: list[Any], name: str, points: np.ndarray, colour: tuple[int, int, int], pixels: float) -> None:
         if len(points):
-            self._edge.append(_lines(self._scene, f"/edge/{name}", points, colour, pixels))
+            to.append(_lines(self._scene, f"/{name}", points, colour, pixels))
+
+
+def _remove(handles: list[Any]) -> None:
+    for handle in handles:
+        handle.remove()
+    handles.clear()
 
 
 def _rgb(colour: str) -> tuple[int, int, int]:

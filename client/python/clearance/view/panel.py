@@ -12,10 +12,11 @@ import viser
 
 from .edge import Edge
 from .model import Picture, ViewQuery, slider_range
+from .path import ProvedPath
 from .plots import Series, plot
 from .session import Session
 from .shapes import LOOKS
-from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, service_table
+from .tables import BLUE, FREE, HIT, edge_table, pairs_table, paragraph, path_table, service_table
 
 _HISTORY_S = 30.0
 _MOST_SPANS = 64
@@ -49,6 +50,8 @@ class Panel:
         self._plotted = -_PLOTS_S
         self.look_changed = True
         self.edge_asked = False
+        self.path_asked = session.path is not None
+        self._along: Optional[float] = None  # seconds: time of the path at which the user has put the joints
         self.ends: list[Optional[np.ndarray]] = [None, None]
         self._moved = False
         self._sliders: list[Any] = []
@@ -62,6 +65,9 @@ class Panel:
             self._joints_folder = server.gui.add_folder("Positions")
             with server.gui.add_folder("Certified edge"):
                 self._make_edge()
+        if session.path is not None:
+            with tabs.add_tab("Path"):
+                self._make_path(session.path.times)
         with tabs.add_tab("Service"):
             self._make_service()
         with tabs.add_tab("Look"):
@@ -95,6 +101,23 @@ class Panel:
     def _on_ask(self, event: Any) -> None:
         self.edge_asked = True
 
+    def _make_path(self, times: np.ndarray) -> None:
+        gui = self._server.gui
+        first, last = float(times[0]), float(times[-1])
+        self._time = gui.add_slider("time [s]", first, last, (last - first) / 1000, first)
+        self._path_margin = gui.add_number("margin [m]", 0.01, min=0.0, max=10.0, step=0.005)
+        ask = gui.add_button("Prove the path", hint="nothing is sampled: each motion is proved, or is not")
+        self._path = gui.add_html("")
+        self._time.on_update(self._on_time)
+        ask.on_click(self._on_ask_path)
+
+    def _on_time(self, event: Any) -> None:
+        if event.client is not None:
+            self._along, self._moved = float(self._time.value), True
+
+    def _on_ask_path(self, event: Any) -> None:
+        self.path_asked = True
+
     def _make_service(self) -> None:
         gui = self._server.gui
         self._service = gui.add_html("")
@@ -116,7 +139,7 @@ class Panel:
         """Creates a slider for each current joint."""
         for slider in self._sliders:
             slider.remove()
-        self._sliders, self._moved, self.ends = [], False, [None, None]
+        self._sliders, self._moved, self.ends, self._along = [], False, [None, None], None
         joints = self._session.joints
         with self._joints_folder:
             if joints is None:
@@ -136,10 +159,10 @@ class Panel:
 
     def _on_slider(self, event: Any) -> None:
         if event.client is not None:  # a change by the user, not by follow()
-            self._moved = True
+            self._moved, self._along = True, None
 
     def _on_follow(self, event: Any) -> None:
-        self._moved = False
+        self._moved, self._along = False, None
 
     # ---- requests -------------------------------------------------------------------------------------------------
 
@@ -174,8 +197,19 @@ class Panel:
         return np.array([slider.value for slider in self._sliders[:count]], dtype=np.float64)
 
     def elsewhere(self) -> Optional[np.ndarray]:
-        """(J,) positions if the user has moved the sliders, otherwise None."""
+        """(J,) positions if the user has moved the sliders, or along the path, otherwise None."""
+        if self._along is not None:
+            return self._session.along(self._along)
         return self.positions() if self._moved else None
+
+    @property
+    def is_along(self) -> bool:
+        """Whether elsewhere() is a state of the path."""
+        return self._along is not None
+
+    @property
+    def path_margin(self) -> float:
+        return float(self._path_margin.value)
 
     # ---- display --------------------------------------------------------------------------------------------------
 
@@ -185,7 +219,7 @@ class Panel:
 
     def follow(self, positions: np.ndarray) -> None:
         """Moves the sliders to the joints' positions, unless the user has moved them."""
-        if not self._moved:
+        if not self._moved or self.is_along:
             for slider, position in zip(self._sliders, positions.tolist()):
                 if abs(slider.value - position) > 1e-9:
                     slider.value = min(max(position, slider.min), slider.max)
@@ -217,6 +251,13 @@ class Panel:
         margin = np.full(len(times), edge.margin)
         series = [Series("lower", BLUE, lower), Series("upper", FREE, upper), Series("margin", HIT, margin)]
         self._set(self._edge_plot, plot("Bounds along the edge [m]", times, series, (0.0, 1.0), ""))
+
+    def show_path(self, proved: ProvedPath) -> None:
+        """Shows the motions of a path, and where it is closest."""
+        self._set(self._path, path_table(proved))
+
+    def say_of_path(self, text: str) -> None:
+        self._set(self._path, paragraph(text))
 
     def say_of_edge(self, text: str) -> None:
         self._set(self._edge_plot, "")

@@ -13,11 +13,15 @@ from .._joints import Joints
 from ..wire import ErrorCode
 from .edge import Edge, certified_edge
 from .model import Picture, ViewQuery, WhatIf, all_joints, look, positions_now, shapes_of
+from .path import ProvedPath, joints_of, proved_path
 from .shapes import Shape
 
 if TYPE_CHECKING:
+    from .._query.trajectory import Trajectory
     from .._scene.scene import Scene
     from .shadow import Shadow
+
+_MOST_PLACES = 2000  # of a path, at which bodies are placed
 
 
 class Session:
@@ -25,10 +29,12 @@ class Session:
 
     front: an Engine, whose joints the sliders move; or a Client, whose daemon is queried but never changed.
     scene: source of shapes and of link poses for other joint positions. Without it, bodies are bounding balls.
+    path: a path to show, with the names of its joints.
     """
 
-    def __init__(self, front: Front, scene: Optional[Scene], source: str):
+    def __init__(self, front: Front, scene: Optional[Scene], source: str, path: Optional[Trajectory] = None):
         self.front = front
+        self.path = path
         self.scene = scene
         self.source = source
         self.asks_only = front._is_remote
@@ -109,17 +115,51 @@ class Session:
     def trace(self, edge: Edge, each: int = 4) -> Optional[np.ndarray]:
         """Returns the path of the body that moves farthest, (S * each + 1, 3) metres, or None without a scene."""
         times = np.linspace(0.0, 1.0, len(edge.spans) * each + 1)
-        ways = [self._poses(WhatIf(edge.joints, edge.at(t))) for t in times.tolist()]
-        there = [way for way in ways if way is not None]
-        if len(there) < len(ways):
+        points = self._places(edge.joints, [edge.at(t) for t in times.tolist()])
+        if points is None:
             return None
-        points = np.stack(there)[:, :, :3]
-        lengths = np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0)
-        way: np.ndarray = points[:, int(np.argmax(lengths))]
+        way: np.ndarray = points[:, int(np.argmax(_lengths(points)))]
         return way
+
+    def proved_path(self, margin: float) -> ProvedPath:
+        """Returns the path with its proofs, as proved_path() does."""
+        if self.path is None:
+            raise ValueError("path: none was given")
+        return proved_path(self.front, self.path, margin)
+
+    def ways(self, proved: ProvedPath, each: int = 16) -> Optional[np.ndarray]:
+        """Returns the polylines of all bodies that a path moves, (K * each + 1, B, 3) metres, or None without a scene.
+
+        each: places of a motion, fewer for many motions.
+        """
+        each = max(1, min(each, _MOST_PLACES // len(proved.path)))
+        shares = np.arange(each) / each
+        times = [proved.time_of(k, t) for k in range(len(proved.path)) for t in shares.tolist()]
+        points = self._places(proved.joints, [proved.path.at(t) for t in (*times, float(proved.path.times[-1]))])
+        return None if points is None else points[:, _lengths(points) > 1e-6]
+
+    def along(self, time: float) -> Optional[np.ndarray]:
+        """Returns (J,) positions of all joints with those of the path at a time in seconds."""
+        if self.path is None or self.joints is None:
+            return None
+        names = list(self.joints.names)
+        row = self.positions()
+        row[[names.index(name) for name in joints_of(self.front, self.path).names]] = self.path.at(time)
+        return row
+
+    def _places(self, joints: Joints, rows: list[np.ndarray]) -> Optional[np.ndarray]:
+        """Returns (S, N, 3) origins of bodies for S rows of positions, or None without a scene."""
+        poses = [self._poses(WhatIf(joints, row)) for row in rows]
+        there = [each[:, :3] for each in poses if each is not None]
+        return np.stack(there) if len(there) == len(poses) else None
 
     def _poses(self, what_if: WhatIf) -> Optional[np.ndarray]:
         return None if self._shadow is None else self._shadow.poses(self.front, what_if)
+
+
+def _lengths(points: np.ndarray) -> np.ndarray:
+    lengths: np.ndarray = np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0)
+    return lengths
 
 
 def reason(error: Exception) -> str:

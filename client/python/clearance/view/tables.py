@@ -7,15 +7,20 @@ import math
 from collections.abc import Sequence
 from decimal import ROUND_CEILING, ROUND_FLOOR, Decimal
 
+import numpy as np
+
+from .._query.path_report import PathReport
 from .._words import Flag, Status
 from .edge import Edge, Span, Verdict
 from .model import Picture
+from .path import ProvedPath
 
 #: CSS colours of the results of proofs.
 FREE, OPEN, HIT = "#2f9e62", "#d98a00", "#d64541"
 #: Colours of nearest points and of lower bounds.
 BLUE = "#0b57d0"
 COLOURS = {Verdict.FREE: FREE, Verdict.OPEN: OPEN, Verdict.HIT: HIT}
+_MOST_MOTIONS = 100  # rows of a path
 _STATUS_COLOURS = {Status.OVERLAP: HIT, Status.CONTACT: OPEN, Status.UNCONVERGED: OPEN}
 _STYLE = (
     "<style>.clr{width:100%;border-collapse:collapse;font-size:11px;font-variant-numeric:tabular-nums}"
@@ -78,16 +83,28 @@ def edge_table(edge: Edge, names: Sequence[str]) -> str:
     rows = [_span_row(span, names, f"{span.begin:.3f} &ndash; {span.end:.3f}") for span in edge.spans]
     whole = _span_row(edge.whole, names, "all of it")
     head = ["time", "", "lower [m]", "upper [m]", "decided by", "steps"]
-    return _where(edge) + _table(head, [whole, *rows])
+    return _where(edge.report, [0.0, 1.0]) + _table(head, [whole, *rows])
 
 
-def _where(edge: Edge) -> str:
-    """Returns lines on the nearest state of an edge, or its contact and depth."""
-    report = edge.report
+def path_table(proved: ProvedPath) -> str:
+    """Returns the result of a path, and a row per motion: times and verdict."""
+    times, check = proved.path.times.tolist(), proved.report.check
+    rows = [
+        f'<tr data-motion="{k}"><td>{times[k]:.3f} &ndash; {times[k + 1]:.3f} s</td><td>{_verdict(verdict)}</td></tr>'
+        for k, verdict in enumerate(proved.verdicts)
+    ]
+    limits = paragraph("It is beyond the limits of joints.", HIT) if check.beyond_limits else ""
+    more = paragraph(f"and {len(rows) - _MOST_MOTIONS} more motions") if len(rows) > _MOST_MOTIONS else ""
+    return limits + _where(proved.report, times) + _table(["motion", ""], rows[:_MOST_MOTIONS]) + more
+
+
+def _where(report: PathReport, times: Sequence[float]) -> str:
+    """Returns lines on the nearest state of a path, or its contact and depth. times: of its waypoints."""
     where = [("first contact", report.contact), ("nearest" if report.nearest.upper > 0 else "deepest", report.nearest)]
     return "".join(
         paragraph(
-            f"{what} at {point.t:.3f}: {html.escape(point.pair_names[0])} &ndash; {html.escape(point.pair_names[1])}, "
+            f"{what} at {np.interp(point.index + point.t, range(len(times)), times):.3f}: "
+            f"{html.escape(point.pair_names[0])} &ndash; {html.escape(point.pair_names[1])}, "
             f"{rounded_down(point.lower)} to {rounded_up(point.upper)} m"
         )
         for what, point in where
@@ -97,12 +114,15 @@ def _where(edge: Edge) -> str:
 
 def _span_row(span: Span, names: Sequence[str], times: str) -> str:
     a, b = span.decided_by
-    verdict = f'<i style="color:{COLOURS[span.verdict]}">{span.verdict.value}</i>'
     return (
-        f'<tr data-span="{span.begin!r},{span.end!r}"><td>{times}</td><td>{verdict}</td>'
+        f'<tr data-span="{span.begin!r},{span.end!r}"><td>{times}</td><td>{_verdict(span.verdict)}</td>'
         f"{interval(span.lower, span.upper)}<td>{_name(names, a)} &ndash; {_name(names, b)}</td>"
         f"<td>{span.steps}</td></tr>"
     )
+
+
+def _verdict(verdict: Verdict) -> str:
+    return f'<i style="color:{COLOURS[verdict]}">{verdict.value}</i>'
 
 
 def service_table(picture: Picture, source: str) -> str:

@@ -19,6 +19,7 @@ from .edge import Edge
 from .model import Picture
 from .page import Page
 from .panel import Panel
+from .path import ProvedPath
 from .session import Session, reason
 
 _RETRY_S = 1.0
@@ -95,10 +96,15 @@ class Viewer:
         elsewhere = self._panel.elsewhere()
         picture = self._session.picture(self._panel.question, elsewhere)
         positions = None if self._session.joints is None else self._session.positions()
+        if self._panel.is_along:
+            positions = elsewhere
         self._on_page(self._draw, picture, positions, self._notice(elsewhere))
         if self._panel.edge_asked:
             self._panel.edge_asked = False
             self._prove(picture)
+        if self._panel.path_asked:
+            self._panel.path_asked = False
+            self._prove_path()
         self.pictures += 1
 
     def _draw(self, picture: Picture, positions: Optional[np.ndarray], notice: str) -> None:
@@ -119,6 +125,8 @@ class Viewer:
         is_static = [body.is_static for body in self._session.front.bodies]
         self._page.rebuild(picture, self._session.shapes, is_static, self._session.known)
         self._page.draw_edge(None, None)
+        self._page.draw_path(None, None)
+        self._panel.path_asked = self._session.path is not None
         self._panel.rebuild()
         self._panel.look_changed = True
 
@@ -138,6 +146,18 @@ class Viewer:
             self._on_page(self._panel.say_of_edge, html.escape(reason(error)))
             return
         self._on_page(self._show_edge, edge, self._session.trace(edge), picture)
+
+    def _prove_path(self) -> None:
+        try:
+            proved = self._session.proved_path(self._panel.path_margin)
+        except (ClearanceError, ValueError) as error:
+            self._on_page(self._panel.say_of_path, html.escape(reason(error)))
+            return
+        self._on_page(self._show_path, proved, self._session.ways(proved))
+
+    def _show_path(self, proved: ProvedPath, ways: Any) -> None:
+        self._page.draw_path(proved, ways)
+        self._panel.show_path(proved)
 
     def _show_edge(self, edge: Edge, trace: Any, picture: Picture) -> None:
         self._page.draw_edge(edge, trace)
