@@ -84,7 +84,9 @@ struct Client::Impl {
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> records = query_records(query);
-    wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : std::span<const double>());
+    const std::span<const double> none;
+    wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : none,
+                               has_configurations ? query.velocities : none, has_configurations ? query.twists : none);
     if (rows)
       wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
                           std::as_bytes(*rows));

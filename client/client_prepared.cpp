@@ -84,6 +84,8 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
     Query query = owned.query;
     query.positions = inputs.positions;
     query.configurations = inputs.configurations;
+    query.velocities = inputs.velocities;
+    query.twists = inputs.twists;
     return query;
   }
   JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : client->fetch_joints(); }

@@ -120,6 +120,8 @@ enum class QueryRecord : std::uint16_t {
   kPositions = 9,    ///< (K, J) float64, radians and metres, K the configuration_count; not in kPairs, kOpenPlan
   kWeights = 11,     ///< (J,) float64, radians and metres, for the column free_scale
   kRows = 16,        ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
+  kVelocities = 18,  ///< (K, J) float64, rad/s and m/s; where kPositions may be
+  kTwists = 19,      ///< (K, M, 6) float64, rad/s and m/s of each moved body's origin, world axes; likewise
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {
@@ -138,7 +140,7 @@ enum class NewBodyTag : std::uint16_t {
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
   kIgnored = 1,  ///< uint16 tags of the query's records that the daemon ignored
-  kJoints = 2,   ///< uint32 J, the entries per row of the column gradient_joints; present with that column
+  kJoints = 2,   ///< uint32 J; present with the columns gradient_joints and hessian_joints
 };
 
 struct QueryHeader {

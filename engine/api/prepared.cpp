@@ -35,6 +35,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     return in_present_scene([&] {
       QueryView query = view;
       query.positions = {};
+      query.velocities = query.twists = {};
       query.configurations = {};
       query.configuration_count = configurations;
       return Impl::on_device(engine, query);
@@ -53,6 +54,8 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   void take(const clearance::Prepared::Inputs& inputs) {
     owned.query.positions = inputs.positions;
     owned.query.configurations = inputs.configurations;
+    owned.query.velocities = inputs.velocities;
+    owned.query.twists = inputs.twists;
     take_inputs(owned.query, view);
   }
   /// Calls a function, and again if the scene has changed and the ids have kept their meaning.

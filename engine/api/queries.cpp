@@ -37,7 +37,7 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
   // Input of a job, until it is done.
   struct Inputs {
     std::shared_ptr<engine::Engine> engine;
-    std::vector<double> positions;
+    std::vector<double> positions, velocities, twists;
     std::vector<Pose> configurations;
     std::shared_ptr<ResultMemory> memory;
   };
@@ -45,8 +45,12 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
   inputs->engine = self->engine();
   inputs->positions.assign(query.positions.begin(), query.positions.end());
   inputs->configurations.assign(query.configurations.begin(), query.configurations.end());
+  inputs->velocities.assign(query.velocities.begin(), query.velocities.end());
+  inputs->twists.assign(query.twists.begin(), query.twists.end());
   QueryView own = query;
   own.positions = inputs->positions;
+  own.velocities = inputs->velocities;
+  own.twists = inputs->twists;
   own.configurations = inputs->configurations;
   PreparedQuery prepared = inputs->engine->prepare(own);
   inputs->memory = std::make_shared<ResultMemory>(prepared.size());

@@ -24,6 +24,7 @@ std::span<const T> kept(std::span<const T> given, std::vector<T>& copy) {
 QueryKey::QueryKey(const QueryView& query) : query_(query) {
   query_.configurations = {};
   query_.positions = {};
+  query_.velocities = query_.twists = {};
   query_.pairs = kept(query.pairs, pairs_);
   query_.bodies = kept(query.bodies, bodies_);
   query_.joints = kept(query.joints, joints_);

@@ -24,7 +24,9 @@ struct Plan {
   std::vector<std::uint32_t> joints;  ///< (J,)
   std::span<const double> positions;  ///< (K, J); likewise
   std::vector<double> kept_positions;
-  std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
+  std::vector<double> weights;                 ///< of the joints, for kFieldFreeScale
+  std::span<const double> velocities, twists;  ///< (K, J) and (K, given_bodies, 6), or empty; likewise
+  std::vector<double> kept_velocities, kept_twists;
   std::vector<LinkMotion> motions;   ///< of each robot moved by the joints
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;

@@ -39,6 +39,11 @@ struct QueryView {
   std::span<const double> pair_margins{};  ///< (P,) instead of `margins`, in the order of the pairs
   /// For kFieldFreeScale of Reduce::kAny: (J,) radians and metres >= 0 by which joints may move at a scale of 1.
   std::span<const double> weights{};
+  /// For kFieldRate and kFieldCurvature: (K, J) speeds of the joints in rad/s and m/s, and (K, M, 6) twists of the
+  /// bodies: rad/s, and m/s of the origin, world axes. Those that are not given are 0.
+  std::span<const double> velocities{};
+  std::span<const double> twists{};
+  std::uint32_t k = 0;  ///< of Reduce::kNearest: the k nearest pairs of each configuration; 0 for the nearest per body
   /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
   /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
@@ -98,6 +103,10 @@ struct ReplyView {
   float* bounds = nullptr;                 ///< (rows, 2)
   double* free_scale = nullptr;            ///< (rows,)
   std::uint8_t* verdict = nullptr;         ///< (rows,)
+  double* hessian_joints = nullptr;        ///< (rows, joints, joints), symmetric
+  double* rate = nullptr;                  ///< (rows,)
+  double* curvature = nullptr;             ///< (rows,)
+  double* smooth_radius = nullptr;         ///< (rows,)
   std::uint32_t joints = 0;                ///< J, the entries per row of gradient_joints
 };
 
@@ -128,6 +137,10 @@ void for_each_column(F&& f, View&... view) {
   f(view.bounds..., 2);
   f(view.free_scale..., 1);
   f(view.verdict..., 1);
+  f(view.hessian_joints..., joints * joints);
+  f(view.rate..., 1);
+  f(view.curvature..., 1);
+  f(view.smooth_radius..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each on a 64-byte boundary: the layout of a

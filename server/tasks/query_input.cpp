@@ -30,6 +30,8 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   q.configurations = view_as<Pose>(parts.configurations);
   q.joints = view_as<std::uint32_t>(parts.joints);
   q.positions = view_as<double>(parts.positions);
+  q.velocities = view_as<double>(parts.velocities);
+  q.twists = view_as<double>(parts.twists);
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
   copy_options(parts.options, q);

@@ -59,6 +59,7 @@ class Prepared {
   struct Inputs {
     std::span<const double> positions{};
     std::span<const Pose7> configurations{};
+    std::span<const double> velocities{}, twists{};
   };
   /// Implemented by the engine and by the client.
   struct Runner {

@@ -43,6 +43,10 @@ struct Query {
   std::span<const double> pair_margins = {};
   /// For kFieldFreeScale: (J,) radians and metres >= 0, joint motions at a scale of 1.
   std::span<const double> weights = {};
+  /// For kFieldRate and kFieldCurvature: (K * J,) speeds of the joints, rad/s and m/s, and (K * M * 6,) twists of the
+  /// bodies: rad/s, and m/s of the origin, world axes. Empty for 0.
+  std::span<const double> velocities = {};
+  std::span<const double> twists = {};
   bool check_scene = true;  ///< whether to reject an answer for another scene than the client's
 };
 

@@ -1,0 +1,31 @@
+// Features of convex parts: what of a core meets its supporting plane.
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "engine/hull/convex_part.h"
+#include "engine/pose/placed.h"
+
+namespace clearance {
+
+/// A vertex, an edge or a face of a hull, or the plane of a half-space. World axes, metres from the pair's origin.
+struct Feature {
+  int size = 0;  ///< number of tangents: 0 vertex, 1 edge, 2 face
+  Vec3d tangent[2]{};
+  /// Distance of the witness point from the feature's boundary, at most 0 on it; +inf for a vertex and a plane.
+  double interior = __builtin_inf();
+};
+
+/// The vertices of a part's core in world axes, from the pair's origin; none for a half-space.
+std::vector<Vec3d> placed_vertices(const ConvexPart& part, const PoseMatrix& pose, const Vec3d& origin);
+
+/// The feature spanned by the vertices that reach a supporting plane within a tolerance.
+/// \param outward unit normal of that plane
+/// \param point of the core, on the plane: the witness point
+Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance);
+
+/// The plane with this normal.
+Feature plane_feature(const Vec3d& normal);
+
+}  // namespace clearance
