@@ -93,7 +93,8 @@ struct Client::Impl {
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
     std::uint64_t reply_bytes = 0;
-    if (is_query) reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr);
+    if (is_query)
+      reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr, query.k);
     if (plan)
       reply_bytes = sizeof(wire::FrameHeader) + sizeof(wire::PlanHeader) +
                     std::size_t{kFieldCount} * sizeof(wire::PlanColumnRecord);

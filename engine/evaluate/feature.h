@@ -9,11 +9,14 @@
 
 namespace clearance {
 
-/// A vertex, an edge or a face of a hull, or the plane of a half-space. World axes, metres from the pair's origin.
+/// A vertex, an edge or a face of a hull, the plane of a half-space, or a smooth part of a curved surface around a point.
+/// World axes, metres from the pair's origin.
 struct Feature {
-  int size = 0;  ///< number of tangents: 0 vertex, 1 edge, 2 face
-  Vec3d tangent[2]{};
-  /// Distance of the witness point from the feature's boundary, at most 0 on it; +inf for a vertex and a plane.
+  int size = 0;        ///< number of tangents: 0 vertex, 1 edge, 2 face
+  Vec3d tangent[2]{};  ///< unit, normal to each other
+  /// How fast the feature bends away from the other one, by both tangents: 0 0, 0 1, 1 1. Per metre, 0 if flat.
+  double bend[3]{};
+  /// Distance of the witness point from the feature's boundary, at most 0 on it; +inf without one.
   double interior = __builtin_inf();
 };
 

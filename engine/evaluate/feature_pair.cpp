@@ -3,7 +3,7 @@
 #include <algorithm>
 #include <cmath>
 
-#include "engine/hull/primitive.h"
+#include "engine/evaluate/feature_side.h"
 #include "engine/narrow/gjk/gjk.h"
 
 namespace clearance {
@@ -11,7 +11,7 @@ namespace clearance {
 namespace {
 
 constexpr double kEpsilon = 0x1p-52;
-constexpr double kParallel = 1e-9;  // sine of an angle below which edges count as parallel
+constexpr double kDependent = 1e-14;  // squared sine of an angle below which tangents count as dependent
 
 std::uint32_t farthest_along(std::span<const Vec3d> points, const Vec3d& n) {
   std::uint32_t best = 0;
@@ -25,39 +25,6 @@ double reach_of(std::span<const Vec3d> points, const Vec3d& from) {
   double most = 0;
   for (const Vec3d& p : points) most = std::max(most, squared_norm(p - from));
   return std::sqrt(most);
-}
-
-struct Points {
-  Vec3d a, b;
-};
-
-// Nearest points of two hulls in float64. Nothing if they overlap.
-std::optional<Points> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward) {
-  GjkLimits<double> limits;
-  limits.rel_tol = 0;
-  const auto cso = [&](const Vec3d& v) {
-    const std::uint32_t i = farthest_along(a, -v), j = farthest_along(b, v);
-    const Vec3d w = a[i] - b[j];
-    return CsoSupport<double>{{w, i, j}, dot(v, w)};
-  };
-  const Gjk<double> g = gjk(cso, -toward, Simplex<double>{}, limits);
-  if (g.end == Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size < 1 || g.simplex.size > 3) return {};
-  Points points{{0, 0, 0}, {0, 0, 0}};
-  double sum = 0;
-  for (int i = 0; i < g.simplex.size; ++i) sum += g.simplex.weight[i];
-  for (int i = 0; i < g.simplex.size; ++i) {
-    const double share = g.simplex.weight[i] / sum;
-    points.a = points.a + a[g.simplex.vertex[i].a] * share;
-    points.b = points.b + b[g.simplex.vertex[i].b] * share;
-  }
-  return points;
-}
-
-// Nearest points of a half-space and a hull: the hull's deepest vertex and its foot.
-Points points_on_plane(const PoseMatrix& plane, const Vec3d& origin, std::span<const Vec3d> hull, Vec3d& outward) {
-  outward = plane.R_wb * Vec3d{0, 0, 1};
-  const Vec3d p = hull[farthest_along(hull, -outward)];
-  return {p - outward * dot(outward, p - (plane.t_w - origin)), p};
 }
 
 // Distance over which vertices stay behind the plane, while it turns about the features.
@@ -76,59 +43,97 @@ double cone_radius(std::span<const Vec3d> vertices, const Vec3d& outward, const 
 
 }  // namespace
 
+std::optional<WitnessPoints> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward) {
+  GjkLimits<double> limits;
+  limits.rel_tol = 0;
+  const auto cso = [&](const Vec3d& v) {
+    const std::uint32_t i = farthest_along(a, -v), j = farthest_along(b, v);
+    const Vec3d w = a[i] - b[j];
+    return CsoSupport<double>{{w, i, j}, dot(v, w)};
+  };
+  const Gjk<double> g = gjk(cso, -toward, Simplex<double>{}, limits);
+  if (g.end == Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size < 1 || g.simplex.size > 3) return {};
+  WitnessPoints points{{0, 0, 0}, {0, 0, 0}};
+  double sum = 0;
+  for (int i = 0; i < g.simplex.size; ++i) sum += g.simplex.weight[i];
+  for (int i = 0; i < g.simplex.size; ++i) {
+    const double share = g.simplex.weight[i] / sum;
+    points.a = points.a + a[g.simplex.vertex[i].a] * share;
+    points.b = points.b + b[g.simplex.vertex[i].b] * share;
+  }
+  return points;
+}
+
+FeaturePair::Side::Side(const ConvexPart& of, const PoseMatrix& placed, const Vec3d& origin)
+    : part(of), pose(placed), shift(placed.t_w - origin), vertices(placed_vertices(of, placed, origin)) {}
+
+void FeaturePair::take_points(const Vec3d& a, const Vec3d& b) {
+  point_a_ = a;
+  point_b_ = b;
+  distance_ = norm(b - a);
+  normal_ = (b - a) * (1 / distance_);
+}
+
 std::optional<FeaturePair> FeaturePair::find(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
                                              const PoseMatrix& pose_b, const Vec3d& toward) {
-  if (is_round(a) || is_round(b) || (is_half_space(a) && is_half_space(b))) return {};
-  const Vec3d origin = pose_a.t_w;
-  const std::vector<Vec3d> of_a = placed_vertices(a, pose_a, origin), of_b = placed_vertices(b, pose_b, origin);
-  FeaturePair pair;
-  std::optional<Points> points;
-  Vec3d outward{0, 0, 0};  // of the plane
-  if (is_half_space(a)) {
-    points = points_on_plane(pose_a, origin, of_b, outward);
-  } else if (is_half_space(b)) {
-    points = points_on_plane(pose_b, origin, of_a, outward);
-    std::swap(points->a, points->b);
+  if (is_half_space(a) && is_half_space(b)) return {};
+  Side of_a(a, pose_a, pose_a.t_w), of_b(b, pose_b, pose_a.t_w);
+  return is_round(a) || is_round(b) ? find_round(of_a, of_b) : find_flat(of_a, of_b, toward);
+}
+
+std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, const Vec3d& toward) {
+  std::optional<WitnessPoints> points;
+  if (is_half_space(a.part)) {
+    const Vec3d p = b.vertices[farthest_along(b.vertices, -a.outward())];
+    points = {a.foot(p), p};
+  } else if (is_half_space(b.part)) {
+    const Vec3d p = a.vertices[farthest_along(a.vertices, -b.outward())];
+    points = {p, b.foot(p)};
   } else {
-    points = nearest_points(of_a, of_b, toward);
+    points = nearest_points(a.vertices, b.vertices, toward);
   }
   if (!points) return {};
-  pair.point_a_ = points->a;
-  pair.point_b_ = points->b;
-  const double reach = std::max(reach_of(of_a, points->a), reach_of(of_b, points->b));
+  FeaturePair pair;
+  pair.take_points(points->a, points->b);
+  const double reach = std::max(reach_of(a.vertices, points->a), reach_of(b.vertices, points->b));
   const double scale = reach + norm(points->a) + norm(points->b);
-  pair.distance_ = norm(points->b - points->a);
   if (!(pair.distance_ > 64 * kEpsilon * scale)) return {};
-  pair.normal_ = (points->b - points->a) * (1 / pair.distance_);
+  // A vertex below a plane is no feature of separated cores.
+  if (is_half_space(a.part) && dot(a.outward(), pair.normal_) < 0) return {};
+  if (is_half_space(b.part) && dot(b.outward(), pair.normal_) > 0) return {};
   const double tolerance = 32 * kEpsilon * scale * (1 + reach / pair.distance_);
-  // Below the plane the distance is that of the vertex from the plane, counted negative: no feature of separated cores.
-  if (is_half_space(a) && dot(outward, pair.normal_) < 0) return {};
-  if (is_half_space(b) && dot(outward, pair.normal_) > 0) return {};
-  pair.a_ = is_half_space(a) ? plane_feature(pair.normal_) : feature_at(of_a, pair.normal_, points->a, tolerance);
-  pair.b_ = is_half_space(b) ? plane_feature(pair.normal_) : feature_at(of_b, -pair.normal_, points->b, tolerance);
+  pair.a_ = a.flat_feature(pair.normal_, points->a, tolerance);
+  pair.b_ = b.flat_feature(-pair.normal_, points->b, tolerance);
   pair.factorise();
   pair.polish();
-  pair.set_radius(of_a, of_b, tolerance);
+  pair.set_radius(a.vertices, b.vertices, tolerance);
   return pair;
 }
 
-// The matrix of the slides is along(i) . along(j) / distance, scaled by the distance here.
+double FeaturePair::bend(int i, int j) const {
+  if ((i < b_.size) != (j < b_.size)) return 0;
+  return i < b_.size ? b_.bend[i + j] : a_.bend[i + j - 2 * b_.size];
+}
+
+// The matrix of the slides is along(i) . along(j) / distance + bend(i, j), scaled by the distance here.
 void FeaturePair::factorise() {
   for (int i = 0; i < slides(); ++i) {
     for (int j = 0; j <= i; ++j) {
-      double sum = dot(along(i), along(j));
+      const double whole = dot(along(i), along(j)) + distance_ * bend(i, j);
+      double sum = whole;
       for (int k = 0; k < j; ++k) sum -= factor_[i][k] * factor_[j][k];
       if (i != j)
         factor_[i][j] = factor_[j][j] > 0 ? sum / factor_[j][j] : 0;
       else
-        factor_[i][i] = sum > kParallel * kParallel ? std::sqrt(sum) : 0;
+        factor_[i][i] = sum > kDependent * whole ? std::sqrt(sum) : 0;
     }
   }
 }
 
-// Replaces the nearest points by those of the features' spans, to the last digits.
-void FeaturePair::polish() {
-  double y[4]{};
+// Moves the nearest points along the features to where their distance is least: exact for flat ones, a step of Newton's
+// method for others. Returns the longest move.
+double FeaturePair::polish() {
+  double y[4]{}, most = 0;
   const Vec3d gap = point_b_ - point_a_;
   for (int i = 0; i < slides(); ++i) {
     double sum = -dot(along(i), gap);
@@ -143,25 +148,27 @@ void FeaturePair::polish() {
       point_b_ = point_b_ + b_.tangent[i] * y[i];
     else
       point_a_ = point_a_ + a_.tangent[i - b_.size] * y[i];
+    most = std::max(most, std::abs(y[i]));
   }
-  distance_ = norm(point_b_ - point_a_);
-  normal_ = (point_b_ - point_a_) * (1 / distance_);
+  take_points(point_a_, point_b_);
+  return most;
 }
 
 void FeaturePair::set_radius(std::span<const Vec3d> a, std::span<const Vec3d> b, double tolerance) {
-  double sine = 1;
-  Vec3d spanned[2];
-  if (a_.size == 1 && b_.size == 1) sine = norm(cross(a_.tangent[0], b_.tangent[0]));
-  const double interior = sine * std::min(a_.interior, b_.interior);
-  if (slides() > 2 || sine < kParallel || !(interior > tolerance)) return;  // one of several features
-  for (int k = 0; k < slides(); ++k) spanned[k] = along(k);
-  if (slides() == 2) {
-    spanned[1] = spanned[1] - spanned[0] * dot(spanned[0], spanned[1]);
-    spanned[1] = spanned[1] * (1 / norm(spanned[1]));
+  const bool are_edges = a_.size == 1 && b_.size == 1;
+  const double interior =
+      std::min(a_.interior, b_.interior) * (are_edges ? norm(cross(a_.tangent[0], b_.tangent[0])) : 1);
+  bool is_one = interior > tolerance;  // otherwise one of several features
+  for (int k = 0; k < slides(); ++k) is_one = is_one && factor_[k][k] > 0;
+  if (!is_one) return;
+  std::vector<Vec3d> spanned;
+  for (int k = 0; k < slides(); ++k) {
+    Vec3d rest = along(k);
+    for (const Vec3d& e : spanned) rest = rest - e * dot(e, rest);
+    if (const double length = norm(rest); length * length > kDependent) spanned.push_back(rest * (1 / length));
   }
-  const std::span<const Vec3d> axes(spanned, static_cast<std::size_t>(slides()));
-  smooth_radius_ = std::min({interior, cone_radius(a, normal_, point_a_, distance_, axes, tolerance),
-                             cone_radius(b, -normal_, point_b_, distance_, axes, tolerance)});
+  smooth_radius_ = std::min({interior, cone_radius(a, normal_, point_a_, distance_, spanned, tolerance),
+                             cone_radius(b, -normal_, point_b_, distance_, spanned, tolerance)});
 }
 
 FeaturePair::Term FeaturePair::term(const FeatureMotion& motion) const {

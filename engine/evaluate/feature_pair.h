@@ -16,7 +16,7 @@ struct FeatureMotion {
 /// Nearest features of two separated cores.
 class FeaturePair {
  public:
-  /// Returns nothing for cores that overlap, or touch within rounding, and for cones, cylinders and ellipsoids.
+  /// Returns nothing for cores that overlap, or touch within rounding.
   /// \param toward direction from a towards b, not zero: where the search begins
   static std::optional<FeaturePair> find(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
                                          const PoseMatrix& pose_b, const Vec3d& toward);
@@ -42,9 +42,15 @@ class FeaturePair {
   }
 
  private:
+  struct Side;
   FeaturePair() = default;
-  void polish();
+  static std::optional<FeaturePair> find_flat(const Side& a, const Side& b, const Vec3d& toward);
+  static std::optional<FeaturePair> find_round(Side& a, Side& b);
+  bool meet_round(const Side& a, const Side& b);
+  void take_points(const Vec3d& a, const Vec3d& b);
+  double polish();
   void factorise();
+  double bend(int i, int j) const;
   void set_radius(std::span<const Vec3d> a, std::span<const Vec3d> b, double tolerance);
   int slides() const { return a_.size + b_.size; }
   /// Velocity of the difference of the points by slide k.

@@ -50,7 +50,7 @@ void round_columns(Bytes& frame, const wire::FrameHeader& header) {
   const wire::ReplyHeader reply = wire::parse_reply(parts.body, parts.records, &joints);
   for (int f = 0; f < kFieldCount; ++f) {
     constexpr std::uint32_t kDoubles = kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal |
-                                       kFieldGradient | kFieldGradientJoints | kFieldFreeScale;
+                                       kFieldGradient | kFieldGradientJoints | kFieldFreeScale | kSecondOrderFields;
     if (!(reply.fields & kDoubles & 1u << f)) continue;
     std::byte* column = frame.data() + sizeof header + sizeof reply +
                         wire::column_offset(reply.rows, reply.fields, Field(1u << f), joints);

@@ -75,9 +75,13 @@ class Prepared:
     def run(self, *inputs: Any) -> Any:
         """Answers the call for the current poses, and returns the result of the method of that name.
 
-        inputs: the call's inputs in their order: `configurations`, `velocities` and `twists` (all optional) of
-            distances(), `configurations` (optional) of check(), `start` and `end` of motions(), `path` of check_path(), `positions` of free_scale(). float64 arrays in C order are read
+        inputs: the call's inputs in their order: `configurations` (optional) of distances() and check(), `start` and
+            `end` of motions(), `path` of check_path(), `positions` of free_scale(). float64 arrays in C order are read
             in place; others are converted first, which costs about 1 us and more.
+
+        After `configurations` of distances() may come velocities, for the columns "rate" and "curvature": (K, J) rad/s
+        and m/s of `joints`, and then twists, (K, M, 6) of `bodies`: rad/s, and m/s of the origin, world axes; of a body
+        with a parent, relative to it. None, the default, stands still.
 
         Raises as that method does, and StaleQuery.
         """

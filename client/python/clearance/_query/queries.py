@@ -49,14 +49,11 @@ class Queries:
         bodies: Bodies = None,
         joints: Optional[JointsRef] = None,
         reduce: ReduceWord = "none",
-        k: int = 0,
         margin: Margin = 0.0,
         max_distance: float = math.inf,
         abs_tol: float = 0.0,
         rel_tol: Optional[float] = None,
         signed_distance: bool = False,
-        velocities: Any = None,
-        twists: Any = None,
         fields: Fields = None,
         timeout_s: Optional[float] = None,
     ) -> Result:
@@ -77,9 +74,6 @@ class Queries:
         reduce: rows of the answer: "none" for each pair, "within" for the pairs nearer than max_distance, "nearest" for
             each body, "min" for each configuration the nearest pair, "any" for each configuration BEYOND if every pair
             is proved farther than its margin, otherwise a pair that is not. Default: "none", the most expensive.
-        k: rows of "nearest": the min(k, P) nearest pairs of each configuration, in the order of the query's pairs, so
-            that a pair keeps its place among the others from cycle to cycle. A pair without usable poses counts as the
-            nearest. Default: 0, the nearest pair of each body.
         margin: metres >= 0 that "any" decides by, as in check(). Default: 0.
         max_distance: metres; a pair proved farther is BEYOND and not refined, which saves most of the time in large
             scenes. Not for "any". Default: inf, which refines every pair.
@@ -87,9 +81,6 @@ class Queries:
             and 1e-6 (1e-4 with precision="f32"); curved shapes take longer with smaller tolerances.
         signed_distance: adds the penetration depth of overlapping pairs; for a solid or a surface, an interval that
             contains it. Default: False, since depths take several times the time of the pair.
-        velocities: (K, J) rad/s and m/s of `joints`, for the columns "rate" and "curvature". Default: 0.
-        twists: (K, M, 6) of `bodies`: rad/s, and m/s of the origin, world axes; of a body with a parent, relative to
-            it. Default: 0.
         fields: names of the columns to return; "points" is both points, "default" is distance, lower, upper and
             status, "bounds" is lower and upper in float32, rounded outward, "points32" is both points in float32, each
             relative to its body's origin in world axes. The default is "default", plus points and normal for at most
@@ -256,6 +247,9 @@ class Queries:
             precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
                 iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.
             max_results: maximum number of rows of reduce="within". Default: 1,048,576, for which memory is reserved.
+            k: with reduce="nearest", rows of the min(k, P) nearest pairs of each configuration, in the order of the
+                query's pairs, so that a pair keeps its place among the others from cycle to cycle. A pair without
+                usable poses counts as the nearest. Default: 0, the nearest pair of each body.
             max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. Default: 0, any age.
             abs_tol, rel_tol: as in distances(), also for check(), check_path() and free_scale().
             deadline_ns (Client): the daemon rejects a query that it cannot answer in this time. Default: 0, no limit.
@@ -290,7 +284,7 @@ class Queries:
     def _parsed(self, call: str, arguments: Mapping[str, Any]) -> tuple[Prepared, list[Any]]:
         given = dict(arguments)
         del given["self"]
-        inputs = [given.pop(name) for name in CALLS[call].inputs]
+        inputs = [given.pop(name) for name in CALLS[call].inputs if name in given]
         return Prepared(self, call, given), inputs  # type: ignore[arg-type]  # subclasses have the other members
 
 

@@ -59,7 +59,8 @@ class Result:
     """The answer to one query.
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
-    "within", where K counts configurations (1 without), P pairs, N bodies (min(k, P) with `k`) and R the pairs found. Metres, world frame.
+    "within", where K counts configurations (1 without), P pairs, N bodies (min(k, P) with `k`) and R the pairs found.
+    Metres, world frame.
     A column that was not requested raises AttributeError. Columns are created on first access, over memory that is
     reused once all of them are gone. Can be pickled.
 
@@ -82,7 +83,7 @@ class Result:
         "(..., J) float64: by the position of each of the query's joints, in their order (m/rad or m/m)"
     )  # type: ignore[assignment]
     hessian_joints: np.ndarray = _ColumnAttribute(
-        "(..., J, J) float64, symmetric: by the positions of two joints (m/rad^2, m/rad or 1/m); NaN where there is none"
+        "(..., J, J) float64, symmetric: by the positions of two joints (m/rad^2, m/rad, 1/m); NaN where there is none"
     )  # type: ignore[assignment]
     rate: np.ndarray = _ColumnAttribute("float64, m/s: of the distance at the query's velocities")  # type: ignore[assignment]
     curvature: np.ndarray = _ColumnAttribute(
@@ -144,7 +145,7 @@ class Result:
 
     @property
     def nonsmooth(self) -> np.ndarray:
-        """Whether second derivatives jump at this state, or there are none: not smooth_radius > 0."""
+        """Whether second derivatives jump at this state or do not exist: smooth_radius is not above 0."""
         return ~(self.smooth_radius > 0)
 
     @property

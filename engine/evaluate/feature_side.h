@@ -1,0 +1,45 @@
+// One core of a pair whose features are searched.
+#pragma once
+
+#include <optional>
+#include <span>
+#include <vector>
+
+#include "engine/evaluate/feature_pair.h"
+#include "engine/evaluate/round_feature.h"
+
+namespace clearance {
+
+/// A point of each core, world axes from the pair's origin.
+struct WitnessPoints {
+  Vec3d a, b;
+};
+
+/// Nearest points of two hulls, in float64. Nothing if they overlap.
+/// \param toward direction from a towards b: where the search begins
+std::optional<WitnessPoints> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward);
+
+/// A placed core. World axes from the pair's origin, except where noted.
+struct FeaturePair::Side {
+  Side(const ConvexPart& of, const PoseMatrix& placed, const Vec3d& origin);
+
+  const ConvexPart& part;
+  const PoseMatrix& pose;
+  Vec3d shift;                  ///< of its body's origin
+  std::vector<Vec3d> vertices;  ///< of a hull
+  RoundPatch patch{};           ///< of a round core: the one that is tried
+
+  Vec3d outward() const { return pose.R_wb * Vec3d{0, 0, 1}; }  ///< of a half-space
+  Vec3d foot(const Vec3d& p) const { return p - outward() * dot(outward(), p - shift); }
+  /// The feature of a hull or half-space at its witness point.
+  /// \param n unit, towards the other core
+  Feature flat_feature(const Vec3d& n, const Vec3d& point, double tolerance) const {
+    return is_half_space(part) ? plane_feature(n) : feature_at(vertices, n, point, tolerance);
+  }
+  /// The same of a round core.
+  Feature round_feature(const Vec3d& n, const Vec3d& point, double distance) const;
+  /// The nearest point of a hull or half-space to a point, or one of the patch near it.
+  Vec3d nearest(const Vec3d& point) const;
+};
+
+}  // namespace clearance
