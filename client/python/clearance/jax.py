@@ -209,7 +209,7 @@ def _host_column(of: HostJointDistances, order: int, positions: Any) -> Any:
     return of.column(order, positions)
 
 
-@_host_column.defjvp
+@_host_column.defjvp  # type: ignore[untyped-decorator]
 def _host_jvp(of: HostJointDistances, order: int, primals: Any, tangents: Any) -> Any:
     (positions,), (moves,) = primals, tangents
     if order == 2:

@@ -6,6 +6,7 @@
 #include <string>
 #include <vector>
 
+#include "engine/hull/primitive.h"
 #include "tests/engine/evaluate_query.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
@@ -18,10 +19,6 @@ using test::Answer;
 using test::evaluate;
 using test::Real;
 using test::RealFrame;
-
-struct Place {
-  Real x[3];
-};
 
 Real root_of_squares(const Real& a, const Real& b) {
   return sqrt(a * a + b * b);
