@@ -147,21 +147,19 @@ TEST(SecondOrderOfRoundCores, OfTurningBodiesIsTheDifferenceOfDistances) {
     scene.add_ellipsoid("ellipsoid", {0.2, 0.3, 0.45}, {.pose = Pose{}});
     scene.add_box("box", {0.3, 0.4, 0.5}, {.pose = Pose{}});
     scene.add_capsule("capsule", 0.1, 0.5, {.pose = Pose{}});
-    scene.add_half_space("floor", {.pose = Pose{}});
-    const std::uint32_t bodies[] = {0, 1, 2, 3, 4, 5};
+    scene.add_half_space("floor", {.pose = Pose{{0, 0, -1.5}}});
+    const std::uint32_t bodies[] = {0, 1, 2, 3, 4};
     const engine::Engine engine(std::move(scene));
     constexpr double kStep = 1e-3;
     std::vector<Pose> poses;
-    std::vector<double> twists, rows;
-    std::vector<Vec3d> spins;
+    std::vector<double> twists;
     std::vector<Pose> first;
-    for (int b = 0; b < 6; ++b) {
+    for (int b = 0; b < 5; ++b) {
       first.push_back(random.pose(1.2, 1));
-      if (b == 5) first.back().translation = first.back().translation + Vec3d{0, 0, 0};
       for (int c = 0; c < 6; ++c) twists.push_back(random.uniform(-1, 1));
     }
     for (int s = -2; s <= 2; ++s)
-      for (int b = 0; b < 6; ++b) {
+      for (int b = 0; b < 5; ++b) {
         const double* const t = twists.data() + 6 * b;
         const double rate = std::sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2]), half = rate * s * kStep / 2,
                      f = std::sin(half) / rate;
