@@ -24,6 +24,7 @@ struct Feature {
 std::vector<Vec3d> placed_vertices(const ConvexPart& part, const PoseMatrix& pose, const Vec3d& origin);
 
 /// The feature spanned by the vertices that reach a supporting plane within a tolerance.
+/// All in the same axes.
 /// \param outward unit normal of that plane
 /// \param point of the core, on the plane: the witness point
 Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance);

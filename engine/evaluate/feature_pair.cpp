@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "engine/evaluate/feature_side.h"
-#include "engine/narrow/gjk/gjk.h"
+#include "engine/narrow/attempt.h"
 
 namespace clearance {
 
@@ -21,51 +21,68 @@ std::uint32_t farthest_along(std::span<const Vec3d> points, const Vec3d& n) {
   return best;
 }
 
-double reach_of(std::span<const Vec3d> points, const Vec3d& from) {
-  double most = 0;
-  for (const Vec3d& p : points) most = std::max(most, squared_norm(p - from));
-  return std::sqrt(most);
-}
-
-// Distance over which vertices stay behind the plane, while it turns about the features.
-double cone_radius(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double distance,
-                   std::span<const Vec3d> spanned, double tolerance) {
-  double least = __builtin_inf();
-  for (const Vec3d& v : vertices) {
-    Vec3d arm = point - v;
-    const double gap = dot(outward, arm);
-    if (gap <= tolerance) continue;
-    for (const Vec3d& e : spanned) arm = arm - e * dot(arm, e);
-    least = std::min(least, distance * gap / norm(arm));
-  }
-  return least;
-}
-
-}  // namespace
-
-std::optional<WitnessPoints> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward) {
-  GjkLimits<double> limits;
-  limits.rel_tol = 0;
-  const auto cso = [&](const Vec3d& v) {
-    const std::uint32_t i = farthest_along(a, -v), j = farthest_along(b, v);
-    const Vec3d w = a[i] - b[j];
-    return CsoSupport<double>{{w, i, j}, dot(v, w)};
-  };
-  const Gjk<double> g = gjk(cso, -toward, Simplex<double>{}, limits);
+// The nearest points of a simplex; a(i) and b(i) are its points on the cores.
+template <class A, class B>
+std::optional<WitnessPoints> witness_of(const Gjk<double>& g, const A& a, const B& b) {
   if (g.end == Gjk<double>::code(GjkEnd::kEncloses) || g.simplex.size < 1 || g.simplex.size > 3) return {};
   WitnessPoints points{{0, 0, 0}, {0, 0, 0}};
   double sum = 0;
   for (int i = 0; i < g.simplex.size; ++i) sum += g.simplex.weight[i];
   for (int i = 0; i < g.simplex.size; ++i) {
     const double share = g.simplex.weight[i] / sum;
-    points.a = points.a + a[g.simplex.vertex[i].a] * share;
-    points.b = points.b + b[g.simplex.vertex[i].b] * share;
+    points.a = points.a + a(g.simplex.vertex[i].a) * share;
+    points.b = points.b + b(g.simplex.vertex[i].b) * share;
   }
   return points;
 }
 
-FeaturePair::Side::Side(const ConvexPart& of, const PoseMatrix& placed, const Vec3d& origin)
-    : part(of), pose(placed), shift(placed.t_w - origin), vertices(placed_vertices(of, placed, origin)) {}
+GjkLimits<double> to_the_end() {
+  GjkLimits<double> limits;
+  limits.rel_tol = 0;
+  return limits;
+}
+
+}  // namespace
+
+std::optional<WitnessPoints> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward) {
+  const auto cso = [&](const Vec3d& v) {
+    const std::uint32_t i = farthest_along(a, -v), j = farthest_along(b, v);
+    const Vec3d w = a[i] - b[j];
+    return CsoSupport<double>{{w, i, j}, dot(v, w)};
+  };
+  const Gjk<double> g = gjk(cso, -toward, Simplex<double>{}, to_the_end());
+  return witness_of(g, [&](std::uint32_t i) { return a[i]; }, [&](std::uint32_t i) { return b[i]; });
+}
+
+Vec3d FeaturePair::Side::farthest(const Vec3d& n) const {
+  return pose.R_wb * part.vertices[farthest_along(part.vertices, pose.R_wb.transpose_times(n))] + shift;
+}
+
+Feature FeaturePair::Side::flat_feature(const Vec3d& n, const Vec3d& point, double tolerance) const {
+  if (is_half_space(part)) return plane_feature(n);
+  Feature f =
+      feature_at(part.vertices, pose.R_wb.transpose_times(n), pose.R_wb.transpose_times(point - shift), tolerance);
+  for (Vec3d& tangent : f.tangent) tangent = pose.R_wb * tangent;
+  return f;
+}
+
+double FeaturePair::Side::cone_radius(const Vec3d& n, const Vec3d& point, double distance,
+                                      std::span<const Vec3d> spanned, double tolerance) const {
+  if (part.primitive) return __builtin_inf();
+  const Vec3d outward = pose.R_wb.transpose_times(n), from = pose.R_wb.transpose_times(point - shift);
+  Vec3d axes[2];
+  for (std::size_t k = 0; k < spanned.size(); ++k) axes[k] = pose.R_wb.transpose_times(spanned[k]);
+  double gap_squared = 1, arm_squared = 0;  // of the vertex with the least quotient
+  for (const Vec3d& v : part.vertices) {
+    Vec3d arm = from - v;
+    const double gap = dot(outward, arm);
+    if (gap <= tolerance) continue;
+    for (std::size_t k = 0; k < spanned.size(); ++k) arm = arm - axes[k] * dot(arm, axes[k]);
+    const double square = squared_norm(arm);
+    if (gap * gap * arm_squared < gap_squared * square) gap_squared = gap * gap, arm_squared = square;
+  }
+  return distance * std::sqrt(gap_squared / arm_squared);
+}
 
 void FeaturePair::take_points(const Vec3d& a, const Vec3d& b) {
   point_a_ = a;
@@ -75,28 +92,40 @@ void FeaturePair::take_points(const Vec3d& a, const Vec3d& b) {
 }
 
 std::optional<FeaturePair> FeaturePair::find(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
-                                             const PoseMatrix& pose_b, const Vec3d& toward) {
+                                             const PoseMatrix& pose_b, const WitnessPoints& start, const Vec3d& toward,
+                                             bool wants_radius) {
   if (is_half_space(a) && is_half_space(b)) return {};
-  Side of_a(a, pose_a, pose_a.t_w), of_b(b, pose_b, pose_a.t_w);
-  return is_round(a) || is_round(b) ? find_round(of_a, of_b) : find_flat(of_a, of_b, toward);
+  const bool round = is_round(a) || is_round(b);
+  Side of_a(a, pose_a, pose_a.t_w, round), of_b(b, pose_b, pose_a.t_w, round);
+  return round ? find_round(of_a, of_b, start, toward) : find_flat(of_a, of_b, toward, wants_radius);
 }
 
-std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, const Vec3d& toward) {
-  std::optional<WitnessPoints> points;
+std::optional<WitnessPoints> FeaturePair::flat_points(const Side& a, const Side& b, const Vec3d& toward) {
   if (is_half_space(a.part)) {
-    const Vec3d p = b.vertices[farthest_along(b.vertices, -a.outward())];
-    points = {a.foot(p), p};
-  } else if (is_half_space(b.part)) {
-    const Vec3d p = a.vertices[farthest_along(a.vertices, -b.outward())];
-    points = {p, b.foot(p)};
-  } else {
-    points = nearest_points(a.vertices, b.vertices, toward);
+    const Vec3d p = b.farthest(-a.outward());
+    return WitnessPoints{a.foot(p), p};
   }
+  if (is_half_space(b.part)) {
+    const Vec3d p = a.farthest(-b.outward());
+    return WitnessPoints{p, b.foot(p)};
+  }
+  const PlacedPair<double> pair(a.part, a.pose.R_wb, a.shift, b.part, b.pose.R_wb, b.shift);
+  const Gjk<double> g =
+      gjk(SupportedCso<double>(pair, nullptr), a.pose.R_wb.transpose_times(-toward), Simplex<double>{}, to_the_end());
+  return witness_of(
+      g, [&](std::uint32_t i) { return a.pose.R_wb * a.part.vertices[i] + a.shift; },
+      [&](std::uint32_t i) { return b.pose.R_wb * b.part.vertices[i] + b.shift; });
+}
+
+std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, const Vec3d& toward,
+                                                  bool wants_radius) {
+  const std::optional<WitnessPoints> points = flat_points(a, b, toward);
   if (!points) return {};
   FeaturePair pair;
   pair.take_points(points->a, points->b);
-  const double reach = std::max(reach_of(a.vertices, points->a), reach_of(b.vertices, points->b));
-  const double scale = reach + norm(points->a) + norm(points->b);
+  const double reach =
+      2 * std::max(is_half_space(a.part) ? 0 : a.part.spread, is_half_space(b.part) ? 0 : b.part.spread);
+  const double scale = reach + norm(points->a) + norm(points->b) + norm(b.shift);
   if (!(pair.distance_ > 64 * kEpsilon * scale)) return {};
   // A vertex below a plane is no feature of separated cores.
   if (is_half_space(a.part) && dot(a.outward(), pair.normal_) < 0) return {};
@@ -106,7 +135,7 @@ std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, 
   pair.b_ = b.flat_feature(-pair.normal_, points->b, tolerance);
   pair.factorise();
   pair.polish();
-  pair.set_radius(a.vertices, b.vertices, tolerance);
+  if (wants_radius) pair.set_radius(a, b, tolerance);
   return pair;
 }
 
@@ -154,21 +183,24 @@ double FeaturePair::polish() {
   return most;
 }
 
-void FeaturePair::set_radius(std::span<const Vec3d> a, std::span<const Vec3d> b, double tolerance) {
+void FeaturePair::set_radius(const Side& a, const Side& b, double tolerance) {
   const bool are_edges = a_.size == 1 && b_.size == 1;
   const double interior =
       std::min(a_.interior, b_.interior) * (are_edges ? norm(cross(a_.tangent[0], b_.tangent[0])) : 1);
   bool is_one = interior > tolerance;  // otherwise one of several features
   for (int k = 0; k < slides(); ++k) is_one = is_one && factor_[k][k] > 0;
   if (!is_one) return;
-  std::vector<Vec3d> spanned;
+  Vec3d axes[2];
+  std::size_t count = 0;
   for (int k = 0; k < slides(); ++k) {
     Vec3d rest = along(k);
-    for (const Vec3d& e : spanned) rest = rest - e * dot(e, rest);
-    if (const double length = norm(rest); length * length > kDependent) spanned.push_back(rest * (1 / length));
+    for (std::size_t i = 0; i < count; ++i) rest = rest - axes[i] * dot(axes[i], rest);
+    if (const double length = norm(rest); count < 2 && length * length > kDependent)
+      axes[count++] = rest * (1 / length);
   }
-  smooth_radius_ = std::min({interior, cone_radius(a, normal_, point_a_, distance_, spanned, tolerance),
-                             cone_radius(b, -normal_, point_b_, distance_, spanned, tolerance)});
+  const std::span<const Vec3d> spanned(axes, count);
+  smooth_radius_ = std::min({interior, a.cone_radius(normal_, point_a_, distance_, spanned, tolerance),
+                             b.cone_radius(-normal_, point_b_, distance_, spanned, tolerance)});
 }
 
 FeaturePair::Term FeaturePair::term(const FeatureMotion& motion) const {

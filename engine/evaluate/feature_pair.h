@@ -7,6 +7,11 @@
 
 namespace clearance {
 
+/// A point of each core, world axes from the pair's origin.
+struct WitnessPoints {
+  Vec3d a, b;
+};
+
 /// First-order motion of a pair by one variable, in world axes.
 struct FeatureMotion {
   Vec3d spin_a, spin_b;  ///< angular velocities of the parts
@@ -17,9 +22,12 @@ struct FeatureMotion {
 class FeaturePair {
  public:
   /// Returns nothing for cores that overlap, or touch within rounding.
+  /// \param start nearest points of the cores up to a tolerance
   /// \param toward direction from a towards b, not zero: where the search begins
+  /// \param wants_radius whether smooth_radius() is needed
   static std::optional<FeaturePair> find(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b,
-                                         const PoseMatrix& pose_b, const Vec3d& toward);
+                                         const PoseMatrix& pose_b, const WitnessPoints& start, const Vec3d& toward,
+                                         bool wants_radius);
 
   double distance() const { return distance_; }      ///< of the cores, metres
   const Vec3d& normal() const { return normal_; }    ///< unit, from a towards b
@@ -44,14 +52,17 @@ class FeaturePair {
  private:
   struct Side;
   FeaturePair() = default;
-  static std::optional<FeaturePair> find_flat(const Side& a, const Side& b, const Vec3d& toward);
-  static std::optional<FeaturePair> find_round(Side& a, Side& b);
+  static std::optional<FeaturePair> find_flat(const Side& a, const Side& b, const Vec3d& toward, bool wants_radius);
+  static std::optional<FeaturePair> find_round(Side& a, Side& b, const WitnessPoints& start, const Vec3d& toward);
+  static bool find_patches(Side& a, Side& b, const WitnessPoints& start, const Vec3d& toward,
+                           std::optional<FeaturePair>& found);
+  static std::optional<WitnessPoints> flat_points(const Side& a, const Side& b, const Vec3d& toward);
   bool meet_round(const Side& a, const Side& b);
   void take_points(const Vec3d& a, const Vec3d& b);
   double polish();
   void factorise();
   double bend(int i, int j) const;
-  void set_radius(std::span<const Vec3d> a, std::span<const Vec3d> b, double tolerance);
+  void set_radius(const Side& a, const Side& b, double tolerance);
   int slides() const { return a_.size + b_.size; }
   /// Velocity of the difference of the points by slide k.
   Vec3d along(int k) const { return k < b_.size ? b_.tangent[k] : -a_.tangent[k - b_.size]; }

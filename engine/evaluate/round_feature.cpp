@@ -9,7 +9,7 @@ namespace {
 
 using Kind = RoundPatch::Kind;
 
-constexpr double kNear = 1e-4;  // angle within which a start may be on the wrong patch
+constexpr double kNear = 1e-3;  // angle within which a start may be on the wrong patch
 
 // A unit vector from the axis to a point.
 Vec3d outward_at(const Vec3d& point) {
@@ -32,6 +32,7 @@ Feature on_ellipsoid(const Primitive& core, const Vec3d& point, const Vec3d& n) 
   const Vec3d up = over(point, core.size);
   Feature f = plane_feature(up * (1 / norm(up)));
   const double height = dot(n, point);
+  if (!(height > 0)) f.interior = -1;
   for (int k = 0; k < 3; ++k) f.bend[k] = height * dot(f.tangent[k == 2], over(f.tangent[k > 0], core.size));
   return f;
 }

@@ -56,36 +56,44 @@ bool FeaturePair::meet_round(const Side& a, const Side& b) {
     if (move <= 16 * kEpsilon * scale) break;
     move = polish();
   }
-  set_radius(a.vertices, b.vertices, tolerance);
+  set_radius(a, b, tolerance);
   return std::min(a_.interior, b_.interior) >= -tolerance && move <= 1e-9 * scale;
 }
 
-std::optional<FeaturePair> FeaturePair::find_round(Side& a, Side& b) {
-  NarrowLimits limits;
-  limits.rel_tol = 1e-10;
-  limits.signed_distance = true;  // for a lower bound if only the radii overlap
-  const NarrowAnswer start = narrow_phase(a.part, a.pose, b.part, b.pose, limits);
-  const double radii = a.part.radius + b.part.radius;
-  if (!(start.bounds.lower + radii > 0)) return {};
-  const Vec3d &n = start.normal, point_a = start.point_a - n * a.part.radius,
-              point_b = start.point_b + n * b.part.radius + b.shift;
+// Tries the patches that may meet. Returns whether some do; otherwise `found` may have some that nearly do.
+bool FeaturePair::find_patches(Side& a, Side& b, const WitnessPoints& start, const Vec3d& toward,
+                               std::optional<FeaturePair>& found) {
   RoundPatch all_a[4], all_b[4];
-  const auto patches_of = [](const Side& side, const Vec3d& toward, RoundPatch(&all)[4]) {
-    return is_round(side.part) ? patches_along(*side.part.primitive, side.pose.R_wb.transpose_times(toward), all)
+  const auto patches_of = [](const Side& side, const Vec3d& n, RoundPatch(&all)[4]) {
+    return is_round(side.part) ? patches_along(*side.part.primitive, side.pose.R_wb.transpose_times(n), all)
                                : std::span<const RoundPatch>(all, 1);
   };
-  std::optional<FeaturePair> first;
-  for (const RoundPatch& of_a : patches_of(a, n, all_a))
-    for (const RoundPatch& of_b : patches_of(b, -n, all_b)) {
+  for (const RoundPatch& of_a : patches_of(a, toward, all_a))
+    for (const RoundPatch& of_b : patches_of(b, -toward, all_b)) {
       a.patch = of_a;
       b.patch = of_b;
       FeaturePair pair;
-      pair.take_points(point_a, point_b);
-      if (pair.meet_round(a, b)) return pair;
-      pair.smooth_radius_ = 0;
-      if (!first && pair.distance_ > 0) first = pair;
+      pair.take_points(start.a, start.b);
+      const bool meet = pair.meet_round(a, b);
+      if (!meet) pair.smooth_radius_ = 0;
+      if (meet || (!found && pair.distance_ > 0)) found = pair;
+      if (meet) return true;
     }
-  return first;  // within rounding of two patches
+  return false;
+}
+
+std::optional<FeaturePair> FeaturePair::find_round(Side& a, Side& b, const WitnessPoints& start, const Vec3d& toward) {
+  std::optional<FeaturePair> found;
+  if (find_patches(a, b, start, toward, found)) return found;
+  NarrowLimits limits;
+  limits.rel_tol = 1e-10;
+  limits.signed_distance = true;  // for a lower bound if only the radii overlap
+  const NarrowAnswer near = narrow_phase(a.part, a.pose, b.part, b.pose, limits);
+  if (!(near.bounds.lower + a.part.radius + b.part.radius > 0)) return {};
+  const WitnessPoints better{near.point_a - near.normal * a.part.radius,
+                             near.point_b + near.normal * b.part.radius + b.shift};
+  find_patches(a, b, better, near.normal, found);
+  return found;  // within rounding of two patches, if none meet
 }
 
 }  // namespace clearance

@@ -176,13 +176,17 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
   if (is_flat || has_surface(a) || has_surface(b) || answer.part_a >= a.parts.size() || answer.part_b >= b.parts.size())
     return row;
   const ConvexPart &part_a = *a.parts[answer.part_a], &part_b = *b.parts[answer.part_b];
-  const auto features = FeaturePair::find(part_a, pose_a, part_b, pose_b, answer.normal);
+  const WitnessPoints start{answer.point_a - answer.normal * part_a.radius,
+                            answer.point_b + answer.normal * part_b.radius + (pose_b.t_w - pose_a.t_w)};
+  const bool wants_radius = (plan_.size.fields & kFieldSmoothRadius) != 0;
+  const auto features = FeaturePair::find(part_a, pose_a, part_b, pose_b, start, answer.normal, wants_radius);
   if (!features) return row;
   find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
               chains);
   row.rate = rate_of(chains.side, features->normal());
   if (wants_hessian) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
   combine(*features, chains, row);
+  if (!wants_radius) return row;
   row.smooth_radius = radius_among_parts(
       a, pose_a, b, pose_b, answer, features->distance() - part_a.radius - part_b.radius, features->smooth_radius());
   return row;

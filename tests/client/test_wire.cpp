@@ -139,6 +139,28 @@ TEST(Wire, BadQueryValuesAreNamed) {
   EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");
 }
 
+TEST(Wire, ThereIsAVelocityForEachPosition) {
+  Bytes query = query_payload(2, 0, 0);
+  overwrite(query, offsetof(QueryHeader, configuration_count), std::uint32_t{1});
+  const std::uint32_t joints[] = {3, 4};
+  const double numbers[] = {0.5, 0.25, 1, 2, 3, 4};
+  const std::span<const double> positions(numbers, 2);
+  const auto records_with = [&](std::span<const double> velocities, std::span<const double> twists) {
+    Bytes records;
+    insert_joint_records(records, joints, positions, velocities, twists);
+    return records;
+  };
+  const Bytes right = records_with(positions, {}), few = records_with(positions.first(1), {}),
+              alone = records_with({}, numbers);
+  const QueryParts parts = parse_query(query, true, right);
+  EXPECT_EQ(parts.velocities.size(), 2u);
+  EXPECT_EQ(parts.velocities[1], 0.25);
+  EXPECT_EQ(error_of([&] { parse_query(query, true, few); }, ErrorCode::kBadQuery),
+            "query: velocities (record 18) has 1 numbers, expected 2");
+  EXPECT_EQ(error_of([&] { parse_query(query, true, alone); }, ErrorCode::kBadQuery),
+            "query: twists (record 19) has 6 numbers, expected 0");
+}
+
 TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
   std::uint16_t last = 0;
   int in_header = 0;
