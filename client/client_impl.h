@@ -86,14 +86,16 @@ struct Client::Impl {
     std::vector<std::byte> records = query_records(query);
     const std::span<const double> none;
     wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : none,
-                               has_configurations ? query.growths : none);
+                               has_configurations ? query.growths : none, has_configurations ? query.velocities : none,
+                               has_configurations ? query.twists : none);
     if (rows)
       wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
                           std::as_bytes(*rows));
     const std::vector<std::byte>& epoch = connection.prepare();
     records.insert(records.end(), epoch.begin(), epoch.end());
     std::uint64_t reply_bytes = 0;
-    if (is_query) reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr);
+    if (is_query)
+      reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr, query.k);
     if (plan)
       reply_bytes = sizeof(wire::FrameHeader) + sizeof(wire::PlanHeader) +
                     std::size_t{kFieldCount} * sizeof(wire::PlanColumnRecord);

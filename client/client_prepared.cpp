@@ -85,6 +85,8 @@ struct Client::Impl::Prepared final : clearance::Prepared::Runner {
     query.positions = inputs.positions;
     query.configurations = inputs.configurations;
     query.growths = inputs.growths;
+    query.velocities = inputs.velocities;
+    query.twists = inputs.twists;
     return query;
   }
   JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : client->fetch_joints(); }

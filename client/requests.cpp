@@ -37,7 +37,7 @@ std::vector<std::byte> query_records(const Query& query) {
 }
 
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,
-                                   const SceneInfo* scene) {
+                                   const SceneInfo* scene, std::uint32_t k) {
   using Wide = unsigned __int128;
   const Wide configurations = std::max<std::uint32_t>(q.configuration_count, 1);
   const auto reduce = static_cast<Reduce>(q.reduce);
@@ -47,7 +47,7 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
         std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
     if (!scene && (q.all_pairs || selectors || reduce == Reduce::kNearest)) return 0;
     if (reduce == Reduce::kNearest)
-      rows *= scene->bodies.size();
+      rows *= k ? std::uint64_t{k} : scene->bodies.size();
     else if (q.all_pairs)
       rows *= scene->pair_count;
     else if (!selectors)

@@ -32,8 +32,9 @@ std::vector<std::byte> query_records(const Query& query);
 
 /// Returns an upper bound on the size of the reply's frame in bytes, or 0 if only the daemon knows.
 /// \param scene the known scene, or null
+/// \param k of the query
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,
-                                   const SceneInfo* scene);
+                                   const SceneInfo* scene, std::uint32_t k = 0);
 
 /// Throws std::invalid_argument for a name that is too long.
 void set_body_name(char (&field)[64], std::string_view name);

@@ -32,6 +32,9 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "depths (`signed_distance`)": {"signed_distance": True},
     "`gradient`": {"fields": "gradient"},
     "`gradient_joints`": {"fields": "gradient_joints"},
+    "`hessian_joints`, `rate`, `curvature`, `smooth_radius`": {
+        "fields": ["hessian_joints", "rate", "curvature", "smooth_radius"]
+    },
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
     "`verdict`": {"fields": "verdict"},
@@ -47,6 +50,8 @@ GPU_QUERIES = {
     "`any`": {"reduce": "any"},
     "depths (`signed_distance`)": {"signed_distance": True},
     "`free_scale`": {"reduce": "any", "fields": "free_scale"},
+    "`hessian_joints`, `rate`, `curvature`, `smooth_radius`": {"fields": "curvature"},
+    "`nearest` with `k`": {"reduce": "nearest", "k": 20},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "motions of joints, `none`": {"max_evaluations": 256},
     "motions of joints, `min`": {"max_evaluations": 256, "reduce": "min"},
@@ -123,6 +128,7 @@ def translated(condition: str) -> str:
         (r"body != kNone", "False"),  # no body of the query has a max_speed
         (r"plan\.query\.", "q."),
         (r"Reduce::k(\w+)", lambda found: f"'{found[1].lower()}'"),
+        (r"q\.fields & kSecondOrderFields", "q.fields == 'curvature'"),
         (r"q\.fields & kField(\w+)", lambda found: f"q.fields == '{snake(found[1])}'"),
         (r"plan\.joints\.empty\(\)", "not plan.joints"),
         (r"&&", "and"),
@@ -144,7 +150,7 @@ def gpu() -> str:
     for name, members in GPU_QUERIES.items():
         q = SimpleNamespace(
             **{"reduce": "none", "fields": "", "max_evaluations": 0, "max_distance": math.inf, "max_pose_age_ns": 0,
-               "signed_distance": False, "given_bodies": 0, "control_points": 2} | members
+               "signed_distance": False, "given_bodies": 0, "control_points": 2, "k": 0} | members
         )  # fmt: skip
         plan = SimpleNamespace(given_bodies=q.given_bodies, joints=[] if q.given_bodies else [0])
         names = {"q": q, "plan": plan, "math": math}

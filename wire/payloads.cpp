@@ -56,8 +56,8 @@ ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std:
     std::memcpy(&width, record.bytes.data(), sizeof width);
     return true;
   });
-  if (!(header.fields & kFieldGradientJoints) != !width)
-    bad_frame("reply: the column gradient_joints and the record of how many joints it has come together");
+  if (!(header.fields & kJointFields) != !width)
+    bad_frame("reply: columns by joints and the record of how many joints they have come together");
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
       sizeof(ReplyHeader) + columns_wide(header.rows, header.fields, width), payload.size());

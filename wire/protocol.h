@@ -121,6 +121,8 @@ enum class QueryRecord : std::uint16_t {
   kWeights = 11,     ///< (J,) float64, radians and metres, for the column free_scale
   kGrowths = 13,     ///< (K, M) float64, metres, of motions; not in kPairs, kOpenPlan
   kRows = 16,        ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
+  kVelocities = 18,  ///< (K, J) float64, rad/s and m/s; where kPositions may be
+  kTwists = 19,      ///< (K, M, 6) float64, rad/s and m/s of each moved body's origin, world axes; likewise
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {
@@ -139,7 +141,7 @@ enum class NewBodyTag : std::uint16_t {
 /// Records of a kReply.
 enum class ReplyRecord : std::uint16_t {
   kIgnored = 1,  ///< uint16 tags of the query's records that the daemon ignored
-  kJoints = 2,   ///< uint32 J, the entries per row of the column gradient_joints; present with that column
+  kJoints = 2,   ///< uint32 J; present with the columns gradient_joints and hessian_joints
 };
 
 struct QueryHeader {

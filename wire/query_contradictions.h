@@ -25,13 +25,22 @@ Contradiction contradiction_in(const Q& q) {
     return {"max_distance: reduce any uses its margins instead"};
   if (any && q.signed_distance) return {"signed_distance: reduce any computes no depth"};
   if (has(kFieldGradientJoints) && q.joints.empty()) return {"fields: gradient_joints is for a query with joints"};
+  if (has(kFieldHessianJoints) && q.joints.empty()) return {"fields: hessian_joints is for a query with joints"};
+  if (has(kSecondOrderFields) && any)
+    return {"fields: reduce any has no rate, curvature, hessian_joints and smooth_radius"};
+  if (!q.velocities.empty() && !has(kFieldRate | kFieldCurvature))
+    return {"velocities: only for the columns rate and curvature"};
+  if (!q.twists.empty() && !has(kFieldRate | kFieldCurvature))
+    return {"twists: only for the columns rate and curvature"};
+  if (q.k > 0 && q.reduce != Reduce::kNearest) return {"k: only for reduce nearest"};
   if (!is_motion && has(kMotionFields))
     return {"fields: time, first_contact and steps are only for motions (max_evaluations)"};
   if (is_motion) {
     if (q.reduce == Reduce::kWithin || q.reduce == Reduce::kNearest)
       return {"reduce: motions are reduced by none, min and any", true};
     if (q.signed_distance) return {"signed_distance: motions have no depths", true};
-    if (has(kFieldGradient | kFieldGradientJoints)) return {"fields: motions have no gradient", true};
+    if (has(kFieldGradient | kFieldGradientJoints | kSecondOrderFields))
+      return {"fields: motions have no gradient", true};
   }
   if (q.control_points != 2 && !is_motion) return {"control_points: only for motions (max_evaluations)"};
   if (!q.growths.empty()) {

@@ -69,12 +69,25 @@ bool take_array(const RecordView& record, QueryParts& parts) {
     case QueryRecord::kGrowths:
       parts.growths = read_array<double>(record, "growths");
       return true;
+    case QueryRecord::kVelocities:
+      parts.velocities = read_array<double>(record, "velocities");
+      return true;
+    case QueryRecord::kTwists:
+      parts.twists = read_array<double>(record, "twists");
+      return true;
     case QueryRecord::kRows:
       parts.rows = read_array<std::uint64_t>(record, "rows");
       parts.has_rows = true;
       return true;
   }
   return false;
+}
+
+/// Checks the number of velocities or twists, of which there may be none.
+void check_speeds(const Records<double>& speeds, const char* name, QueryRecord tag, Wide expected) {
+  if (speeds.size() && expected != speeds.size())
+    bad_query("query: " + std::string(name) + " (record " + str(static_cast<std::uint16_t>(tag)) + ") has " +
+              str(speeds.size()) + " numbers, expected " + str(expected));
 }
 
 /// Checks the moved bodies and joints, and the numbers of positions and growths.
@@ -84,7 +97,11 @@ void check_joints(const QueryParts& parts, bool with_configurations) {
     bad_query("query: " + str(count) + " configurations of no bodies and no joints");
   if (!with_configurations && parts.positions.size()) bad_query("query: positions are not for kPairs and kOpenPlan");
   if (!with_configurations && parts.growths.size()) bad_query("query: growths are not for kPairs and kOpenPlan");
+  if (!with_configurations && parts.velocities.size() + parts.twists.size() > 0)
+    bad_query("query: velocities and twists are not for kPairs and kOpenPlan");
   if (!with_configurations) return;
+  check_speeds(parts.velocities, "velocities", QueryRecord::kVelocities, Wide(count) * joints);
+  check_speeds(parts.twists, "twists", QueryRecord::kTwists, Wide(count) * parts.header.body_count * 6);
   if (joints && !count) bad_query("query: " + str(joints) + " joints, and no configurations of them");
   if (Wide(count) * joints != parts.positions.size())
     bad_query("query: positions (record " + str(static_cast<std::uint16_t>(QueryRecord::kPositions)) + ") has " +
@@ -137,13 +154,16 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
 }
 
 void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions, std::span<const double> growths) {
+                          std::span<const double> positions, std::span<const double> growths,
+                          std::span<const double> velocities, std::span<const double> twists) {
   const auto add = [&records](QueryRecord tag, auto array) {
     if (!array.empty()) insert_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
   };
   add(QueryRecord::kJoints, joints);
   add(QueryRecord::kPositions, positions);
   add(QueryRecord::kGrowths, growths);
+  add(QueryRecord::kVelocities, velocities);
+  add(QueryRecord::kTwists, twists);
 }
 
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,

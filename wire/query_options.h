@@ -49,7 +49,9 @@
   X(std::uint32_t, max_evaluations, 0, 10, Legal::range(0, 65536),                                                     \
     "", "maximum evaluations per motion; if nonzero, configurations are the control points of motions")                \
   X(std::uint32_t, control_points, 2, 12, Legal::range(2, 8),                                                          \
-    "", "control points per motion: 2 for a straight one, more for Bezier curves of joints and positions")
+    "", "control points per motion: 2 for a straight one, more for Bezier curves of joints and positions")               \
+  X(std::uint32_t, k, 0, 17, Legal::range(0, 65536),                                                                   \
+    "", "reduce `nearest`: rows of the k nearest pairs of a configuration; 0 for the nearest of each body")
 // clang-format on
 
 namespace clearance {

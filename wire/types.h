@@ -69,24 +69,35 @@ enum Field : std::uint32_t {
                                     ///< a time at which one is proved within; inf if there is none
   kFieldSteps = 1u << 17,           ///< uint32, evaluations of the motion
   kFieldBounds = 1u << 18,          ///< 2 float32, metres: lower and upper, rounded outward
-  kFieldFreeScale = 1u << 19,  ///< float64, kAny with weights: every pair is proved to stay beyond its margin while
-                               ///< no joint moves by more than this times its weight; 0 if not proved even now
-  kFieldVerdict = 1u << 20,    ///< uint8, kAny only: kFieldStatus, but kOk for any pair proved within its margin
+  kFieldFreeScale = 1u << 19,      ///< float64, kAny with weights: every pair is proved to stay beyond its margin while
+                                   ///< no joint moves by more than this times its weight; 0 if not proved even now
+  kFieldVerdict = 1u << 20,        ///< uint8, kAny only: kFieldStatus, but kOk for any pair proved within its margin
+  kFieldHessianJoints = 1u << 21,  ///< J x J float64: second derivative by the positions of the query's joints
+  kFieldRate = 1u << 22,           ///< float64, m/s: first derivative by time at the query's velocities
+  kFieldCurvature = 1u << 23,      ///< float64, m/s^2: second derivative by time while the velocities stay constant
+  kFieldSmoothRadius = 1u << 24,   ///< float64, metres of relative motion over which the active features stay; 0 where
+                                   ///< second derivatives jump, NaN where there are none
 };
-inline constexpr int kFieldCount = 21;
+inline constexpr int kFieldCount = 25;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
 /// Columns of motions only.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
+/// Columns of second derivatives, and of velocities; from the CPU only.
+inline constexpr std::uint32_t kSecondOrderFields =
+    kFieldHessianJoints | kFieldRate | kFieldCurvature | kFieldSmoothRadius;
+/// Columns whose rows have an entry for each joint, or for each pair of joints.
+inline constexpr std::uint32_t kJointFields = kFieldGradientJoints | kFieldHessianJoints;
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
 inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | kFieldUpper | kFieldStatus;
 
-/// Bytes of one row of each column, by bit position of its Field; for kFieldGradientJoints, bytes of one joint.
-inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8,  8, 1, 2, 24, 24, 24, 8, 96, 8,
-                                                           4, 24, 8, 8, 8, 16, 4,  8,  8, 1};
+/// Bytes of one row of each column, by bit position of its Field; for kJointFields, bytes of one entry.
+inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1,  2, 24, 24, 24, 8, 96, 8, 4, 24,
+                                                           8, 8, 8, 16, 4, 8,  8,  1,  8, 8,  8, 8};
 /// Bytes of one row of a column.
 /// \param joints number of the query's joints
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
-  return kFieldBytes[bit] * ((1u << bit) == kFieldGradientJoints ? joints : 1);
+  const bool by_joint = (1u << bit) == kFieldGradientJoints, by_two = (1u << bit) == kFieldHessianJoints;
+  return kFieldBytes[bit] * (by_two ? joints * joints : by_joint ? joints : 1);
 }
 
 /// Alignment of each column of a reply, in bytes.

@@ -45,6 +45,8 @@ struct QueryParts {
   Records<double> positions;                    ///< (K, J); empty if has_configurations() is false
   Records<double> weights;                      ///< weights of the joints; not validated
   Records<double> growths;                      ///< (K, M) growths of the bodies; empty for none
+  Records<double> velocities;                   ///< (K, J), or empty
+  Records<double> twists;                       ///< (K, M, 6), or empty
   Records<std::uint64_t> rows;                  ///< rows of kCertify; not validated
   bool has_rows = false;                        ///< whether the record of `rows` is present
 };
@@ -62,10 +64,11 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
 /// \param options QueryOptions, or a type with members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
-/// Inserts the records of a query's joints and growths, if it has any.
-/// \param positions, growths empty for kPairs
+/// Inserts the records of a query's joints, growths and velocities, if it has any.
+/// \param positions those and the others are empty for kPairs
 void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions, std::span<const double> growths = {});
+                          std::span<const double> positions, std::span<const double> growths = {},
+                          std::span<const double> velocities = {}, std::span<const double> twists = {});
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for an unknown required record).
 /// \param with_configurations has_configurations() of the query's type.
@@ -77,12 +80,12 @@ QueryParts parse_query(const FrameHeader& header, std::span<const std::byte> pay
 // --- kReply
 
 /// Bytes of the columns of a reply. Throws WireError (kTooLarge) beyond the maximum size of a frame.
-/// \param joints number of the query's joints, read only with kFieldGradientJoints
+/// \param joints number of the query's joints, read only with kJointFields
 std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints = 0);
 /// Offset of the column of `field` from the end of the ReplyHeader. The column must be among `fields`.
 std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field, std::uint64_t joints = 0);
 /// Throws WireError unless the payload contains exactly the columns in the header and no unknown required record.
-/// \param joints receives J of a reply with kFieldGradientJoints, otherwise 0; can be null
+/// \param joints receives J of a reply with kJointFields, otherwise 0; can be null
 ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records = {},
                         std::uint32_t* joints = nullptr);
 

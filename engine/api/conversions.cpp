@@ -33,6 +33,8 @@ void take_inputs(const Query& query, QueryView& view) {
   view.configurations = {reinterpret_cast<const Pose*>(query.configurations.data()), query.configurations.size()};
   view.positions = query.positions;
   view.growths = query.growths;
+  view.velocities = query.velocities;
+  view.twists = query.twists;
   view.configuration_count = static_cast<std::uint32_t>(configuration_count(query));
 }
 

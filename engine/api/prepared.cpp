@@ -35,6 +35,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     return in_present_scene([&] {
       QueryView query = view;
       query.positions = {};
+      query.velocities = query.twists = {};
       query.configurations = {};
       query.growths = {};
       query.configuration_count = configurations;
@@ -55,6 +56,8 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     owned.query.positions = inputs.positions;
     owned.query.configurations = inputs.configurations;
     owned.query.growths = inputs.growths;
+    owned.query.velocities = inputs.velocities;
+    owned.query.twists = inputs.twists;
     take_inputs(owned.query, view);
   }
   /// Calls a function, and again if the scene has changed and the ids have kept their meaning.

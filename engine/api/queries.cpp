@@ -37,7 +37,7 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
   // Input of a job, until it is done.
   struct Inputs {
     std::shared_ptr<engine::Engine> engine;
-    std::vector<double> positions, growths;
+    std::vector<double> positions, growths, velocities, twists;
     std::vector<Pose> configurations;
     std::shared_ptr<ResultMemory> memory;
   };
@@ -46,9 +46,13 @@ Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView&
   inputs->positions.assign(query.positions.begin(), query.positions.end());
   inputs->growths.assign(query.growths.begin(), query.growths.end());
   inputs->configurations.assign(query.configurations.begin(), query.configurations.end());
+  inputs->velocities.assign(query.velocities.begin(), query.velocities.end());
+  inputs->twists.assign(query.twists.begin(), query.twists.end());
   QueryView own = query;
   own.positions = inputs->positions;
   own.growths = inputs->growths;
+  own.velocities = inputs->velocities;
+  own.twists = inputs->twists;
   own.configurations = inputs->configurations;
   PreparedQuery prepared = inputs->engine->prepare(own);
   inputs->memory = std::make_shared<ResultMemory>(prepared.size());

@@ -17,6 +17,7 @@
 namespace clearance {
 
 class JointGradient;  // engine/evaluate/joint_gradient.h
+class SecondOrder;    // engine/evaluate/second_order.h
 
 /// Options that hold for every pair of a query.
 struct EvaluateOptions : NarrowOptions {
@@ -24,6 +25,7 @@ struct EvaluateOptions : NarrowOptions {
   bool drops_beyond = false;  ///< the distance of pairs beyond max_distance is not needed
   bool want_flags = false;
   const JointGradient* joint_gradient = nullptr;  ///< null unless its column is requested
+  const SecondOrder* second_order = nullptr;      ///< null unless one of its columns is requested
 };
 
 /// The least of the intervals of two bodies' pairs of elements.

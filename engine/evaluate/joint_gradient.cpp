@@ -24,7 +24,6 @@ JointGradient::JointGradient(const engine::Scene& scene, const Plan& plan)
   std::replace(mover_of_.begin(), mover_of_.end(), kUnknown, kNone);  // bodies that nothing moves
 }
 
-// Body below a body: for a link the previous link, otherwise its parent, or kNone.
 std::uint32_t JointGradient::carrier_of(std::uint32_t body) const {
   const Body& of = scene_.bodies()[body];
   if (of.robot == kNone) return snapshot_.parent[body];

@@ -23,9 +23,10 @@ class JointGradient {
   const std::vector<JointMover>& movers() const { return movers_; }
   /// (bodies,) the nearest mover that carries each, or kNone.
   const std::vector<std::uint32_t>& mover_of() const { return mover_of_; }
+  /// The body below a body: for a link the previous link, otherwise its parent, or kNone.
+  std::uint32_t carrier_of(std::uint32_t body) const;
 
  private:
-  std::uint32_t carrier_of(std::uint32_t body) const;
   void find_mover(std::uint32_t body, std::span<const std::uint32_t> at_of_joint);
   std::uint32_t add_mover(std::uint32_t body, std::uint32_t above, std::span<const std::uint32_t> at_of_joint);
 

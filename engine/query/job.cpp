@@ -10,7 +10,8 @@ namespace clearance {
 
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply) {
   plan.keep_configurations();
-  const auto make = covers_may_decide(context, plan)     ? make_decision_job
+  const auto make = plan.query.k > 0                     ? make_nearest_pairs_job
+                    : covers_may_decide(context, plan)   ? make_decision_job
                     : covers_may_bound(context, plan)    ? make_distance_job
                     : plan.query.reduce == Reduce::kNone ? make_dense_job
                                                          : make_reduced_job;
@@ -41,7 +42,8 @@ void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPai
 }
 std::uint64_t PreparedQuery::bytes() const {
   const Plan& p = plan();
-  return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes();
+  return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes() +
+         p.velocities.size_bytes() + p.twists.size_bytes();
 }
 void PreparedQuery::keep_on_cpu() {
   keep_on_cpu_ = true;

@@ -61,6 +61,8 @@ struct Job::State {
 /// Makes a job that runs on the CPU.
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
 std::unique_ptr<Job::State> make_dense_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
+/// For Reduce::kNearest with a k.
+std::unique_ptr<Job::State> make_nearest_pairs_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// Whether covers may decide states of a plan.
 bool covers_may_decide(const JobContext& context, const Plan& plan);
 std::unique_ptr<Job::State> make_decision_job(const JobContext& context, Plan&& plan, const ReplyView& reply);

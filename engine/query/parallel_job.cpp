@@ -25,6 +25,7 @@ ParallelJob::ParallelJob(const JobContext& context, Plan&& plan, const ReplyView
   plan_.uncertainties = uncertainties_of(scene(), *plan_.snapshot, plan_.begun_ns);
   if (plan_.size.fields & kFieldGradientJoints) joint_gradient_.emplace(scene(), plan_);
   options_ = evaluate_options(context, plan_.query, joint_gradient_ ? &*joint_gradient_ : nullptr);
+  if (plan_.size.fields & kSecondOrderFields) options_.second_order = &second_order_.emplace(scene(), plan_);
   if (boxes) boxes_ = boxes_of_bodies(scene(), plan_);
   for (int i = 0; i < workers(); ++i) worker_poses_.emplace_back(scene(), plan_, boxes_);
   info = snapshot_info(plan_, context.reference);

@@ -13,6 +13,7 @@
 #include <vector>
 
 #include "engine/evaluate/joint_gradient.h"
+#include "engine/evaluate/second_order.h"
 #include "engine/query/job_options.h"
 #include "engine/query/job_state.h"
 #include "engine/query/run_units.h"
@@ -67,6 +68,7 @@ class ParallelJob : public Job::State {
               pair.b < n ? here[pair.b].pose.t_w : kNoOrigin);
     if (reply_.gradient_joints)
       joint_gradient_->write(here, pair, answer, reply_.gradient_joints + index * reply_.joints);
+    if (second_order_) write_second_order(reply_, index, second_order_->row(here, pair, configuration, answer));
   }
 
   /// UnitRunner::run().
@@ -82,6 +84,7 @@ class ParallelJob : public Job::State {
 
  private:
   std::optional<JointGradient> joint_gradient_;
+  std::optional<SecondOrder> second_order_;
   std::vector<Aabb> boxes_;
   UnitRunner runner_;
   std::vector<WorkerPoses> worker_poses_;

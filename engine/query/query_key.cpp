@@ -25,6 +25,7 @@ QueryKey::QueryKey(const QueryView& query) : query_(query), has_growths_(!query.
   query_.configurations = {};
   query_.positions = {};
   query_.growths = {};
+  query_.velocities = query_.twists = {};
   query_.pairs = kept(query.pairs, pairs_);
   query_.bodies = kept(query.bodies, bodies_);
   query_.joints = kept(query.joints, joints_);

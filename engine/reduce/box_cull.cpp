@@ -127,6 +127,9 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
     for (std::uint64_t i = 0; i < count; ++i) std::memcpy(reply.gradient + 12 * (first + i), gradient, sizeof gradient);
   }
   fill(reply.gradient_joints, reply.joints * first, reply.joints * count, row.normal.x);
+  fill(reply.hessian_joints, reply.joints * reply.joints * first, reply.joints * reply.joints * count, row.normal.x);
+  for (double* const column : {reply.rate, reply.curvature, reply.smooth_radius})
+    fill(column, first, count, row.normal.x);
   for (BodyPair* const column : {reply.pair, reply.pair_lower})
     if (column) std::copy(pairs.begin(), pairs.end(), column + first);
   fill(reply.configuration, first, count, configuration);

@@ -5,6 +5,7 @@
 #include <limits>
 
 #include "engine/evaluate/joint_gradient.h"
+#include "engine/evaluate/second_order.h"
 #include "engine/narrow/group.h"
 #include "engine/reduce/reduction.h"
 
@@ -23,13 +24,14 @@ PairAnswer beyond_all_margins(const Plan& plan) {
 
 Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t configuration,
                       const BodyPoses& placement) const {
-  Row row{pair, configuration, answer, {}, {}, pair, {}};
+  Row row{pair, configuration, answer, {}, {}, pair, {}, {}};
   if (pair.a < scene_.bodies().size()) row.origin_a = placement[pair.a].pose.t_w;
   if (pair.b < scene_.bodies().size()) row.origin_b = placement[pair.b].pose.t_w;
   if (options_.joint_gradient) {
     row.gradient_joints.resize(plan_.joints.size());
     options_.joint_gradient->write(placement, pair, answer, row.gradient_joints.data());
   }
+  if (options_.second_order) row.second = options_.second_order->row(placement, pair, configuration, answer);
   return row;
 }
 

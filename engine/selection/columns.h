@@ -10,6 +10,14 @@
 
 namespace clearance {
 
+/// Second derivatives of one row. NaN where there are none.
+struct SecondOrderRow {
+  double rate = __builtin_nan("");           ///< m/s
+  double curvature = __builtin_nan("");      ///< m/s^2
+  double smooth_radius = __builtin_nan("");  ///< metres
+  std::vector<double> hessian_joints{};      ///< (J, J), or empty if not requested
+};
+
 /// An answer with its pair, its configuration and the origins of the bodies.
 struct Row {
   BodyPair pair;
@@ -18,6 +26,7 @@ struct Row {
   Vec3d origin_a{0, 0, 0}, origin_b{0, 0, 0};  ///< world frame
   BodyPair pair_lower{kNone, kNone};           ///< pair of the answer's lower bound
   std::vector<double> gradient_joints{};       ///< (J,), or empty if not requested
+  SecondOrderRow second{};
 };
 
 namespace detail {
@@ -94,7 +103,7 @@ CLEARANCE_HD inline void write_interval(const ReplyView& reply, std::uint64_t in
   reply.bounds[2 * index + 1] = bounds.upper;
 }
 
-/// Writes one row of every column that exists, except gradient_joints.
+/// Writes one row of every column that exists, except gradient_joints and those of second order.
 /// \param origin_a, origin_b of the bodies, world frame
 CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, BodyPair pair,
                                    std::uint32_t configuration, const PairAnswer& a, const Vec3d& origin_a,
@@ -117,11 +126,22 @@ CLEARANCE_HD inline void write_row(const ReplyView& reply, std::uint64_t index, 
     detail::write(reply.points32, 2 * index + 1, a.point_b);
   }
 }
+inline void write_second_order(const ReplyView& reply, std::uint64_t index, const SecondOrderRow& row) {
+  if (reply.rate) reply.rate[index] = row.rate;
+  if (reply.curvature) reply.curvature[index] = row.curvature;
+  if (reply.smooth_radius) reply.smooth_radius[index] = row.smooth_radius;
+  if (!reply.hessian_joints) return;
+  const std::size_t size = std::size_t{reply.joints} * reply.joints;
+  double* const out = reply.hessian_joints + index * size;
+  std::fill_n(out, size, __builtin_nan(""));
+  std::copy(row.hessian_joints.begin(), row.hessian_joints.end(), out);
+}
 inline void write_row(const ReplyView& reply, std::uint64_t index, const Row& row) {
   write_row(reply, index, row.pair, row.configuration, row.answer, row.origin_a, row.origin_b);
   if (reply.pair_lower) reply.pair_lower[index] = row.pair_lower;
   if (reply.gradient_joints)
     std::copy(row.gradient_joints.begin(), row.gradient_joints.end(), reply.gradient_joints + index * reply.joints);
+  write_second_order(reply, index, row.second);
 }
 
 }  // namespace clearance

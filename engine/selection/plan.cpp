@@ -178,6 +178,7 @@ Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared
   plan.query.configurations = {};
   plan.query.positions = {};
   plan.query.growths = {};
+  plan.query.velocities = plan.query.twists = {};
   if (with_configurations) plan.take_configurations(query);
 
   plan.moved = plan.snapshot->with_followers(plan.bodies);
@@ -210,7 +211,9 @@ void Planner::compute_size() {
   size.joints = static_cast<std::uint32_t>(query.joints.size());
   // K and P are below 2^32 and 2^64 / 2^32 rows would never pass max_rows_: compare by division.
   const bool one_row = query.reduce == Reduce::kMin || query.reduce == Reduce::kAny;
-  const std::uint64_t per_configuration = one_row                            ? 1
+  const std::uint64_t per_configuration = one_row ? 1
+                                          : query.reduce == Reduce::kNearest && query.k > 0
+                                              ? std::min<std::uint64_t>(query.k, size.pairs)
                                           : query.reduce == Reduce::kNearest ? scene_.bodies().size()
                                                                              : size.pairs;
   const bool too_many = per_configuration > 0 && size.configurations > max_rows_ / per_configuration;
@@ -244,6 +247,12 @@ void Plan::take_configurations(const QueryView& requested) {
   configurations = requested.configurations;
   positions = requested.positions;
   growths = requested.growths;
+  const auto take = [count](const char* what, const char* of, std::span<const double> given, std::size_t each) {
+    if (!given.empty()) check_count(what, of, given.size(), count, each);
+    return given;
+  };
+  velocities = take("velocities", "numbers", requested.velocities, requested.joints.size());
+  twists = take("twists", "numbers", requested.twists, 6 * requested.bodies.size());
 }
 
 void Plan::keep_configurations() {
@@ -256,6 +265,8 @@ void Plan::keep_configurations() {
   keep(configurations, kept_configurations);
   keep(positions, kept_positions);
   keep(growths, kept_growths);
+  keep(velocities, kept_velocities);
+  keep(twists, kept_twists);
 }
 
 }  // namespace clearance

@@ -26,6 +26,8 @@ struct Plan {
   std::vector<double> kept_positions;
   std::span<const double> growths;  ///< (K, given_bodies) of motions, or empty; likewise
   std::vector<double> kept_growths;
+  std::span<const double> velocities, twists;  ///< (K, J) and (K, given_bodies, 6), or empty; likewise
+  std::vector<double> kept_velocities, kept_twists;
   std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
   std::vector<LinkMotion> motions;   ///< of each robot moved by the joints
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first

@@ -17,6 +17,8 @@ QueryView for_pairs(QueryView query) {
   query.configuration_count = 0;
   query.configurations = {};
   query.positions = {};
+  query.velocities = query.twists = {};
+  query.k = 0;
   return query;
 }
 

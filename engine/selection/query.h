@@ -43,6 +43,11 @@ struct QueryView {
   /// For motions: (K, M) metres >= 0 by which the moved bodies are grown on all sides, along with their poses: linearly
   /// in time, or as the Bezier curve of control_points. Their followers are not grown. Empty for none.
   std::span<const double> growths{};
+  /// For kFieldRate and kFieldCurvature: (K, J) speeds of the joints in rad/s and m/s, and (K, M, 6) twists of the
+  /// bodies: rad/s, and m/s of the origin, world axes. Those that are not given are 0.
+  std::span<const double> velocities{};
+  std::span<const double> twists{};
+  std::uint32_t k = 0;  ///< of Reduce::kNearest: the k nearest pairs of each configuration; 0 for the nearest per body
   /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
   /// constant speed. For Reduce::kNone, kMin and kAny; `margin` applies to kFieldFirstContact.
@@ -103,6 +108,10 @@ struct ReplyView {
   float* bounds = nullptr;                 ///< (rows, 2)
   double* free_scale = nullptr;            ///< (rows,)
   std::uint8_t* verdict = nullptr;         ///< (rows,)
+  double* hessian_joints = nullptr;        ///< (rows, joints, joints), symmetric
+  double* rate = nullptr;                  ///< (rows,)
+  double* curvature = nullptr;             ///< (rows,)
+  double* smooth_radius = nullptr;         ///< (rows,)
   std::uint32_t joints = 0;                ///< J, the entries per row of gradient_joints
 };
 
@@ -133,6 +142,10 @@ void for_each_column(F&& f, View&... view) {
   f(view.bounds..., 2);
   f(view.free_scale..., 1);
   f(view.verdict..., 1);
+  f(view.hessian_joints..., joints * joints);
+  f(view.rate..., 1);
+  f(view.curvature..., 1);
+  f(view.smooth_radius..., 1);
 }
 
 /// A view of columns laid out one after another in the order of Field, each on a 64-byte boundary: the layout of a

@@ -25,7 +25,11 @@ void reject_columns(std::uint32_t fields) {
                                     {kFieldFirstContact, "first_contact"},
                                     {kFieldSteps, "steps"},
                                     {kFieldFreeScale, "free_scale"},
-                                    {kFieldVerdict, "verdict"}})
+                                    {kFieldVerdict, "verdict"},
+                                    {kFieldHessianJoints, "hessian_joints"},
+                                    {kFieldRate, "rate"},
+                                    {kFieldCurvature, "curvature"},
+                                    {kFieldSmoothRadius, "smooth_radius"}})
     if (fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
 }

@@ -33,6 +33,8 @@ ClientQueries::Kept::Kept(const wire::FrameHeader& request, std::span<const std:
   };
   configurations = range_of(query.parts.configurations, kStampEnd);
   positions = range_of(query.parts.positions, configurations.end());
+  velocities = range_of(query.parts.velocities, positions.end());
+  twists = range_of(query.parts.twists, velocities.end());
 }
 
 bool ClientQueries::Kept::is_of(const wire::FrameHeader& request, std::span<const std::byte> payload) const {
@@ -44,7 +46,8 @@ bool ClientQueries::Kept::is_of(const wire::FrameHeader& request, std::span<cons
     return std::memcmp(own.data() + begin, payload.data() + begin, end - begin) == 0;
   };
   return same(0, kStamp) && same(kStampEnd, configurations.begin) && same(configurations.end(), positions.begin) &&
-         same(positions.end(), payload.size());
+         same(positions.end(), velocities.begin) && same(velocities.end(), twists.begin) &&
+         same(twists.end(), payload.size());
 }
 
 void ClientQueries::Kept::take_inputs(std::span<const std::byte> payload) {
@@ -52,6 +55,8 @@ void ClientQueries::Kept::take_inputs(std::span<const std::byte> payload) {
   parts.header.min_pose_stamp_ns = parts.options.min_pose_stamp_ns = stamp_in(payload);
   parts.configurations = {payload.data() + configurations.begin, parts.configurations.size()};
   parts.positions = {payload.data() + positions.begin, parts.positions.size()};
+  parts.velocities = {payload.data() + velocities.begin, parts.velocities.size()};
+  parts.twists = {payload.data() + twists.begin, parts.twists.size()};
 }
 
 ClientQueries::Client* ClientQueries::client_of(const ReplySink& sink) {

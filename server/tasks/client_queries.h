@@ -52,7 +52,7 @@ class ClientQueries {
 
     wire::FrameHeader header;
     std::vector<std::uint64_t> copy;
-    Range configurations, positions;
+    Range configurations, positions, velocities, twists;
     std::uint64_t scene_revision = 0;  ///< of the cost
     ClientQuery query;
   };

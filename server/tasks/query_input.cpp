@@ -31,6 +31,8 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   q.joints = view_as<std::uint32_t>(parts.joints);
   q.positions = view_as<double>(parts.positions);
   q.growths = view_as<double>(parts.growths);
+  q.velocities = view_as<double>(parts.velocities);
+  q.twists = view_as<double>(parts.twists);
   q.all_pairs = h.all_pairs;
   q.configuration_count = h.configuration_count;
   copy_options(parts.options, q);

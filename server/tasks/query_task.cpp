@@ -184,7 +184,7 @@ void QueryTask::prepare(const wire::QueryParts& parts, const std::shared_ptr<Job
   daemon_.limits.check(cost_);
   // The engine keeps the configurations and the pairs, unless these are the scene's whole table.
   whole_table_ = parts.header.all_pairs && parts.bodies.size() == 0 && parts.joints.size() == 0;
-  const bool by_joints = query.fields & kFieldGradientJoints;
+  const bool by_joints = query.fields & kJointFields;
   reply_.begin(query, daemon_.answers.records(parts.passed_over, by_joints ? query.joints.size() : 0));
   prepared_ = engine_->begin_preparing(query, jobs);
 }

@@ -117,7 +117,7 @@ TEST(Wire, BadQueryValuesAreNamed) {
       {offsetof(QueryHeader, signed_distance), single(std::uint8_t{9}),
        "query: signed_distance 9 is not one of 0 to 1"},
       {offsetof(QueryHeader, reduce), single(std::uint8_t{5}), "query: reduce 5 is not one of 0 to 4"},
-      {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 21}), "query: fields has unknown bits: 2097152"},
+      {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 25}), "query: fields has unknown bits: 33554432"},
       {offsetof(QueryHeader, max_pose_age_ns), single(std::int64_t{-1}), "query: max_pose_age_ns must be >= 0, got -1"},
       {offsetof(QueryHeader, min_pose_stamp_ns), single(std::int64_t{-2}),
        "query: min_pose_stamp_ns must be >= 0, got -2"},
@@ -137,6 +137,28 @@ TEST(Wire, BadQueryValuesAreNamed) {
   query = query_payload(2, 0, 0);
   overwrite(query, offsetof(QueryHeader, reserved) + 8, std::uint64_t{1});
   EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");
+}
+
+TEST(Wire, ThereIsAVelocityForEachPosition) {
+  Bytes query = query_payload(2, 0, 0);
+  overwrite(query, offsetof(QueryHeader, configuration_count), std::uint32_t{1});
+  const std::uint32_t joints[] = {3, 4};
+  const double numbers[] = {0.5, 0.25, 1, 2, 3, 4};
+  const std::span<const double> positions(numbers, 2);
+  const auto records_with = [&](std::span<const double> velocities, std::span<const double> twists) {
+    Bytes records;
+    insert_joint_records(records, joints, positions, {}, velocities, twists);
+    return records;
+  };
+  const Bytes right = records_with(positions, {}), few = records_with(positions.first(1), {}),
+              alone = records_with({}, numbers);
+  const QueryParts parts = parse_query(query, true, right);
+  EXPECT_EQ(parts.velocities.size(), 2u);
+  EXPECT_EQ(parts.velocities[1], 0.25);
+  EXPECT_EQ(error_of([&] { parse_query(query, true, few); }, ErrorCode::kBadQuery),
+            "query: velocities (record 18) has 1 numbers, expected 2");
+  EXPECT_EQ(error_of([&] { parse_query(query, true, alone); }, ErrorCode::kBadQuery),
+            "query: twists (record 19) has 6 numbers, expected 0");
 }
 
 TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {

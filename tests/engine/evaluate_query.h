@@ -21,7 +21,7 @@ struct Answer {
 /// Columns that each backend writes for configurations, in float64; gradient_joints is for joints.
 inline constexpr std::uint32_t kAllFields =
     kKnownFields & ~(kFieldPoints32 | kFieldBounds | kFieldPairLower | kFieldGradientJoints | kMotionFields |
-                     kFieldFreeScale | kFieldVerdict);
+                     kFieldFreeScale | kFieldVerdict | kSecondOrderFields);
 /// Bounds and points in float32.
 inline constexpr std::uint32_t kFloat32 = kFieldBounds | kFieldPoints32;
 

@@ -50,7 +50,7 @@ void round_columns(Bytes& frame, const wire::FrameHeader& header) {
   const wire::ReplyHeader reply = wire::parse_reply(parts.body, parts.records, &joints);
   for (int f = 0; f < kFieldCount; ++f) {
     constexpr std::uint32_t kDoubles = kFieldDistance | kFieldLower | kFieldUpper | kFieldPoints | kFieldNormal |
-                                       kFieldGradient | kFieldGradientJoints | kFieldFreeScale;
+                                       kFieldGradient | kFieldGradientJoints | kFieldFreeScale | kSecondOrderFields;
     if (!(reply.fields & kDoubles & 1u << f)) continue;
     std::byte* column = frame.data() + sizeof header + sizeof reply +
                         wire::column_offset(reply.rows, reply.fields, Field(1u << f), joints);
@@ -224,6 +224,14 @@ void write_frames(std::ostream& out) {
   query.header.fields = kFieldVerdict | kFieldPair;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
   write_exchange(out, arm, "arm_check", query.frame(63));
+  query.header.fields = kFieldLower | kSecondOrderFields;
+  query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
+  const std::uint32_t k = 2;
+  const double velocities[] = {0.5, -0.25};
+  wire::append_record(query.records, 17, wire::kRecordRequired, std::as_bytes(std::span(&k, 1)));
+  wire::append_record(query.records, static_cast<std::uint16_t>(wire::QueryRecord::kVelocities), wire::kRecordRequired,
+                      std::as_bytes(std::span(velocities)));
+  write_exchange(out, arm, "arm_rates", query.frame(64));
 
   // Replies of a daemon with a GPU.
   write(out, "plan", simple_frame(FrameType::kPlan, 1, wire::plan_payload()));

@@ -72,6 +72,7 @@ PYTHON_ONLY = {
         **dict.fromkeys(("display_mesh", "ignored", "initial_pose", "pieces", "source"), "for viewers and tools"),
     },
     "Result": {
+        "nonsmooth": "not smooth_radius() > 0",
         "columns": "numpy arrays by name",
         "neighbours": "numpy",
         "reduce": "the shape of columns depends on it",

@@ -85,7 +85,7 @@ QUERY = {
     "abs_tol": [*NUMBERS, None],
     "rel_tol": NUMBERS_FROM_0,
     "signed_distance": BOOLS,
-    "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 21, -1],
+    "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 25, -1],
     "timeout_s": NUMBERS_FROM_0,
 }  # fmt: skip
 #: Of options that only prepared queries take.

@@ -249,7 +249,7 @@ def test_arrays_that_need_a_conversion_have_the_same_results(front, call):
         with pytest.raises(ValueError):
             prepared.run(*wrong)
     with pytest.raises(TypeError):
-        prepared.run(*inputs, Q)
+        prepared.run(*inputs, Q, Q, Q)
     assert equal(prepared.run(*inputs), expected)
 
 

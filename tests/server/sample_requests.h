@@ -34,7 +34,7 @@ inline std::vector<std::pair<std::string, std::vector<std::byte>>> sample_reques
     q.configurations = {here, there, there, here};
     q.header.precision = 1;
     q.header.fields = kKnownFields & ~(kFieldPoints32 | kFieldPairLower | kFieldGradientJoints | kMotionFields |
-                                       kFieldFreeScale | kFieldVerdict);
+                                       kFieldFreeScale | kFieldVerdict | kSecondOrderFields);
   });
   query("signed_with_points", [&](TestQuery& q) {
     q.bodies = {1};

@@ -19,9 +19,10 @@ struct OwnedQuery {
         margins(original.margins.begin(), original.margins.end()),
         pair_margins(original.pair_margins.begin(), original.pair_margins.end()),
         weights(original.weights.begin(), original.weights.end()) {
-    if (!original.configurations.empty() || !original.positions.empty() || !original.growths.empty())
+    if (!original.configurations.empty() || !original.positions.empty() || !original.growths.empty() ||
+        !original.velocities.empty() || !original.twists.empty())
       throw std::invalid_argument(
-          "prepare: configurations, positions and growths are inputs of run(), not of the query");
+          "prepare: configurations, positions, growths and velocities are inputs of run(), not of the query");
     query.pairs = pairs;
     query.bodies = bodies;
     query.joints = joints;

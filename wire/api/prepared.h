@@ -60,6 +60,7 @@ class Prepared {
     std::span<const double> positions{};
     std::span<const Pose7> configurations{};
     std::span<const double> growths{};
+    std::span<const double> velocities{}, twists{};
   };
   /// Implemented by the engine and by the client.
   struct Runner {

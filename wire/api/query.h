@@ -46,6 +46,10 @@ struct Query {
   /// For motions: (K * M,) metres >= 0 by which the moved bodies are grown on all sides, along with their poses, as a
   /// person is who may be anywhere in a ball that grows; empty for none.
   std::span<const double> growths = {};
+  /// For kFieldRate and kFieldCurvature: (K * J,) speeds of the joints, rad/s and m/s, and (K * M * 6,) twists of the
+  /// bodies: rad/s, and m/s of the origin, world axes. Empty for 0.
+  std::span<const double> velocities = {};
+  std::span<const double> twists = {};
   bool check_scene = true;  ///< whether to reject an answer for another scene than the client's
 };
 

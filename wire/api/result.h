@@ -21,7 +21,7 @@ struct ResultInfo {
   std::uint64_t total = 0;                      ///< pairs found by Reduce::kWithin, including those past max_results
   std::uint64_t configurations = 0, pairs = 0;  ///< K, P
   std::uint32_t fields = 0;                     ///< Field bits of the columns
-  std::uint32_t joints = 0;                     ///< J with gradient_joints, otherwise 0
+  std::uint32_t joints = 0;                     ///< J with gradient_joints or hessian_joints, otherwise 0
   std::uint64_t epoch = 0;                      ///< run of the daemon that answered, or 0
   std::uint64_t scene_revision = 0, snapshot_revision = 0;
   std::int64_t snapshot_stamp_ns = 0;  ///< newest stamp among the poses, publisher's clock; 0 without stamps
@@ -67,6 +67,14 @@ class Result {
   /// order. 0 for overlapping bodies without a requested depth, NaN without witness points; one of several gradients
   /// with the flag kFlagNonsmooth.
   std::span<const double> gradient_joints() const { return column<double>(kFieldGradientJoints); }
+  /// (rows * joints() * joints(),) second derivatives, symmetric: m/rad^2, m/rad for a sliding and a turning joint, 1/m
+  /// for two sliding ones. One of several where smooth_radius() is 0.
+  std::span<const double> hessian_joints() const { return column<double>(kFieldHessianJoints); }
+  /// (rows,) m/s and m/s^2: first and second derivative by time at the query's velocities, if these stay constant.
+  std::span<const double> rate() const { return column<double>(kFieldRate); }
+  std::span<const double> curvature() const { return column<double>(kFieldCurvature); }
+  /// (rows,) metres; kFieldSmoothRadius.
+  std::span<const double> smooth_radius() const { return column<double>(kFieldSmoothRadius); }
   std::span<const IdPair> pair_lower() const { return column<IdPair>(kFieldPairLower); }
   std::span<const double> time() const { return column<double>(kFieldTime); }  ///< of motions, 0 to 1
   /// (rows * 2,) of motions; kFieldFirstContact.

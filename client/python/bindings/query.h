@@ -44,6 +44,8 @@ struct Query : QueryOptions {
   std::optional<PairMargins> pair_margins;
   std::optional<PositionRow> weights;       ///< (J,)
   std::optional<PositionsArray> growths;    ///< (K, M) of one run's bodies
+  std::optional<PositionRow> velocities;    ///< (K * J,) of the next run
+  std::optional<PositionRow> twists;        ///< (K * M * 6,) of the next run
   std::optional<PositionRow> lower, upper;  ///< (J,) limits of the joints
   bool points_by_default = false;           ///< whether an engine adds points and normal if there are few rows
 };
@@ -109,13 +111,15 @@ class RowsOfRun {
   std::size_t count_ = 0;
 };
 
-/// Copies the margins, weights and growths of a query to a type with such members.
+/// Copies the margins, weights, growths and velocities of a query to a type with such members.
 template <class To>
 void copy_margins(const Query& q, To& to) {
   if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
   if (q.pair_margins) to.pair_margins = {q.pair_margins->data(), q.pair_margins->shape(0)};
   if (q.weights) to.weights = {q.weights->data(), q.weights->shape(0)};
   if (q.growths) to.growths = {q.growths->data(), q.growths->shape(0) * q.growths->shape(1)};
+  if (q.velocities) to.velocities = {q.velocities->data(), q.velocities->shape(0)};
+  if (q.twists) to.twists = {q.twists->data(), q.twists->shape(0)};
 }
 
 /// Python's type of an option of type T.
@@ -149,6 +153,15 @@ void bind_query(nb::module_& m) {
   query.def("set_pair_margins", [](T& q, PairMargins margins) { q.pair_margins = std::move(margins); });
   query.def("set_weights", [](T& q, PositionRow weights) { q.weights = std::move(weights); });
   query.def("set_growths", [](T& q, PositionsArray growths) { q.growths = std::move(growths); });
+  query.def(
+      "at_velocities",
+      [](const T& q, std::optional<PositionRow> velocities, std::optional<PositionRow> twists) {
+        T copy = q;
+        copy.velocities = std::move(velocities);
+        copy.twists = std::move(twists);
+        return copy;
+      },
+      nb::arg("velocities").none(), nb::arg("twists").none());
   query.def("set_limits", [](T& q, PositionRow lower, PositionRow upper) {
     const std::size_t joints = q.joints ? q.joints->shape(0) : 0;
     if (lower.shape(0) != joints || upper.shape(0) != joints)
@@ -170,7 +183,7 @@ template <class Requested>
 nb::dict query_options() {
   nb::dict rows;
   for_each_query_option([&rows](const QueryOption& option, auto member) {
-    if constexpr (requires(Requested & requested) { member(requested); }) {
+    if constexpr (requires(Requested& requested) { member(requested); }) {
       using T = std::remove_cvref_t<decltype(member(kDefaultOptions))>;
       const bool is_word = option.legal.kind == Legal::Kind::kWord;
       const char* kind = std::is_same_v<T, bool>       ? "bool"

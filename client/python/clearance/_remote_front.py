@@ -73,7 +73,7 @@ class RemoteFront(Front):
 
     def _rows_each(self, query: Query, moves: bool) -> int:
         if query.reduce == Reduce.NEAREST:
-            return len(self._names.bodies)
+            return query.k or len(self._names.bodies)
         if query.pairs is None and not moves:
             return self._pair_count
         if query.pairs is not None and not query.selects:

@@ -89,6 +89,10 @@ class Field(enum.IntFlag):
     BOUNDS = 1 << 18
     FREE_SCALE = 1 << 19
     VERDICT = 1 << 20
+    HESSIAN_JOINTS = 1 << 21
+    RATE = 1 << 22
+    CURVATURE = 1 << 23
+    SMOOTH_RADIUS = 1 << 24
 
 
 class Column(NamedTuple):
@@ -96,7 +100,7 @@ class Column(NamedTuple):
 
     bit: int
     dtype: np.dtype
-    shape: tuple[int, ...]  #: of one row; of gradient_joints (J,), which depends on the query
+    shape: tuple[int, ...]  #: of one row; for a column of BY_JOINT that of one entry
 
 
 #: One entry of margins for groups of pairs, in the layout of the extension modules and the wire.
@@ -125,7 +129,13 @@ COLUMNS: dict[str, Column] = {
     "bounds": Column(18, np.dtype("<f4"), (2,)),
     "free_scale": Column(19, np.dtype("<f8"), ()),
     "verdict": Column(20, np.dtype("u1"), ()),
+    "hessian_joints": Column(21, np.dtype("<f8"), ()),
+    "rate": Column(22, np.dtype("<f8"), ()),
+    "curvature": Column(23, np.dtype("<f8"), ()),
+    "smooth_radius": Column(24, np.dtype("<f8"), ()),
 }
+#: Columns with an entry for each joint of the query, or for each two: the number of these axes.
+BY_JOINT = {"gradient_joints": 1, "hessian_joints": 2}
 KNOWN_FIELDS = sum(1 << column.bit for column in COLUMNS.values())
 #: Bits from 0 to that of the last column.
 FIELD_COUNT = KNOWN_FIELDS.bit_length()
@@ -137,6 +147,12 @@ FIELD_MASKS: dict[str, int] = {
     "points": int(Field.POINT_A | Field.POINT_B),
     "default": DEFAULT_FIELDS,
 }
+
+
+def row_shape(name: str, joints: int) -> tuple[int, ...]:
+    """Returns the shape of a row of a column. joints: number of the query's joints."""
+    return (joints,) * BY_JOINT[name] if name in BY_JOINT else COLUMNS[name].shape
+
 
 # Types of arguments for type checkers; tests compare them with the tables below.
 ReduceWord = Literal["none", "within", "nearest", "min", "any"]

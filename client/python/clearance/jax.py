@@ -18,7 +18,16 @@ memory.
 Calls work in compiled functions (jax.jit): XLA runs them in its own stream, without synchronisation with the host. They
 do not support jax.vmap, since a plan has a fixed K.
 
-Requires JAX with CUDA (`pip install "jax[cuda13]"`); `import clearance` alone does not.
+JointDistances have a gradient. Of HostJointDistances, which a prepared query computes on the host, there are second
+derivatives as well:
+
+    columns = ["distance", "gradient_joints", "hessian_joints"]
+    rows = engine.prepare("distances", joints="arm", reduce="min", fields=columns)
+    distances = clearance.jax.HostJointDistances(rows)
+    product = clearance.jax.hvp(lambda q: distances(q).sum(), positions, tangents)      # (K, J)
+
+Requires JAX with CUDA (`pip install "jax[cuda13]"`); HostJointDistances and hvp() work without
+CUDA. `import clearance` alone requires neither.
 """
 
 from __future__ import annotations
@@ -33,10 +42,11 @@ import numpy as np
 
 from ._arguments import did_you_mean
 from ._device import xla_ffi
+from ._device.host_rows import HostRows
 from ._device.plan import DevicePlan
 from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
-__all__ = ["Distances", "JointDistances", "Rows"]
+__all__ = ["Distances", "HostJointDistances", "JointDistances", "Rows", "hvp"]
 
 
 class Rows:
@@ -167,3 +177,51 @@ def _backward_joints(of: JointDistances, gradient: Any, by_distance: Any) -> Any
 
 
 _joint_distances.defvjp(_forward_joints, _backward_joints)
+
+
+class HostJointDistances:
+    """Distances of a prepared query as a function of joint positions, with first and second derivatives
+    (jax.custom_jvp). The query runs on the host, in a callback.
+
+    prepared: a query of distances() of joints alone with the columns "distance", "gradient_joints" and
+        "hessian_joints", reduce "none", "min" or "nearest" with `k`.
+
+    Called with (K, J) float64 positions it returns float64 metres, (K, P), (K,) or (K, k). Derivatives are those of the
+    features that meet: one of several where these change, NaN where there are none (Result.hessian_joints).
+    """
+
+    def __init__(self, prepared: Any):
+        self.rows = HostRows(prepared)
+
+    def __call__(self, positions: Any) -> Any:
+        return _host_column(self, 0, positions)
+
+    def column(self, order: int, positions: Any) -> Any:
+        """Returns the derivatives of this order, 0 to 2."""
+        array = jnp.asarray(positions)
+        shape = self.rows.shape(array.shape, array.dtype, order)
+        given = jax.ShapeDtypeStruct(shape, np.float64)
+        return jax.pure_callback(functools.partial(self.rows.column, order), given, array, vmap_method="sequential")
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(0, 1))
+def _host_column(of: HostJointDistances, order: int, positions: Any) -> Any:
+    return of.column(order, positions)
+
+
+@_host_column.defjvp  # type: ignore[untyped-decorator]
+def _host_jvp(of: HostJointDistances, order: int, primals: Any, tangents: Any) -> Any:
+    (positions,), (moves,) = primals, tangents
+    if order == 2:
+        raise NotImplementedError("HostJointDistances: there are no third derivatives")
+    slopes = _host_column(of, order + 1, positions)
+    between = slopes.ndim - 2
+    return _host_column(of, order, positions), (slopes * moves.reshape(len(moves), *[1] * between, -1)).sum(-1)
+
+
+def hvp(function: Any, positions: Any, tangents: Any) -> Any:
+    """Returns the product of the Hessian of a scalar function with `tangents`, in the shape of `positions`.
+
+    function: of positions, twice differentiable by JAX, such as a sum of HostJointDistances.
+    """
+    return jax.jvp(jax.grad(function), (positions,), (tangents,))[1]

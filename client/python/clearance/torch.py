@@ -14,7 +14,16 @@ GPU's memory.
     d = distances(positions)                    # (K,); positions (K, J) float64
     (0.05 - d).clamp(min=0).sum().backward()    # positions.grad: (K, J)
 
-Requires PyTorch with CUDA (`pip install torch`); `import clearance` alone does not.
+JointDistances have a gradient. Of HostJointDistances, which a prepared query computes on the host, there are second
+derivatives as well:
+
+    columns = ["distance", "gradient_joints", "hessian_joints"]
+    rows = engine.prepare("distances", joints="arm", reduce="min", fields=columns)
+    distances = clearance.torch.HostJointDistances(rows)
+    product = clearance.torch.hvp(lambda q: distances(q).sum(), positions, tangents)     # (K, J)
+
+Requires PyTorch with CUDA (`pip install torch`); HostJointDistances and hvp() work without CUDA. `import
+clearance` alone requires neither.
 """
 
 from __future__ import annotations
@@ -23,10 +32,11 @@ from typing import Any
 
 import torch
 
+from ._device.host_rows import HostRows
 from ._device.plan import DevicePlan
 from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
-__all__ = ["Distances", "JointDistances"]
+__all__ = ["Distances", "HostJointDistances", "JointDistances", "hvp"]
 
 
 def _weighed(weights: Any, gradient: Any) -> Any:
@@ -113,3 +123,70 @@ class JointDistances:
 
     def __call__(self, positions: Any) -> Any:
         return _JointRun.apply(positions, self.plan)
+
+
+def _host_column(rows: HostRows, order: int, positions: Any) -> Any:
+    given = positions.detach().cpu()
+    rows.shape(tuple(given.shape), str(given.dtype).removeprefix("torch."), order)
+    return torch.as_tensor(rows.column(order, given.numpy()).copy(), device=positions.device)
+
+
+class _HostRun(torch.autograd.Function):  # type: ignore[misc]
+    @staticmethod
+    def forward(ctx: Any, positions: Any, rows: HostRows) -> Any:
+        ctx.save_for_backward(positions)
+        ctx.rows = rows
+        return _host_column(rows, 0, positions)
+
+    @staticmethod
+    def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
+        (positions,) = ctx.saved_tensors
+        return _HostGradient.apply(positions, grads[0], ctx.rows), None
+
+
+class _HostGradient(torch.autograd.Function):  # type: ignore[misc]
+    """The gradient of a sum of distances with weights."""
+
+    @staticmethod
+    def forward(ctx: Any, positions: Any, weights: Any, rows: HostRows) -> Any:
+        gradient = _host_column(rows, 1, positions)
+        ctx.save_for_backward(positions, weights, gradient)
+        ctx.rows = rows
+        return _weighed(weights, gradient).flatten(1, -2).sum(1) if gradient.dim() > 2 else _weighed(weights, gradient)
+
+    @staticmethod
+    @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
+    def backward(ctx: Any, *grads: Any) -> tuple[Any, Any, None]:
+        positions, weights, gradient = ctx.saved_tensors
+        moves = grads[0].reshape(len(positions), *[1] * (gradient.dim() - 2), -1)
+        bent = (_host_column(ctx.rows, 2, positions) * moves.unsqueeze(-2)).sum(-1)
+        by_position = _weighed(weights, bent)
+        return by_position.flatten(1, -2).sum(1) if bent.dim() > 2 else by_position, (gradient * moves).sum(-1), None
+
+
+class HostJointDistances:
+    """Distances of a prepared query as a function of joint positions, with first and second derivatives. The query
+    runs on the host.
+
+    prepared: a query of distances() of joints alone with the columns "distance", "gradient_joints" and
+        "hessian_joints", reduce "none", "min" or "nearest" with `k`.
+
+    Called with (K, J) float64 positions it returns float64 metres, (K, P), (K,) or (K, k). Derivatives are those of the
+    features that meet: one of several where these change, NaN where there are none (Result.hessian_joints).
+    """
+
+    def __init__(self, prepared: Any):
+        self.rows = HostRows(prepared)
+
+    def __call__(self, positions: Any) -> Any:
+        return _HostRun.apply(positions, self.rows)
+
+
+def hvp(function: Any, positions: Any, tangents: Any) -> Any:
+    """Returns the product of the Hessian of a scalar function with `tangents`, in the shape of `positions`.
+
+    function: of positions, twice differentiable by PyTorch, such as a sum of HostJointDistances.
+    """
+    given = positions.detach().requires_grad_()
+    (gradient,) = torch.autograd.grad(function(given), given, create_graph=True)
+    return torch.autograd.grad(gradient, given, tangents)[0]

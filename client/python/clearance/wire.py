@@ -69,6 +69,8 @@ class QueryRecord(enum.IntEnum):
     POSITIONS = 9  #: (K, J) float64
     WEIGHTS = 11  #: (J,) float64
     GROWTHS = 13  #: (K, M) float64, metres
+    VELOCITIES = 18  #: (K, J) float64, rad/s and m/s
+    TWISTS = 19  #: (K, M, 6) float64, rad/s and m/s
     ROWS = 16  #: uint64 row numbers, for CERTIFY only
 
 
@@ -98,7 +100,7 @@ class ReplyRecord(enum.IntEnum):
     """Tags of a reply's records."""
 
     IGNORED = 1  #: uint16 tags of the query's records that the daemon ignored
-    JOINTS = 2  #: uint32 J, the entries per row of the column gradient_joints; present with that column
+    JOINTS = 2  #: uint32 J; present with the columns gradient_joints and hessian_joints
 
 
 class CommonRecord(enum.IntEnum):

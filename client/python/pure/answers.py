@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from .. import wire
-from .._words import COLUMNS, KNOWN_FIELDS, Status
+from .._words import COLUMNS, KNOWN_FIELDS, Status, row_shape
 from .frames import Frame, malformed
 from .zmq_channel import aligned_bytes
 
@@ -26,7 +26,7 @@ class Answer(np.ndarray):
     total: int
     configurations: int
     pairs: int
-    joints: int  #: numbers per row of gradient_joints, or 0 without it
+    joints: int  #: joints of gradient_joints or hessian_joints, or 0 without them
     scene_revision: int
     snapshot_revision: int
     snapshot_stamp_ns: int
@@ -80,7 +80,7 @@ def answer_of(frame: Frame, copy: bool, url: str) -> Answer:
 
 def column_shape(name: str, joints: int) -> tuple[int, ...]:
     """Returns the shape of a row of a column."""
-    return (joints,) if name == "gradient_joints" else COLUMNS[name].shape
+    return row_shape(name, joints)
 
 
 def _parse(frame: Frame, joints: int, url: str) -> tuple[np.ndarray, dict[int, tuple[int, int]]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import math
 import pathlib
@@ -15,6 +16,7 @@ from .._words import Field, Reduce
 from ..wire import ErrorCode
 
 _MOTION_FIELDS = Field.TIME | Field.FIRST_CONTACT | Field.STEPS
+_SECOND_ORDER = Field.HESSIAN_JOINTS | Field.RATE | Field.CURVATURE | Field.SMOOTH_RADIUS
 
 CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
 #: {name: (tag, kind, default, words, unit, text, bytes in a record, least, most, text of these)}: the rows of
@@ -41,6 +43,8 @@ class Query:
         self.pair_margins: Optional[np.ndarray] = None
         self.weights: Optional[np.ndarray] = None
         self.growths: Optional[np.ndarray] = None
+        self.velocities: Optional[np.ndarray] = None
+        self.twists: Optional[np.ndarray] = None
         self.__dict__.update((name, row[2]) for name, row in OPTIONS.items())
 
     def check(self, poses: Optional[np.ndarray], positions: Optional[np.ndarray]) -> None:
@@ -69,12 +73,20 @@ class Query:
         yield is_any and q.signed_distance, "signed_distance: reduce any computes no depth", bad
         text = "fields: gradient_joints is for a query with joints"
         yield fields & Field.GRADIENT_JOINTS and self.joints is None, text, bad
+        text = "fields: hessian_joints is for a query with joints"
+        yield fields & Field.HESSIAN_JOINTS and self.joints is None, text, bad
+        text = "fields: reduce any has no rate, curvature, hessian_joints and smooth_radius"
+        yield fields & _SECOND_ORDER and is_any, text, bad
+        for name in ("velocities", "twists"):
+            text = f"{name}: only for the columns rate and curvature"
+            yield getattr(self, name) is not None and not fields & (Field.RATE | Field.CURVATURE), text, bad
+        yield q.k > 0 and q.reduce != Reduce.NEAREST, "k: only for reduce nearest", bad
         text = "fields: time, first_contact and steps are only for motions (max_evaluations)"
         yield fields & _MOTION_FIELDS and not is_motion, text, bad
         text = "reduce: motions are reduced by none, min and any"
         yield is_motion and q.reduce in (Reduce.WITHIN, Reduce.NEAREST), text, unsupported
         yield is_motion and q.signed_distance, "signed_distance: motions have no depths", unsupported
-        has_gradient = fields & (Field.GRADIENT | Field.GRADIENT_JOINTS)
+        has_gradient = fields & (Field.GRADIENT | Field.GRADIENT_JOINTS | _SECOND_ORDER)
         yield is_motion and has_gradient, "fields: motions have no gradient", unsupported
         if q.control_points != 2:
             yield not is_motion, "control_points: only for motions (max_evaluations)", bad
@@ -108,6 +120,11 @@ class Query:
 
     def set_pair_margins(self, each: np.ndarray) -> None:
         self.pair_margins = each
+
+    def at_velocities(self, velocities: Optional[np.ndarray], twists: Optional[np.ndarray]) -> Query:
+        copied = copy.copy(self)
+        copied.velocities, copied.twists = velocities, twists
+        return copied
 
     def set_weights(self, each: np.ndarray) -> None:
         self.weights = each

@@ -71,7 +71,7 @@ class QueryRequests(SceneRequests):
         joints = 0 if query.joints is None else len(query.joints)
         expected = _PLAN_BYTES if type == FrameType.OPEN_PLAN else 0
         if type == FrameType.QUERY:
-            expected = self._expected_reply_bytes(header, pairs, joints)
+            expected = self._expected_reply_bytes(header, pairs, joints, query.k)
         return self._send(type, parts, revision, records, expected)
 
     def pairs(self, query: Any) -> np.ndarray:
@@ -119,7 +119,7 @@ class QueryRequests(SceneRequests):
         except UnicodeDecodeError as error:
             raise malformed(self.connection.url, f"the certificate is not UTF-8: {error}") from None
 
-    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int) -> int:
+    def _expected_reply_bytes(self, q: np.ndarray, pairs: Optional[np.ndarray], joints: int, k: int) -> int:
         """Estimates the size of the reply in bytes; 0 leaves the size to the daemon."""
         rows = max(int(q["configuration_count"]), 1)
         reduce, scene = int(q["reduce"]), self._scene
@@ -128,7 +128,7 @@ class QueryRequests(SceneRequests):
             if scene is None and (pairs is None or selects or reduce == Reduce.NEAREST):
                 return 0
             if reduce == Reduce.NEAREST:
-                rows *= len(scene.bodies) if scene else 0
+                rows *= k or (len(scene.bodies) if scene else 0)
             elif pairs is not None and not selects:
                 rows *= len(pairs)
             else:

@@ -121,7 +121,7 @@ class DistanceJob final : public CoveredJob {
     const bool is_empty = !bounds_.groups().has_cells(group);
     if (!is_empty && !bounds_.answers(bounds, answer)) return false;
     if (orders_rows_ && answer.status == Status::kBeyond) return true;
-    Row row{{kNone, kNone}, static_cast<std::uint32_t>(configuration), answer, {}, {}, {kNone, kNone}, {}};
+    Row row{{kNone, kNone}, static_cast<std::uint32_t>(configuration), answer, {}, {}, {kNone, kNone}, {}, {}};
     if (is_empty && plan_.query.reduce == Reduce::kNearest) row.pair.a = row.pair_lower.a = group;
     if (!is_empty && (reply_.pair || orders_rows_)) row.pair = plan_.pairs.at(bounds.upper_at);
     if (!is_empty && reply_.pair_lower)

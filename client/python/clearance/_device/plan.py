@@ -8,7 +8,7 @@ from typing import Any, Optional
 import numpy as np
 
 from .._arguments import did_you_mean
-from .._words import COLUMNS, Column
+from .._words import COLUMNS, Column, row_shape
 
 _DLPACK_CUDA, _DLPACK_KINDS = 2, {0: "i", 1: "u", 2: "f"}
 
@@ -190,9 +190,7 @@ class DevicePlan:
         return at
 
     def _shape_of(self, name: str, column: Column) -> tuple[int, ...]:
-        if name == "gradient_joints":
-            return (*self.shape, 0 if self.joints is None else len(self.joints))
-        return self.shape + column.shape
+        return self.shape + row_shape(name, 0 if self.joints is None else len(self.joints))
 
     def _address(self, array: Any, what: str, dtype: np.dtype, shape: tuple[int, ...]) -> int:
         address, got_shape, got_dtype = self._memory_of(array, what)

@@ -8,6 +8,7 @@ from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
+from .._arguments import contiguous, to_floats
 from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
 from .._words import FIELD_MASKS, Field, Reduce, Status
 from .arrays import arrays_of, count_of, curves_of, ends_of, interleave, is_curved, positions_of
@@ -34,6 +35,7 @@ class Call:
     """A call with a parsed query. A call of one query implements read() and result(), others steps()."""
 
     inputs: ClassVar[tuple[str, ...]] = ("configurations",)  #: parameters that each run gives
+    row_inputs: ClassVar[int] = 1  #: number of inputs, all rows of positions, of the usual case
     fixed: ClassVar[dict[str, Any]] = {}  #: options of its queries
 
     def __init__(self, query: Query):
@@ -57,7 +59,7 @@ class Call:
         return self.result(run, answer, positions)
 
 
-class Distances(Call):
+class Configurations(Call):
     def read(self, configurations: Any = None) -> Request:
         query = self.query
         if configurations is None:
@@ -72,7 +74,19 @@ class Distances(Call):
         return query.run(True, count_of(poses, positions)), poses, positions
 
 
-class Checks(Distances):
+class Distances(Configurations):
+    inputs = ("configurations", "velocities", "twists")
+
+    def read(self, configurations: Any = None, velocities: Any = None, twists: Any = None) -> Request:
+        run, poses, positions = super().read(configurations)
+        if velocities is None and twists is None:
+            return run, poses, positions
+        speeds = _speeds(velocities, positions, "velocities", "joints", "(K, J)")
+        moves = _speeds(twists, None if poses is None else poses[..., :6], "twists", "bodies", "(K, M, 6)")
+        return run.at_speeds(speeds, moves), poses, positions
+
+
+class Checks(Configurations):
     fixed: ClassVar = {"reduce": "any", "fields": int(Field.VERDICT | Field.PAIR)}
 
     #: Violations of the scene's joints at the current poses.
@@ -88,6 +102,7 @@ class Checks(Distances):
 
 class Motions(Call):
     inputs = ("start", "end")
+    row_inputs = 2
 
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -224,6 +239,18 @@ CALLS: dict[str, type[Call]] = {
     "check_path": Paths,
     "free_scale": Scales,
 }
+
+
+def _speeds(speeds: Any, like: Optional[np.ndarray], what: str, of: str, shape: str) -> Optional[np.ndarray]:
+    """Returns a speed for each number of `like`, flat."""
+    if speeds is None:
+        return None
+    if like is None:
+        raise ValueError(f"{what}: only together with configurations of {of}")
+    each = contiguous(to_floats(speeds, what, f"{shape} numbers"))
+    if each.shape != like.shape:
+        raise ValueError(f"{what}: expected shape {like.shape}, got {each.shape}")
+    return each.reshape(-1)
 
 
 def _stopped(r: Result, motion: int, violations: tuple[LimitViolation, ...]) -> PathCheck:

@@ -7,7 +7,7 @@ from typing import Any, Callable
 import numpy as np
 
 from .._names import names_of
-from .._words import Field, Reduce, Status
+from .._words import BY_JOINT, Field, Reduce, Status
 
 #: Suffixes of the numbers of a row, by their count or the column's name; otherwise from 0 on.
 _SUFFIXES = {"bounds": ("lower", "upper"), "pieces": ("a", "b"), "first_contact": ("free_until", "hit"), 3: "xyz"}
@@ -63,7 +63,7 @@ def _series(name: str, column: np.ndarray, rows: int, names: tuple[str, ...], la
         return {"lower_body_a": lower[:, 0], "lower_body_b": lower[:, 1]}
     flat = column.reshape(rows, -1)
     width = flat.shape[1]
-    if width == 1 and name != "gradient_joints":
+    if width == 1 and name not in BY_JOINT:
         return {name: flat[:, 0]}
     suffixes = _SUFFIXES.get(name) or _SUFFIXES.get(width) or range(width)
     return {f"{name}_{suffix}": flat[:, i] for i, suffix in enumerate(suffixes)}

@@ -64,7 +64,7 @@ class Prepared:
     def _checked(self) -> Prepared:
         """Raises QueryError for arguments that are wrong with any inputs. Returns this query."""
         query = self._query
-        moves = query.bodies is not None or query.joints is not None or self._call.inputs != Call.inputs
+        moves = query.bodies is not None or query.joints is not None or "configurations" not in self._call.inputs
         run = query.made(moves, DEFAULT_FIELDS if query.mask is None else query.mask)
         self._retried(self._runner._check, (run, None, None))
         return self
@@ -79,10 +79,14 @@ class Prepared:
             `end` of motions(), `path` of check_path(), `positions` of free_scale(). float64 arrays in C order are read
             in place; others are converted first, which costs about 1 us and more.
 
+        After `configurations` of distances() may come velocities, for the columns "rate" and "curvature": (K, J) rad/s
+        and m/s of `joints`, and then twists, (K, M, 6) of `bodies`: rad/s, and m/s of the origin, world axes; of a body
+        with a parent, relative to it. None, the default, stands still.
+
         Raises as that method does, and StaleQuery.
         """
         by_rows, call = self._by_rows, self._call
-        if by_rows is not None and len(inputs) == len(call.inputs) and inputs[-1] is not None:
+        if by_rows is not None and len(inputs) == call.row_inputs and inputs[-1] is not None:
             run, ask = by_rows
             if run.names is self._runner._names_cache:
                 try:
@@ -193,7 +197,8 @@ class Prepared:
             return run
         if run.growths is not None:
             return query.growing(run.mask, run.points, run.growths)
-        return query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
+        now = query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
+        return now if run.speeds is None else now.at_speeds(*run.speeds)
 
 
 def check_arguments(

@@ -252,6 +252,9 @@ class Queries:
             precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
                 iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.
             max_results: maximum number of rows of reduce="within". Default: 1,048,576, for which memory is reserved.
+            k: with reduce="nearest", rows of the min(k, P) nearest pairs of each configuration, in the order of the
+                query's pairs, so that a pair keeps its place among the others from cycle to cycle. A pair without
+                usable poses counts as the nearest. Default: 0, the nearest pair of each body.
             max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. Default: 0, any age.
             abs_tol, rel_tol: as in distances(), also for check(), check_path() and free_scale().
             deadline_ns (Client): the daemon rejects a query that it cannot answer in this time. Default: 0, no limit.
@@ -286,7 +289,7 @@ class Queries:
     def _parsed(self, call: str, arguments: Mapping[str, Any]) -> tuple[Prepared, list[Any]]:
         given = dict(arguments)
         del given["self"]
-        inputs = [given.pop(name) for name in CALLS[call].inputs]
+        inputs = [given.pop(name) for name in CALLS[call].inputs if name in given]
         return Prepared(self, call, given), inputs  # type: ignore[arg-type]  # subclasses have the other members
 
 

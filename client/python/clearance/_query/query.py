@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterable, Mapping
 from typing import Any, Optional, Protocol
 
@@ -160,6 +161,10 @@ class Query:
 
     # ---- the scene changes ----------------------------------------------------------------------------------------
 
+    @property
+    def k(self) -> int:
+        return self._options.get("k", 0)
+
     def renew(self) -> None:
         """Adopts the current scene. Raises StaleQuery if the query's ids mean something else in it."""
         names = self.source._names
@@ -208,7 +213,7 @@ class Run:
 
     __slots__ = (
         "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "growths", "reduce",
-        "timeout_s", "copy",
+        "timeout_s", "copy", "speeds",
     )  # fmt: skip
 
     def __init__(
@@ -224,8 +229,16 @@ class Run:
         self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
         self.points = points  # of each motion
         self.growths: Optional[np.ndarray] = None  # of this run alone
+        self.speeds: Optional[tuple[Optional[np.ndarray], Optional[np.ndarray]]] = None  # flat velocities and twists
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
         self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
+
+    def at_speeds(self, velocities: Optional[np.ndarray], twists: Optional[np.ndarray]) -> Run:
+        """Returns the query at these velocities of joints and twists of bodies."""
+        run = copy.copy(self)
+        run.speeds = velocities, twists
+        run.raw = self.raw.at_velocities(velocities, twists)
+        return run
 
     def pairs_at(self, revision: int) -> np.ndarray:
         """Returns (P, 2) body ids of an answer for a revision of the scene."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from .._arguments import did_you_mean
 from .._names import names_of
-from .._words import COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status
+from .._words import BY_JOINT, COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status, row_shape
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
 
@@ -59,7 +59,8 @@ class Result:
     """The answer to one query.
 
     The columns' shapes begin with (K, P) for reduce="none", (K, N) for "nearest", (K,) for "min" and "any" and (R,) for
-    "within", where K counts configurations (1 without), P pairs, N bodies and R the pairs found. Metres, world frame.
+    "within", where K counts configurations (1 without), P pairs, N bodies (min(k, P) with `k`) and R the pairs found.
+    Metres, world frame.
     A column that was not requested raises AttributeError. Columns are created on first access, over memory that is
     reused once all of them are gone. Can be pickled.
 
@@ -80,6 +81,17 @@ class Result:
     )  # type: ignore[assignment]
     gradient_joints: np.ndarray = _ColumnAttribute(
         "(..., J) float64: by the position of each of the query's joints, in their order (m/rad or m/m)"
+    )  # type: ignore[assignment]
+    hessian_joints: np.ndarray = _ColumnAttribute(
+        "(..., J, J) float64, symmetric: by the positions of two joints (m/rad^2, m/rad, 1/m); NaN where there is none"
+    )  # type: ignore[assignment]
+    rate: np.ndarray = _ColumnAttribute("float64, m/s: of the distance at the query's velocities")  # type: ignore[assignment]
+    curvature: np.ndarray = _ColumnAttribute(
+        "float64, m/s^2: second derivative by time while the velocities stay constant; NaN where there is none"
+    )  # type: ignore[assignment]
+    smooth_radius: np.ndarray = _ColumnAttribute(
+        "float64, metres: relative translation over which the same features stay the nearest; 0 where these change"
+        " within rounding, NaN where there is no second derivative; an estimate if bodies turn"
     )  # type: ignore[assignment]
     pair_lower: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
@@ -132,6 +144,11 @@ class Result:
         return Reduce(self._reduce).name.lower()
 
     @property
+    def nonsmooth(self) -> np.ndarray:
+        """Whether second derivatives jump at this state or do not exist: smooth_radius is not above 0."""
+        return ~(self.smooth_radius > 0)
+
+    @property
     def pairs(self) -> np.ndarray:
         """Body ids (a, b): (P, 2) for reduce="none", otherwise the pair of each row: (K, N, 2), (K, 2) or (R, 2).
 
@@ -177,6 +194,8 @@ class Result:
         if self._reduce != Reduce.NEAREST:
             raise AttributeError(f"neighbours: only for reduce='nearest', not for {self.reduce!r}")
         own = np.arange(self._lead[1], dtype=np.uint32)
+        if not ((self.pair == own[:, None]).any(-1)).all():
+            raise AttributeError("neighbours: only for reduce='nearest' without k")
         return np.where(self.pair[..., 0] == own, self.pair[..., 1], self.pair[..., 0])
 
     @property
@@ -204,11 +223,11 @@ class Result:
         if isinstance(answer, _Restored):
             return answer.columns[name]
         lead = (answer.rows,) if self._reduce in _ROWS_ALONE else self._lead
-        shape = lead if column.shape == () and name != "gradient_joints" else lead + self._row_shape(name)
+        shape = lead if column.shape == () and name not in BY_JOINT else lead + self._row_shape(name)
         return np.ndarray(shape, column.dtype, answer, answer.offset(column.bit))
 
     def _row_shape(self, name: str) -> tuple[int, ...]:
-        return (self._answer.joints,) if name == "gradient_joints" else COLUMNS[name].shape
+        return row_shape(name, self._answer.joints)
 
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """Pickles and copies the columns, the table of pairs and the names, without the engine or client."""

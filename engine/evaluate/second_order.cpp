@@ -1,0 +1,195 @@
+#include "engine/evaluate/second_order.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <optional>
+
+#include "engine/evaluate/feature_pair.h"
+#include "engine/narrow/narrow_phase.h"
+
+namespace clearance {
+
+namespace {
+
+constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+
+// Lower bound on the distance of two placed parts from balls around their vertices.
+double ball_gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
+  if (a.primitive || b.primitive) return 0;
+  const Vec3d gap = pose_b.R_wb * b.centre + pose_b.t_w - (pose_a.R_wb * a.centre + pose_a.t_w);
+  return norm(gap) - a.spread - b.spread - a.radius - b.radius;
+}
+
+// Lowers the radius to that over which no other two parts of the bodies become the nearest.
+double radius_among_parts(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
+                          const PairAnswer& answer, double distance, double radius) {
+  NarrowLimits limits;
+  for (std::uint32_t i = 0; i < a.parts.size(); ++i)
+    for (std::uint32_t j = 0; j < b.parts.size(); ++j) {
+      if (i == answer.part_a && j == answer.part_b) continue;
+      if (ball_gap(*a.parts[i], pose_a, *b.parts[j], pose_b) - distance >= 2 * radius) continue;
+      limits.max_distance = distance + 2 * radius;
+      const NarrowAnswer other = narrow_phase(*a.parts[i], pose_a, *b.parts[j], pose_b, limits);
+      if (!other.beyond) radius = std::clamp((other.bounds.lower - distance) / 2, 0.0, radius);
+    }
+  return radius;
+}
+
+// A joint, or the motion of a body that the query gives, as it moves a witness point. World axes.
+struct Mover {
+  std::uint32_t at;  // column of the query's joints, or kNone
+  double scale;      // of a mimic joint
+  double speed;      // its share of the query's velocities, per second
+  Vec3d spin;        // angular velocity by its variable
+  Vec3d shift;       // velocity of the witness point
+};
+
+// The movers from a body down to the nearest one that carries the other body as well.
+struct Chain {
+  std::vector<Mover> movers;
+  double sign;  // 1 of b, -1 of a
+};
+
+void add_joint(const JointMover& joint, const BodyPoses& placement, const Vec3d& point, const double* velocities,
+               std::vector<Mover>& out) {
+  const auto speed = [&](std::uint32_t at) { return velocities && at != kNone ? joint.scale * velocities[at] : 0; };
+  if (const std::uint32_t at = joint.turns ? joint.at[joint.slides] : kNone; at != kNone) {
+    const PoseMatrix& link = placement[joint.link].pose;  // its origin is on the axis
+    const Vec3d axis = link.R_wb * joint.axis;
+    out.push_back({at, joint.scale, speed(at), axis, cross(axis, point - link.t_w)});
+  }
+  for (std::uint32_t k = joint.slides; k-- > 0;) {
+    const std::uint32_t at = joint.at[k];
+    if (at == kNone) continue;
+    const Vec3d along = placement[joint.carrier].pose.R_wb * joint.along[k];
+    out.push_back({at, joint.scale, speed(at), {0, 0, 0}, along});
+  }
+}
+
+void add_twist(const double* twist, const Vec3d& origin, const Vec3d& point, std::vector<Mover>& out) {
+  const Vec3d spin{twist[0], twist[1], twist[2]}, shift{twist[3], twist[4], twist[5]};
+  out.push_back({kNone, 1, 1, spin, cross(spin, point - origin)});
+  out.push_back({kNone, 1, 1, {0, 0, 0}, shift});
+}
+
+// First derivative of the distance at the query's velocities.
+double rate_of(const Chain (&chains)[2], const Vec3d& normal) {
+  double rate = 0;
+  for (const Chain& chain : chains)
+    for (const Mover& m : chain.movers) rate += chain.sign * m.speed * dot(normal, m.shift);
+  return rate;
+}
+
+}  // namespace
+
+SecondOrder::SecondOrder(const engine::Scene& scene, const Plan& plan)
+    : scene_(scene), plan_(plan), joints_(scene, plan), given_of_(scene.bodies().size(), kNone) {
+  for (std::uint32_t i = 0; i < plan.given_bodies; ++i) given_of_[plan.bodies[i]] = i;
+}
+
+// Bodies from `body` to the root.
+void SecondOrder::find_way(std::uint32_t body, std::vector<std::uint32_t>& way) const {
+  way.clear();
+  for (; body != kNone; body = joints_.carrier_of(body)) way.push_back(body);
+}
+
+struct SecondOrder::Chains {
+  Chain side[2];
+};
+
+// Movers of both bodies at their witness points. What carries both changes nothing.
+void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
+                              const Vec3d& point_a, const Vec3d& point_b, Chains& chains) const {
+  std::vector<std::uint32_t> ways[2];
+  find_way(pair.a, ways[0]);
+  find_way(pair.b, ways[1]);
+  while (!ways[0].empty() && !ways[1].empty() && ways[0].back() == ways[1].back()) {
+    ways[0].pop_back();
+    ways[1].pop_back();
+  }
+  const std::size_t joints = plan_.joints.size();
+  const double* const velocities =
+      plan_.velocities.empty() ? nullptr : plan_.velocities.data() + configuration * joints;
+  const double* const twists =
+      plan_.twists.empty() ? nullptr : plan_.twists.data() + configuration * plan_.given_bodies * 6;
+  for (int side = 0; side < 2; ++side) {
+    Chain& chain = chains.side[side];
+    chain.sign = side ? 1 : -1;
+    chain.movers.clear();
+    for (const std::uint32_t body : ways[side]) {
+      const Vec3d& point = side ? point_b : point_a;
+      const std::uint32_t mover = joints_.mover_of()[body], given = given_of_[body];
+      if (mover != kNone && joints_.movers()[mover].link == body)
+        add_joint(joints_.movers()[mover], placement, point, velocities, chain.movers);
+      if (given != kNone && twists) add_twist(twists + 6 * given, placement[body].pose.t_w, point, chain.movers);
+    }
+  }
+}
+
+// Adds the second derivatives by all pairs of movers.
+void SecondOrder::combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row) const {
+  struct Term {
+    FeaturePair::Term term;
+    const Mover* mover;
+    int side;
+  };
+  std::vector<Term> terms;
+  for (int side = 0; side < 2; ++side)
+    for (const Mover& m : chains.side[side].movers) {
+      const Vec3d still{0, 0, 0};
+      const FeatureMotion motion{side ? still : m.spin, side ? m.spin : still, m.shift * chains.side[side].sign};
+      terms.push_back({features.term(motion), &m, side});
+    }
+  const std::size_t joints = plan_.joints.size();
+  double* const hessian = row.hessian_joints.empty() ? nullptr : row.hessian_joints.data();
+  double curvature = 0;
+  for (std::size_t x = 0; x < terms.size(); ++x)
+    for (std::size_t y = x; y < terms.size(); ++y) {
+      const Mover &carried = *terms[x].mover, &carrier = *terms[y].mover;  // if of one chain
+      double value = FeaturePair::curvature(terms[x].term, terms[y].term);
+      if (terms[x].side == terms[y].side)
+        value += chains.side[terms[x].side].sign * dot(features.normal(), cross(carrier.spin, carried.shift));
+      curvature += (x == y ? 1 : 2) * value * carried.speed * carrier.speed;
+      if (!hessian || carried.at == kNone || carrier.at == kNone) continue;
+      const double scaled = value * carried.scale * carrier.scale;
+      hessian[carried.at * joints + carrier.at] += scaled;
+      if (x != y) hessian[carrier.at * joints + carried.at] += scaled;
+    }
+  row.curvature = curvature;
+}
+
+SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
+                                const PairAnswer& answer) const {
+  SecondOrderRow row;
+  const std::size_t n = scene_.bodies().size(), joints = plan_.joints.size();
+  const bool wants_hessian = (plan_.size.fields & kFieldHessianJoints) != 0;
+  if (wants_hessian) row.hessian_joints.assign(joints * joints, kNan);
+  if (pair.a >= n || pair.b >= n || std::isnan(answer.point_a.x) || std::isnan(answer.normal.x)) return row;
+  const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
+  const PoseMatrix &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
+  Chains chains;
+  find_chains(placement, pair, configuration, pose_a.t_w + answer.point_a, pose_b.t_w + answer.point_b, chains);
+  const bool is_flat = answer.status == Status::kOverlap && answer.distance == 0;  // as its gradient
+  row.rate = is_flat ? 0 : rate_of(chains.side, answer.normal);
+  if ((plan_.size.fields & (kSecondOrderFields & ~kFieldRate)) == 0) return row;
+  if (is_flat || has_surface(a) || has_surface(b) || answer.part_a >= a.parts.size() || answer.part_b >= b.parts.size())
+    return row;
+  const ConvexPart &part_a = *a.parts[answer.part_a], &part_b = *b.parts[answer.part_b];
+  const WitnessPoints start{answer.point_a - answer.normal * part_a.radius,
+                            answer.point_b + answer.normal * part_b.radius + (pose_b.t_w - pose_a.t_w)};
+  const bool wants_radius = (plan_.size.fields & kFieldSmoothRadius) != 0;
+  const auto features = FeaturePair::find(part_a, pose_a, part_b, pose_b, start, answer.normal, wants_radius);
+  if (!features) return row;
+  find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
+              chains);
+  row.rate = rate_of(chains.side, features->normal());
+  if (wants_hessian) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
+  combine(*features, chains, row);
+  if (!wants_radius) return row;
+  row.smooth_radius = radius_among_parts(
+      a, pose_a, b, pose_b, answer, features->distance() - part_a.radius - part_b.radius, features->smooth_radius());
+  return row;
+}
+
+}  // namespace clearance

@@ -1,0 +1,37 @@
+// Second derivatives of distances, and their derivatives by time at a query's velocities.
+#pragma once
+
+#include <cstdint>
+#include <vector>
+
+#include "engine/evaluate/joint_gradient.h"
+#include "engine/selection/columns.h"
+
+namespace clearance {
+
+class FeaturePair;  // engine/evaluate/feature_pair.h
+
+/// Computes the rows of kSecondOrderFields from the features that meet: docs/bounds_robots.md, second order. One per
+/// job, shared by its workers.
+class SecondOrder {
+ public:
+  /// \param scene, plan outlive this.
+  SecondOrder(const engine::Scene& scene, const Plan& plan);
+
+  SecondOrderRow row(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
+                     const PairAnswer& answer) const;
+
+ private:
+  struct Chains;
+  void find_way(std::uint32_t body, std::vector<std::uint32_t>& way) const;
+  void find_chains(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration, const Vec3d& point_a,
+                   const Vec3d& point_b, Chains& chains) const;
+  void combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row) const;
+
+  const engine::Scene& scene_;
+  const Plan& plan_;
+  JointGradient joints_;
+  std::vector<std::uint32_t> given_of_;  // by body: index in the query's bodies, or kNone
+};
+
+}  // namespace clearance

@@ -1,0 +1,167 @@
+"""Rates, second derivatives and the k nearest pairs: in process and through a daemon."""
+
+import numpy as np
+import pytest
+
+import clearance
+from robots import arm_scene, rows_of
+from scenes import at
+
+FIELDS = ["distance", "lower", "gradient_joints", "hessian_joints", "rate", "curvature", "smooth_radius"]
+
+
+@pytest.fixture
+def engine(arm_engine):
+    return arm_engine
+
+
+def answer(front, rows, velocities=None, twists=None, **options):
+    return front.prepare(joints="arm", **options).run(rows, velocities, twists)
+
+
+def distances(engine, rows, **options):
+    return engine.distances(joints="arm", configurations=rows, rel_tol=1e-13, fields="distance", **options).distance
+
+
+def test_rate_and_curvature_are_differences(engine):
+    rows = rows_of(engine.joints("arm"), 20, seed=5)
+    v = np.random.default_rng(6).uniform(-1, 1, rows.shape)
+    r = answer(engine, rows, v, fields=FIELDS)
+    step, pairs = 1e-4, r.pairs
+    before, now, after = (distances(engine, rows + s * step * v, pairs=pairs) for s in (-1, 0, 1))
+    smooth = (r.smooth_radius > 0.01) & (now > 0.05)
+    assert smooth.sum() > 100
+    assert np.abs(r.rate - (after - before) / (2 * step))[smooth].max() < 1e-4
+    assert np.abs(r.curvature - (after - 2 * now + before) / step**2)[smooth].max() < 1e-4
+    assert np.allclose(r.rate, (r.gradient_joints * v[:, None]).sum(-1), atol=1e-2, equal_nan=True)
+    product = np.einsum("kpij,ki,kj->kp", r.hessian_joints, v, v)
+    assert np.allclose(r.curvature, product, equal_nan=True)
+    assert np.array_equal(r.hessian_joints, r.hessian_joints.swapaxes(-1, -2), equal_nan=True)
+    assert np.array_equal(r.nonsmooth, ~(r.smooth_radius > 0))
+    at_rest = engine.distances(joints="arm", configurations=rows, fields=["rate", "curvature"])
+    assert (np.nan_to_num(at_rest.rate) == 0).all() and (np.nan_to_num(at_rest.curvature) == 0).all()
+
+
+def test_twists_of_bodies_and_of_joints_add_up(engine):
+    rows = rows_of(engine.joints("arm"), 1, seed=7)
+    poses, twists = np.array([[at(0.4, 0.3, 0.5)]], float), np.array([[[0, 0, 0, 0.3, -0.2, 0.1]]], float)
+    v = np.full_like(rows, 0.2)
+    options = {"bodies": ["cup"], "joints": "arm", "pairs": ("cup", "arm")}
+    fields = ["rate", "curvature", "smooth_radius"]
+    r = engine.prepare(fields=fields, **options).run((rows, poses), v, twists)
+    step = 1e-4
+
+    def moved(time):
+        shifted = poses.copy()
+        shifted[..., :3] += time * twists[..., 3:]
+        return engine.distances(
+            configurations=(rows + time * v, shifted), rel_tol=1e-13, fields="distance", **options
+        ).distance
+
+    before, now, after = (moved(s * step) for s in (-1, 0, 1))
+    smooth = r.smooth_radius > 0.01
+    assert smooth.sum() > 3
+    assert np.abs(r.rate - (after - before) / (2 * step))[smooth].max() < 1e-5
+    assert np.abs(r.curvature - (after - 2 * now + before) / step**2)[smooth].max() < 1e-4
+
+
+@pytest.mark.parametrize("k", [1, 5, 1000])
+def test_the_k_nearest_pairs_are_the_least_of_all_in_their_order(engine, k):
+    rows = rows_of(engine.joints("arm"), 12, seed=8)
+    every = engine.distances(joints="arm", configurations=rows, fields=FIELDS)
+    count = min(k, len(every.pairs))
+    r = answer(engine, rows, reduce="nearest", k=k, fields=FIELDS)
+    assert r.distance.shape == (12, count) and r.hessian_joints.shape == (12, count, 8, 8)
+    for i in range(12):
+        least = np.sort(np.argsort(every.distance[i], kind="stable")[:count])
+        assert np.array_equal(r.pairs[i], every.pairs[least])
+        assert np.allclose(r.lower[i], every.lower[i, least], rtol=1e-5)
+        assert np.allclose(r.gradient_joints[i], every.gradient_joints[i, least], atol=2e-2, equal_nan=True)
+
+
+def test_a_pair_without_usable_poses_counts_as_the_nearest(urdf):
+    scene = arm_scene(urdf)
+    scene.add_sphere("unseen", 0.1)
+    engine = clearance.Engine(scene, threads=1)
+    rows = rows_of(engine.joints("arm"), 1)
+    r = answer(engine, rows, reduce="nearest", k=3, fields=["status", "rate"])
+    assert (r.status == clearance.Status.NO_POSE).all() and np.isnan(r.rate).all()
+    assert "unseen" in r.pair_names
+
+
+def test_a_prepared_run_takes_velocities(arm_front):
+    rows = rows_of(arm_front.joints("arm"), 3, seed=9)
+    v = np.random.default_rng(10).uniform(-1, 1, rows.shape)
+    prepared = arm_front.prepare(joints="arm", reduce="nearest", k=4, fields=FIELDS)
+    for speeds in (v, -2 * v, v[::-1].copy()):
+        r = prepared.run(rows, speeds)
+        once = answer(arm_front, rows, speeds, reduce="nearest", k=4, fields=FIELDS)
+        assert r.rate.shape == (3, 4) and np.abs(r.rate).max() > 0
+        for name in FIELDS:
+            assert getattr(r, name).tobytes() == getattr(once, name).tobytes(), name
+        later = prepared.submit(rows, speeds).result()
+        assert later.curvature.tobytes() == r.curvature.tobytes()
+    assert (prepared.run(rows).rate == 0).all()
+
+
+def test_wrong_arguments_are_named(arm_front):
+    rows = rows_of(arm_front.joints("arm"), 2)
+    for arguments, inputs, error, text in (
+        ({"fields": "rate"}, (rows[:1],), ValueError, r"velocities: expected shape \(2, 8\), got \(1, 8\)"),
+        ({}, (rows,), clearance.QueryError, "velocities: only for the columns rate and curvature"),
+        ({"fields": "rate"}, (None, rows), ValueError, "twists: only together with configurations of bodies"),
+        ({"k": 3}, (), clearance.QueryError, "k: only for reduce nearest"),
+        ({"reduce": "any", "fields": "rate"}, (), clearance.QueryError, "fields: reduce any has no rate"),
+    ):
+        with pytest.raises(error, match=text):
+            answer(arm_front, rows, *inputs, **arguments)
+    with pytest.raises(clearance.QueryError, match="hessian_joints is for a query with joints"):
+        arm_front.distances(fields="hessian_joints")
+    with pytest.raises(AttributeError, match="neighbours: only for reduce='nearest' without k"):
+        answer(arm_front, rows, reduce="nearest", k=3).neighbours
+
+
+def smooth_pairs(engine, rows):
+    """Pairs with second derivatives at all rows."""
+    r = engine.distances(joints="arm", configurations=rows, fields=["hessian_joints"])
+    return r.pairs[np.isfinite(r.hessian_joints).all(axis=(0, 2, 3))]
+
+
+@pytest.mark.parametrize("rows_by", [{}, {"reduce": "min"}, {"reduce": "nearest", "k": 2}])
+@pytest.mark.parametrize("library", ["jax", "torch"])
+def test_host_distances_are_twice_differentiable(engine, library, rows_by):
+    module = pytest.importorskip(library, reason=f"needs {library}")
+    functions = pytest.importorskip(f"clearance.{library}")
+    rows = rows_of(engine.joints("arm"), 3, seed=11)
+    pairs = smooth_pairs(engine, rows)
+    assert len(pairs) > 3
+    prepared = engine.prepare(
+        joints="arm", pairs=pairs, fields=["distance", "gradient_joints", "hessian_joints"], **rows_by
+    )
+    distances = functions.HostJointDistances(prepared)
+    moves = np.random.default_rng(12).normal(size=rows.shape)
+    if library == "jax":
+        module.config.update("jax_enable_x64", True)
+        as_array = np.asarray
+        product = module.jit(lambda q, t: functions.hvp(lambda x: distances(x).sum(), q, t))(rows, moves)
+    else:
+        as_array = module.as_tensor
+        product = functions.hvp(lambda x: distances(x).sum(), as_array(rows), as_array(moves))
+    r = prepared.run(rows)
+    hessian = r.hessian_joints.reshape(3, -1, 8, 8).sum(1)
+    assert np.array_equal(np.asarray(distances(as_array(rows))), r.distance)
+    assert np.allclose(np.asarray(product), np.einsum("kij,kj->ki", hessian, moves), rtol=1e-12, atol=1e-12)
+    with pytest.raises(TypeError, match=r"positions: expected float64 \(K, 8\), got"):
+        distances(as_array(rows[:, :7]))
+
+
+def test_host_rows_name_what_they_lack(engine):
+    from clearance._device.host_rows import HostRows
+
+    with pytest.raises(ValueError, match="prepared: expected the column 'hessian_joints' among its fields"):
+        HostRows(engine.prepare(joints="arm", fields=["distance", "gradient_joints"]))
+    with pytest.raises(ValueError, match="prepared: expected configurations of joints alone"):
+        HostRows(engine.prepare(fields="distance"))
+    every = ["distance", "gradient_joints", "hessian_joints"]
+    with pytest.raises(ValueError, match="prepared: the rows of reduce='within' vary"):
+        HostRows(engine.prepare(joints="arm", reduce="within", max_distance=10.0, fields=every))
