@@ -41,6 +41,7 @@ class Bare {
     reply_.rows = 1;
     reply_.verdict = &verdict_;
     reply_.pair = &pair_;
+    engine_.wait_covers(std::chrono::minutes(1));
   }
   bool free(std::span<const double> positions) {
     query_.positions = positions;
@@ -73,6 +74,7 @@ int run(const std::string& scene, const std::string& robot) {
   Bare bare(scene, joints);
   const Query query = as_check({.joints = joints.ids});
   Prepared prepared = engine.prepare(query);
+  engine.wait_covers();
 
   // States near the middle of the joints' ranges.
   std::vector<std::vector<double>> states(16);
