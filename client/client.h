@@ -60,9 +60,9 @@ class CLEARANCE_API Client {
   /// the query are the ends of motion k; as_motions() has the defaults. Throws as distances().
   Result motions(const Query& query);
   /// Returns whether a path is free: every pair is proved farther than its margin along the whole path. The query's
-  /// configurations are its waypoints, in order; with `control_points` above 2 they are the control points of its pieces,
+  /// configurations are its waypoints, in order; with `control_points` above 2 they are the control points of its segments,
   /// Bezier curves of joints, each with its own ends. Stops at the first motion that is not proved free. Throws as
-  /// distances(), and std::invalid_argument for fewer than two waypoints or an incomplete piece.
+  /// distances(), and std::invalid_argument for fewer than two waypoints or an incomplete segment.
   PathCheck check_path(const Query& query);
   /// Returns (K,) sizes of proved free regions around configurations (of joints, no bodies): the largest s for which
   /// all pairs are proved to stay beyond the query's margins while no joint moves by more than s times its weight. The

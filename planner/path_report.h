@@ -20,7 +20,7 @@ namespace clearance {
 
 /// A state of a path with one of its pairs. The bounds hold at `positions`, which are rounded.
 struct PathPoint {
-  std::uint64_t index = 0;         ///< the motion: from waypoint `index` to the next, or a piece
+  std::uint64_t index = 0;         ///< the motion: from waypoint `index` to the next, or a segment
   double t = 0;                    ///< 0 to 1 in that motion
   std::vector<double> positions;   ///< (J,) radians and metres
   IdPair pair{kNone, kNone};       ///< ids of the bodies

@@ -61,13 +61,13 @@ void expect_prepared_paths_answer_as_calls(Queried& front, const Joints& joints)
     query.positions = positions;
     const PathCheck whole = front.check_path(query);
     expect_same_path(prepared.run(positions), whole);
-    if (points > 2) {  // a motion for each piece
+    if (points > 2) {  // a motion for each segment
       query.reduce = Reduce::kAny;
       query.fields = kFieldVerdict;
-      const Result pieces = front.motions(query);
-      ASSERT_EQ(pieces.rows(), 24 / points);
-      const auto open = std::ranges::find_if(pieces.verdict(), [](Status s) { return s != Status::kBeyond; });
-      EXPECT_EQ(whole.index, static_cast<std::uint64_t>(open - pieces.verdict().begin()));
+      const Result segments = front.motions(query);
+      ASSERT_EQ(segments.rows(), 24 / points);
+      const auto open = std::ranges::find_if(segments.verdict(), [](Status s) { return s != Status::kBeyond; });
+      EXPECT_EQ(whole.index, static_cast<std::uint64_t>(open - segments.verdict().begin()));
     }
     EXPECT_THROW(prepared.run(std::span(positions).first(joints.size())), std::invalid_argument);
     EXPECT_FALSE(prepared.is_stale());

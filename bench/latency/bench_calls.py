@@ -108,7 +108,7 @@ def bare_rows(scene, is_robot, rounds):
 
 
 def compared(row, kind, took, own, echo=0.0):
-    """Adds a time, what it adds to the engine's, and the ratio."""
+    """Adds a time, its part beyond the engine's, and the ratio."""
     row |= {f"{kind}_us": round(took, 2), f"{kind}_adds_us": round(took - own - echo, 2)}
     row[f"{kind}_ratio"] = round(took / own, 2)
 

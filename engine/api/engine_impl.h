@@ -18,7 +18,7 @@ struct Engine::Impl {
   /// The present engine. A call that uses several of its functions holds it, so that they see one scene.
   std::shared_ptr<engine::Engine> engine() const { return editor.engine(); }
 
-  /// What a query reuses of its last run.
+  /// Memory and jobs of a query's last run, for the next one.
   struct LastRun {
     std::shared_ptr<ResultMemory> memory;  ///< if no other result refers to it
     std::shared_ptr<JobPool> jobs;         ///< null if the query may not repeat

@@ -52,13 +52,13 @@ struct Check {
 /// Whether a whole path is free, or the first motion that is not proved free.
 struct PathCheck {
   bool free = true;  ///< whether every pair is proved farther than its margin on every motion
-  std::optional<std::uint64_t>
-      index;     ///< the first motion that is not free: from waypoint `index` to the next, or a piece
+  /// The first motion that is not free: from waypoint `index` to the next, or segment `index` of a curve.
+  std::optional<std::uint64_t> index;
   double t = 0;  ///< 0 to 1 in that motion: time at which `pair` is within its margin, or at which the proof ends
   IdPair pair{kNone, kNone};  ///< bodies that are not proved free
   /// kBeyond if free; kOk, kContact, kOverlap: `pair` is proved within its margin at `t`. Otherwise there is no proof.
   Status status = Status::kBeyond;
-  /// First waypoint or piece at which each joint is beyond its limits, in the order of joints. Independent of `free`.
+  /// First waypoint or segment at which each joint is beyond its limits, in the order of joints. Independent of `free`.
   std::vector<LimitViolation> limit_violations;
 
   /// Whether a joint exceeds its limits. Straight motions are checked at their waypoints, curves throughout.

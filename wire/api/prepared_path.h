@@ -40,7 +40,7 @@ inline std::size_t motion_count(const Query& path) {
     throw std::invalid_argument("check_path: control_points: expected 2 to 8, got " + std::to_string(points));
   if (points > 2 && (rows == 0 || rows % points != 0))
     throw std::invalid_argument("check_path: expected " + std::to_string(points) +
-                                " control points for each piece, got " + std::to_string(rows) + " rows");
+                                " control points for each segment, got " + std::to_string(rows) + " rows");
   if (points == 2 && rows < 2)
     throw std::invalid_argument("check_path: expected two waypoints or more, got " + std::to_string(rows));
   return points > 2 ? rows / points : rows - 1;
@@ -50,7 +50,7 @@ inline std::size_t motion_count(const Query& path) {
 template <class T>
 class MotionRows {
  public:
-  /// \param path rows of the waypoints, or of the control points of all pieces
+  /// \param path rows of the waypoints, or of the control points of all segments
   /// \param each numbers or poses of a row
   MotionRows(std::span<const T> path, std::size_t each, std::size_t points, std::size_t first, std::size_t last) {
     const std::size_t step = points > 2 ? points * each : each;
@@ -98,7 +98,7 @@ class Part {
   const Query& path_;
 };
 
-/// First waypoint, or piece of a curve, at which each joint is beyond its limits.
+/// First waypoint, or segment of a curve, at which each joint is beyond its limits.
 inline std::vector<LimitViolation> first_violations(const Query& path, const JointsInfo& info) {
   std::vector<LimitViolation> violations;
   const std::size_t each = path.joints.size(), points = path.control_points > 2 ? path.control_points : 1;
@@ -175,7 +175,7 @@ class PreparedPath {
         joints_(query.joints.begin(), query.joints.end()),
         control_points_(query.control_points) {}
 
-  /// Returns what check_path() returns for these waypoints, or control points. Throws as it does, and StaleQuery.
+  /// Returns the result of check_path() for these waypoints, or control points. Throws as it does, and StaleQuery.
   PathCheck run(const Prepared::Inputs& path) {
     Query query;
     query.bodies = bodies_;

@@ -285,7 +285,7 @@ TEST(EngineApi, CurvesAreCheckedAgainstLimitsThroughout) {
   const Joints joints = engine.joints("arm");
   const double upper = joints.limits[0].upper;
   PreparedPath prepared = engine.prepare_path({.joints = joints.ids, .control_points = 3});
-  const auto violations = [&](double middle) {  // of two pieces, the first within limits
+  const auto violations = [&](double middle) {  // of two segments, the first within limits
     std::vector<double> path(6 * joints.size());
     for (const std::size_t row : {3, 4, 5}) path[row * joints.size()] = row == 4 ? middle : upper - 0.1;
     return prepared.run(path).limit_violations;
@@ -298,7 +298,7 @@ TEST(EngineApi, CurvesAreCheckedAgainstLimitsThroughout) {
   EXPECT_GT(beyond[0].excess(), 0);
   EXPECT_LT(beyond[0].excess(), 0.0101);
   EXPECT_EQ(text_of<std::invalid_argument>([&] { prepared.run(std::vector<double>(4 * joints.size())); }),
-            "check_path: expected 3 control points for each piece, got 4 rows");
+            "check_path: expected 3 control points for each segment, got 4 rows");
   EXPECT_EQ(text_of<std::invalid_argument>([&] {
               engine.check_path({.joints = joints.ids, .positions = std::vector<double>(14), .control_points = 9});
             }),
