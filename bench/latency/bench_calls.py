@@ -88,7 +88,7 @@ def calls_of_pairs(front):
 
 def calls_of_poses(front):
     """The same for updates of all poses; the prepared form is an array, the other a dict of names."""
-    moved = [i for i, body in enumerate(front.bodies) if not body.static]
+    moved = [i for i, body in enumerate(front.bodies) if not body.is_static and body.parent is None]
     poses = np.array([front.body_states()[i].pose for i in moved])
     by_name = {front.bodies[i].name: pose for i, pose in zip(moved, poses)}
     yield "set poses", lambda: front.set_poses(poses, moved), lambda: front.set_poses(by_name), None

@@ -39,7 +39,8 @@ namespace {
 
 using Row = std::span<const double>;
 
-constexpr std::size_t kStates = 2048, kCalls = 128;
+constexpr std::size_t kStates = 2048;
+constexpr double kRoundUs = 200;
 
 /// Calls of the engine's internal interface, which keep their jobs.
 class Bare {
@@ -81,11 +82,16 @@ void time_round(Compared& call) {
     best = best == 0 ? us / static_cast<double>(calls) : std::min(best, us / static_cast<double>(calls));
   };
   if (call.batch) timed(call.us[0], kStates, call.batch);
+  // Rounds are short, so that some are not interrupted.
+  const std::size_t calls =
+      call.us[1] == 0 ? 1 : static_cast<std::size_t>(std::clamp(kRoundUs / call.us[1], 2.0, double{kStates}));
   std::size_t form = 0;
-  for (const auto* one : {&call.engine, &call.prepared, &call.one_off})
-    timed(call.us[++form], kCalls, [&] {
-      for (std::size_t i = 0; i < kCalls; ++i) (*one)(i);
+  for (const auto* one : {&call.engine, &call.prepared, &call.one_off}) {
+    (*one)(0);  // into the cache
+    timed(call.us[++form], calls, [&] {
+      for (std::size_t i = 0; i < calls; ++i) (*one)(i);
     });
+  }
 }
 
 /// The engine twice: as programs use it, and its internal interface.
@@ -270,7 +276,7 @@ int time_states(const std::string& scene, const std::string& robot, const std::s
 int main(int argc, char** argv) try {
   if (argc == 5) return clearance::time_states(argv[1], argv[2], argv[3], std::stoi(argv[4]));
   return clearance::run(argc > 1 ? argv[1] : CLEARANCE_SOURCE_DIR "/scenes/cell/robot.yaml", argc > 2 ? argv[2] : "*",
-                        argc > 3 ? std::stoi(argv[3]) : 100);
+                        argc > 3 ? std::stoi(argv[3]) : 200);
 } catch (const std::exception& error) {
   std::fprintf(stderr, "clearance-prepared: %s\n", error.what());
   return 1;
