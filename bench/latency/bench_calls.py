@@ -15,13 +15,14 @@ engine's and the echo's, and the ratio to the engine's.
 import argparse
 import contextlib
 import csv
+import os
 import subprocess
 import time
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from bench import bench_row
+from bench import Machine, bench_row
 
 import clearance
 from harness import ROOT, write
@@ -123,9 +124,9 @@ def rows_of(scene, is_robot, fronts, urls, seconds):
     echoes: dict[str, list[float]] = {through: [] for through in urls}
     bare: list[dict[str, dict[str, float]]] = []
     for _ in range(TURNS):
-        bare.append(bare_rows(scene, is_robot, max(1, round(100 * seconds / TURNS))))
+        bare.append(bare_rows(scene, is_robot, max(20, round(100 * seconds / TURNS))))
         for through, (stage, url) in urls.items():
-            row = bench_row(stage, [], url, pairs=1, configs=0, seconds=seconds / TURNS, warmup=0.05)
+            row = bench_row(stage, (), url, pairs=1, configs=0, seconds=seconds / TURNS, warmup=0.05)
             echoes[through].append(row["floor_p50_us"])
         for same in named:
             for through, (name, prepared, parsed, engine_ns) in zip(fronts, same):
@@ -155,14 +156,29 @@ def rows_of(scene, is_robot, fronts, urls, seconds):
             yield row
 
 
+@contextlib.contextmanager
+def on_own_cpu(machine):
+    """Moves this process, and those that it starts, to another CPU than the daemons, at the machine's priority."""
+    if len(machine.cores) > 1:
+        os.sched_setaffinity(0, machine.cores[1:2])
+    if machine.priority:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    try:
+        yield
+    finally:
+        os.sched_setscheduler(0, os.SCHED_OTHER, os.sched_param(0))
+        os.sched_setaffinity(0, machine.cores)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scenes", type=Path, nargs="+", default=SCENES)
     parser.add_argument("--seconds", type=float, default=1.0, help="of each measurement")
     parser.add_argument("--csv", type=Path, help="file to write")
     parser.add_argument("--daemons", type=Path, nargs="*", default=[BIN / "clearanced"], help="programs to compare")
+    parser.add_argument("--real-time", action="store_true", help="at real-time priority, on a machine that is shared")
     options = parser.parse_args()
-    rows = []
+    machine, rows = Machine(options.real_time), []
     for scene in options.scenes:
         with contextlib.ExitStack() as stack:
             engine = clearance.Engine(clearance.Scene.load(scene), backend="cpu", threads=1)
@@ -171,11 +187,12 @@ def main():
             urls = {}
             for i, program in enumerate(options.daemons):
                 stage, through = stack.enter_context(Stage()), f"shared memory{i + 1 if i else ''}"
-                _, listens, _ = start_daemon(stage, scene, program=program)
+                _, listens, _ = start_daemon(stage, scene, machine.on(0), program=program)
                 fronts[through] = stack.enter_context(clearance.connect(listens["shm"]))
                 fronts[through].wait_covers()
                 urls[through] = (stage, listens["shm"])
             is_robot = bool(engine.joint_states())
+            stack.enter_context(on_own_cpu(machine))
             for row in rows_of(scene, is_robot, fronts, urls, options.seconds):
                 print(*(f"{key} {value}" for key, value in row.items()), sep=", ", flush=True)
                 rows.append(row)
