@@ -43,8 +43,8 @@ SUITES = {
         "bench/latency/bench.py", "latency latency_python latency_doorbell latency_throughput", "--seconds 0.2",
         options="--out {results}", results="out"),
     "calls": Suite(
-        "Time that Python adds to the engine: prepared and one-off calls of one state or edge.",
-        "bench/latency/bench_calls.py", "calls", "--seconds 0.05"),
+        "Time that C++, Python and shared memory add to the engine: prepared and one-off calls.",
+        "bench/latency/bench_calls.py", "calls", "--seconds 0.05", targets="product clearance_prepared"),
     "peers": Suite(
         "Pairs of hulls, compared with Coal, FCL and Bullet: times, and wrong answers in hard cases.",
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",

@@ -12,6 +12,7 @@
 #include <clearance/connection_errors.h>
 #include <clearance/new_body.h>
 #include <clearance/prepared.h>
+#include <clearance/prepared_path.h>
 #include <clearance/query.h>
 #include <clearance/result.h>
 #include <clearance/scene_info.h>
@@ -59,8 +60,9 @@ class CLEARANCE_API Client {
   /// the query are the ends of motion k; as_motions() has the defaults. Throws as distances().
   Result motions(const Query& query);
   /// Returns whether a path is free: every pair is proved farther than its margin along the whole path. The query's
-  /// configurations are its waypoints, in order. Stops at the first motion that is not proved free. Throws as
-  /// distances(), and std::invalid_argument for fewer than two waypoints.
+  /// configurations are its waypoints, in order; with `control_points` above 2 they are the control points of its segments,
+  /// Bezier curves of joints, each with its own ends. Stops at the first motion that is not proved free. Throws as
+  /// distances(), and std::invalid_argument for fewer than two waypoints or an incomplete segment.
   PathCheck check_path(const Query& query);
   /// Returns (K,) sizes of proved free regions around configurations (of joints, no bodies): the largest s for which
   /// all pairs are proved to stay beyond the query's margins while no joint moves by more than s times its weight. The
@@ -73,6 +75,8 @@ class CLEARANCE_API Client {
   /// Prepares a query without configurations and positions, which each run gives. Queries of check(), motions() and
   /// free_scale() are those of as_check(), as_motions() and as_free_scale().
   Prepared prepare(const Query& query = {});
+  /// Prepares a query of check_path() without its path, which each run gives. Throws as prepare().
+  PreparedPath prepare_path(const Query& query);
 
   /// Applies poses as one snapshot. Throws RequestError, and applies nothing, for a stamp below 0, far ahead of the
   /// daemon's clock, or older than this client's last for one of the bodies.

@@ -29,6 +29,10 @@ PathCheck Client::check_path(const Query& query) {
       [this](const Result& result) { return &impl().joints_at(result.scene_revision(), 0); });
 }
 
+PreparedPath Client::prepare_path(const Query& query) {
+  return {*this, query, query.joints.empty() ? JointsInfo() : joint_states()};
+}
+
 std::vector<double> Client::free_scale(const Query& query, std::span<const double> weights) {
   const Result result = distances(as_free_scale(query, weights));
   return {result.free_scale().begin(), result.free_scale().end()};

@@ -162,16 +162,17 @@ std::vector<double> Engine::free_scale(const QueryView& query, std::span<const d
 }
 
 PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& given) const {
-  const FpEnvironment environment;
-  const auto snapshot = impl_->poses.snapshot();
-  const std::shared_ptr<JobPool> pool = impl_->pool_of(query, given);
+  auto snapshot = impl_->poses.snapshot();
+  std::shared_ptr<JobPool> pool = impl_->pool_of(query, given);
   if (pool)
     if (Job::StatePtr kept = pool->take(query, snapshot)) {
       impl_->repeated.fetch_add(1, std::memory_order_relaxed);
+      kept->pool = std::move(pool);
       return PreparedQuery(std::move(kept));
     }
+  const FpEnvironment environment;
   PreparedQuery prepared(std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true));
-  prepared.pool_ = pool;
+  prepared.pool_ = std::move(pool);
   return prepared;
 }
 

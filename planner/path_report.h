@@ -2,8 +2,10 @@
 #pragma once
 
 #include <clearance/check.h>
+#include <clearance/prepared_path.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
@@ -18,7 +20,7 @@ namespace clearance {
 
 /// A state of a path with one of its pairs. The bounds hold at `positions`, which are rounded.
 struct PathPoint {
-  std::uint64_t index = 0;         ///< the motion, from waypoint `index` to the next
+  std::uint64_t index = 0;         ///< the motion: from waypoint `index` to the next, or a segment
   double t = 0;                    ///< 0 to 1 in that motion
   std::vector<double> positions;   ///< (J,) radians and metres
   IdPair pair{kNone, kNone};       ///< ids of the bodies
@@ -50,11 +52,15 @@ inline constexpr std::uint32_t kPathFields = kPointFields | kFieldTime | kFieldF
 inline constexpr std::size_t kMostMotions = 1024;  // of a path in one query
 inline constexpr std::size_t kStates = 33;         // of a motion, among which the deepest is searched
 
+/// The state of motion `index` at time t, by Casteljau's rule.
 inline std::vector<double> between(const Query& path, std::uint64_t index, double t) {
+  const path_check::Part motion(path, index, index + 1);
+  const std::span<const double> rows = motion.positions();
   const std::size_t joints = path.joints.size();
-  const auto ends = path.positions.subspan(index * joints, 2 * joints);
-  std::vector<double> state(joints);
-  for (std::size_t j = 0; j < joints; ++j) state[j] = ends[j] + t * (ends[joints + j] - ends[j]);
+  std::vector<double> state(rows.begin(), rows.end());
+  for (std::size_t left = state.size() - joints; left > 0; left -= joints)
+    for (std::size_t i = 0; i < left; ++i) state[i] += t * (state[i + joints] - state[i]);
+  state.resize(joints);
   return state;
 }
 
@@ -68,17 +74,20 @@ inline PathPoint point(const Result& r, std::size_t k, std::uint64_t index, doub
 /// Motions [first, last) of a path.
 template <class Source>
 Result motions(Source& engine, const Query& path, std::uint64_t first, std::uint64_t last) {
-  const std::size_t joints = path.joints.size();
-  std::vector<double> ends;
-  for (std::uint64_t k = first; k < last; ++k) {
-    const auto motion = path.positions.subspan(k * joints, 2 * joints);
-    ends.insert(ends.end(), motion.begin(), motion.end());
-  }
+  const path_check::Part part(path, first, last);
   Query query = path;
-  query.positions = ends;
+  query.positions = part.positions();
   query.reduce = Reduce::kMin;
   query.fields = kPathFields;
   return engine.motions(query);
+}
+
+/// Converts a query of motions to that of their states.
+inline Query of_states(Query query, std::span<const double> states) {
+  query.positions = states;
+  query.max_evaluations = 0;
+  query.control_points = 2;
+  return query;
 }
 
 /// The state of the least distance of all motions, and its bounds.
@@ -100,10 +109,7 @@ void find_nearest(Source& engine, const Query& path, std::uint64_t count, PathRe
 
 template <class Source>
 Check check_state(Source& engine, const Query& path, std::span<const double> state) {
-  Query query = path;
-  query.positions = state;
-  query.max_evaluations = 0;
-  return engine.check(query);
+  return engine.check(of_states(path, state));
 }
 
 template <class Source>
@@ -118,15 +124,13 @@ void describe_hit(Source& engine, const Query& path, double within, PathReport& 
   const std::size_t joints = path.joints.size();
   const auto state = [&](std::size_t k) { return std::span(states).subspan(k * joints, joints); };
   const auto row = [&](std::size_t k) { return std::vector<double>(state(k).begin(), state(k).end()); };
-  Query query = path;
-  query.max_evaluations = 0;
+  Query query = of_states(path, states);
   query.margin = 0;
   query.margins = {};
   query.pair_margins = {};
   query.signed_distance = true;
   query.fields = kPointFields;
   query.reduce = Reduce::kMin;
-  query.positions = states;
   const Result deep = engine.distances(query);
   const auto deepest = static_cast<std::size_t>(std::ranges::min_element(deep.upper()) - deep.upper().begin());
   report.nearest = point(deep, deepest, index, times[deepest], row(deepest));
@@ -145,7 +149,7 @@ void describe_hit(Source& engine, const Query& path, double within, PathReport& 
 /// Throws std::invalid_argument unless the path has two waypoints of joints or more and moves no bodies, and otherwise as
 /// check_path() and motions() do.
 /// \param engine an Engine or a Client
-/// \param path as of check_path(): (N, J) positions of `joints`
+/// \param path as of check_path(): (N, J) positions of `joints`, waypoints or control points
 template <class Queried>
 PathReport explain_path(Queried& engine, const Query& path) {
   if (path.joints.empty() || !path.bodies.empty())
@@ -153,7 +157,7 @@ PathReport explain_path(Queried& engine, const Query& path) {
   PathReport report;
   report.check = engine.check_path(path);
   if (report.check.free) {
-    path_report::find_nearest(engine, path, configuration_count(path) - 1, report);
+    path_report::find_nearest(engine, path, path_check::motion_count(path), report);
     return report;
   }
   const std::uint64_t index = *report.check.index;
@@ -161,10 +165,10 @@ PathReport explain_path(Queried& engine, const Query& path) {
   const double proved = stop.first_contact()[0], within = stop.first_contact()[1];
   report.proved_until = {index, std::isinf(proved) ? 0.0 : proved};
   if (!report.check.hit()) {
-    path_report::find_nearest(engine, path, configuration_count(path) - 1, report);
+    path_report::find_nearest(engine, path, path_check::motion_count(path), report);
     return report;
   }
-  const auto start = path.positions.subspan(index * path.joints.size(), path.joints.size());
+  const std::vector<double> start = path_report::between(path, index, 0);
   const bool hits_at_start = !(proved > 0) && path_report::check_state(engine, path, start).hit(0);
   path_report::describe_hit(engine, path, hits_at_start ? 0 : std::isinf(within) ? report.check.t : within, report);
   return report;

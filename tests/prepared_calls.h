@@ -11,6 +11,7 @@
 
 #include "wire/api/check.h"
 #include "wire/api/prepared.h"
+#include "wire/api/prepared_path.h"
 #include "wire/api/scene_info.h"
 
 namespace clearance::test {
@@ -25,6 +26,52 @@ inline std::vector<double> spread_positions(const Joints& joints, std::size_t co
       positions.push_back(lower + share * (upper - lower));
     }
   return positions;
+}
+
+inline void expect_same_path(const PathCheck& got, const PathCheck& expected) {
+  EXPECT_EQ(got.free, expected.free);
+  EXPECT_EQ(got.index, expected.index);
+  EXPECT_EQ(got.t, expected.t);
+  EXPECT_EQ(got.pair, expected.pair);
+  EXPECT_EQ(got.status, expected.status);
+  EXPECT_EQ(got.limit_violations.size(), expected.limit_violations.size());
+}
+
+/// Compares prepare_path() with check_path() of straight motions and of curves.
+template <class Queried>
+void expect_prepared_paths_answer_as_calls(Queried& front, const Joints& joints) {
+  const std::vector<double> positions = spread_positions(joints, 24);
+  for (const std::uint32_t points : {2u, 3u, 4u, 6u}) {
+    Query query{.joints = joints.ids, .control_points = points};
+    PreparedPath prepared = front.prepare_path(query);
+    bool some_free = false, some_not = false;
+    for (std::size_t k = 0; k < 24; k += points) {  // one motion, short or long
+      std::vector<double> path(positions.begin() + static_cast<std::ptrdiff_t>(k * joints.size()),
+                               positions.begin() + static_cast<std::ptrdiff_t>((k + points) * joints.size()));
+      for (const double share : {1.0, 0.01}) {
+        for (std::size_t i = joints.size(); i < path.size(); ++i)
+          path[i] = path[i % joints.size()] + share * (path[i] - path[i % joints.size()]);
+        query.positions = path;
+        const PathCheck expected = front.check_path(query);
+        (expected.free ? some_free : some_not) = true;
+        expect_same_path(prepared.run(path), expected);
+      }
+    }
+    EXPECT_TRUE(some_free && some_not) << points;
+    query.positions = positions;
+    const PathCheck whole = front.check_path(query);
+    expect_same_path(prepared.run(positions), whole);
+    if (points > 2) {  // a motion for each segment
+      query.reduce = Reduce::kAny;
+      query.fields = kFieldVerdict;
+      const Result segments = front.motions(query);
+      ASSERT_EQ(segments.rows(), 24 / points);
+      const auto open = std::ranges::find_if(segments.verdict(), [](Status s) { return s != Status::kBeyond; });
+      EXPECT_EQ(whole.index, static_cast<std::uint64_t>(open - segments.verdict().begin()));
+    }
+    EXPECT_THROW(prepared.run(std::span(positions).first(joints.size())), std::invalid_argument);
+    EXPECT_FALSE(prepared.is_stale());
+  }
 }
 
 /// \param front an Engine or a Client
@@ -42,6 +89,8 @@ void expect_prepared_calls_answer_as_calls(Queried& front, const Joints& joints)
   EXPECT_TRUE(std::ranges::find(check.free, false) != check.free.end());
   Prepared checks = front.prepare(as_check(alone));
   expect_same(checks.run(positions).verdict(), check.verdict);
+  for (std::size_t k = 0; k < kConfigurations; ++k)
+    EXPECT_EQ(checks.run(std::span(positions).subspan(k * joints.size(), joints.size())).all_free(), check.free[k]);
   expect_same(checks.submit({positions}).get().pair(), check.pair);
 
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny}) {
@@ -54,6 +103,7 @@ void expect_prepared_calls_answer_as_calls(Queried& front, const Joints& joints)
       expect_same(result.status(), motions.status());
       expect_same(result.lower(), motions.lower());
       expect_same(result.verdict(), motions.verdict());
+      EXPECT_FALSE(result.all_free());  // some are not
     }
   }
 

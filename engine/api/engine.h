@@ -13,6 +13,7 @@
 #include <clearance/errors.h>
 #include <clearance/new_body.h>
 #include <clearance/prepared.h>
+#include <clearance/prepared_path.h>
 #include <clearance/query.h>
 #include <clearance/result.h>
 #include <clearance/scene.h>
@@ -71,8 +72,9 @@ class CLEARANCE_API Engine {
   /// the query are the ends of motion k; as_motions() has the defaults. Throws as distances().
   Result motions(const Query& query) const;
   /// Returns whether a path is free: every pair is proved farther than its margin along the whole path. The query's
-  /// configurations are its waypoints, in order. Stops at the first motion that is not proved free. Throws as
-  /// distances(), and std::invalid_argument for fewer than two waypoints.
+  /// configurations are its waypoints, in order; with `control_points` above 2 they are the control points of its segments,
+  /// Bezier curves of joints, each with its own ends. Stops at the first motion that is not proved free. Throws as
+  /// distances(), and std::invalid_argument for fewer than two waypoints or an incomplete segment.
   PathCheck check_path(const Query& query) const;
   /// Returns (K,) sizes of proved free regions around configurations (of joints, no bodies): the largest s for which
   /// all pairs are proved to stay beyond the query's margins while no joint moves by more than s times its weight. The
@@ -86,6 +88,8 @@ class CLEARANCE_API Engine {
   /// free_scale() are those of as_check(), as_motions() and as_free_scale(). Throws QueryError for a query that no
   /// inputs make valid.
   Prepared prepare(const Query& query = {}) const;
+  /// Prepares a query of check_path() without its path, which each run gives. Throws as prepare().
+  PreparedPath prepare_path(const Query& query) const;
   std::vector<IdPair> pairs(const Query& query = {}) const;  ///< the pairs of a query, in row order
   /// Evaluates rows of a query without reduction again, and returns them with proofs of their bounds, as a JSON
   /// document for tools/check_certificate.py (docs/certificates.md). Throws QueryError.

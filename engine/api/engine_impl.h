@@ -18,11 +18,14 @@ struct Engine::Impl {
   /// The present engine. A call that uses several of its functions holds it, so that they see one scene.
   std::shared_ptr<engine::Engine> engine() const { return editor.engine(); }
 
+  /// Memory and jobs of a query's last run, for the next one.
+  struct LastRun {
+    std::shared_ptr<ResultMemory> memory;  ///< if no other result refers to it
+    std::shared_ptr<JobPool> jobs;         ///< null if the query may not repeat
+    std::weak_ptr<engine::Engine> engine;
+  };
   /// Answers a query.
-  /// \param memory of an earlier result, which is reused if no such result exists; may be null
-  /// \param jobs of earlier runs of this query; may be null
-  Result run(const QueryView& query, std::shared_ptr<ResultMemory>& memory,
-             const std::shared_ptr<JobPool>& jobs = nullptr) const;
+  Result run(const QueryView& query, LastRun& last) const;
   /// Starts a query in the background.
   static Pending submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done);
   /// Opens a device query.

@@ -23,7 +23,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
     take(inputs);
-    return in_present_scene([&] { return engine->run(view, memory, jobs); });
+    return in_present_scene([&] { return engine->run(view, last); });
   }
 
   Pending submit(const clearance::Prepared::Inputs& inputs, WhenDone when_done) override {
@@ -81,8 +81,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   OwnedQuery owned;
   QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
   QueryNames names;
-  const std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
-  std::shared_ptr<ResultMemory> memory;
+  LastRun last{.memory = nullptr, .jobs = std::make_shared<JobPool>(), .engine = {}};
   std::string why;  ///< what changed, if the query is stale
 };
 

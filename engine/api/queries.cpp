@@ -18,19 +18,19 @@ struct Engine::Impl::Request final : Pending::Request {
   const std::shared_ptr<BackgroundJob> job;
 };
 
-Result Engine::Impl::run(const QueryView& query, std::shared_ptr<ResultMemory>& memory,
-                         const std::shared_ptr<JobPool>& jobs) const {
+Result Engine::Impl::run(const QueryView& query, LastRun& last) const {
   const auto begin = std::chrono::steady_clock::now();
-  const std::shared_ptr<engine::Engine> now = engine();
-  PreparedQuery prepared = now->prepare(query, jobs);
-  if (memory && memory.use_count() == 1)
-    memory->fit(prepared.size());
+  std::shared_ptr<engine::Engine> now = editor.same(last.engine);
+  if (!now) last.engine = now = engine();
+  PreparedQuery prepared = now->prepare(query, last.jobs);
+  if (last.memory && last.memory.use_count() == 1)
+    last.memory->fit(prepared.size());
   else
-    memory = std::make_shared<ResultMemory>(prepared.size());
-  Job job = now->start(std::move(prepared), memory->view());
+    last.memory = std::make_shared<ResultMemory>(prepared.size());
+  Job job = now->start(std::move(prepared), last.memory->view());
   while (!job.advance()) {
   }
-  return ResultMemory::result(memory, job.info(), std::chrono::steady_clock::now() - begin);
+  return ResultMemory::result(last.memory, job.info(), std::chrono::steady_clock::now() - begin);
 }
 
 Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done) {
@@ -71,8 +71,8 @@ std::shared_ptr<const JointsInfo> Engine::Impl::joint_limits() const {
 
 Result Engine::distances(const Query& query) const {
   return translated([&] {
-    std::shared_ptr<ResultMemory> memory;
-    return impl_->run(view_of(query), memory);
+    Impl::LastRun none;
+    return impl_->run(view_of(query), none);
   });
 }
 
@@ -90,6 +90,10 @@ PathCheck Engine::check_path(const Query& query) const {
   return check_path_with(
       query, [this](const Query& motions) { return distances(motions); },
       [this](const Result&) { return impl_->joint_limits(); });
+}
+
+PreparedPath Engine::prepare_path(const Query& query) const {
+  return {*this, query, query.joints.empty() ? JointsInfo() : joint_states()};
 }
 
 std::vector<double> Engine::free_scale(const Query& query, std::span<const double> weights) const {

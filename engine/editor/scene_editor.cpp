@@ -79,6 +79,7 @@ void SceneEditor::replace(std::shared_ptr<engine::Engine> next, const Edit& edit
   next->take_poses(*engine_, edit.reshaped);
   stopped.keep();
   const std::lock_guard pointer(current_);
+  address_ = next.get();
   engine_.swap(next);
 }
 

@@ -6,6 +6,7 @@
 // receives the new hulls, and copies the others from the scene before (HeldHulls).
 #pragma once
 
+#include <atomic>
 #include <cstdint>
 #include <functional>
 #include <memory>
@@ -31,10 +32,18 @@ class SceneEditor {
 
   /// Throws as the constructor of Engine.
   SceneEditor(engine::Scene scene, const engine::Engine::Options& options)
-      : options_(options), engine_(std::make_shared<engine::Engine>(std::move(scene), options)) {}
+      : options_(options), engine_(std::make_shared<engine::Engine>(std::move(scene), options)) {
+    address_ = engine_.get();
+  }
 
   /// The present engine. Use update() for changes of its state.
   std::shared_ptr<engine::Engine> engine() const;
+  /// The present engine if it is the one that was seen, otherwise null. Takes no lock.
+  std::shared_ptr<engine::Engine> same(const std::weak_ptr<engine::Engine>& seen) const {
+    std::shared_ptr<engine::Engine> engine = seen.lock();
+    if (engine.get() != address_.load(std::memory_order_acquire)) engine = nullptr;
+    return engine;
+  }
   /// Calls `change` with the present engine, and again with its successor if that was about to take over, so that the
   /// change is not lost.
   template <class F>
@@ -76,6 +85,7 @@ class SceneEditor {
   std::mutex takeover_;         // held while updates are stopped
   mutable std::mutex current_;  // held only while the pointer is copied
   std::shared_ptr<engine::Engine> engine_;
+  std::atomic<const engine::Engine*> address_;  // of engine_
 };
 
 }  // namespace clearance

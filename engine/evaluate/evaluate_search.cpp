@@ -52,10 +52,15 @@ void Evaluator::begin_search(const PlacedBodies& bodies, std::uint32_t index, Wo
   } else {
     part_pairs_.push_back(far);
   }
-  searches_.push_back({index, begin, part_pairs_.size(), begin + 1, 0, slack, bodies.max_distance, 0, {}, {}});
-  PartSearch& state = searches_.back().state;
-  state.lower = left;
-  if (options_.reference) state.round = part_pairs_.size() - begin;  // all at once
+  PairSearch& search = searches_.emplace_back();  // members set in place: a copy takes longer than the boxes
+  search.index = index;
+  search.next = begin;
+  search.end = part_pairs_.size();
+  search.sorted = begin + 1;
+  search.slack = slack;
+  search.max_distance = bodies.max_distance;
+  search.state.lower = left;
+  if (options_.reference) search.state.round = search.end - begin;  // all at once
 }
 
 // Combines the searched part pairs into the answer of their bodies.

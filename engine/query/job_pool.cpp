@@ -34,32 +34,32 @@ bool JobPool::allows(const QuerySize& size) {
   return size.pairs <= kMostPairs && size.configurations * size.pairs <= kMostPairs;
 }
 
-Job::StatePtr JobPool::take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot) {
-  Job::StatePtr job;
-  {
-    const std::lock_guard lock(mutex_);
-    const auto found = std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const Kept& kept) {
-      return kept.job->repeatable_plan()->query.configuration_count == query.configuration_count &&
-             kept.snapshot.lock() == snapshot;
-    });
-    if (found == jobs_.rend()) return job;
-    job.reset(found->job.release());
-    jobs_.erase(std::next(found).base());
-  }
-  job->pool = shared_from_this();
-  Plan& plan = *job->repeatable_plan();
-  plan.snapshot = snapshot;
+Job::StatePtr JobPool::take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot) {
+  const auto is_of_snapshot = [&](const std::weak_ptr<const PoseSnapshot>& kept) {
+    return !kept.owner_before(snapshot) && !snapshot.owner_before(kept);
+  };
+  const std::lock_guard lock(mutex_);
+  const auto found = std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const std::unique_ptr<Job::State>& job) {
+    return job->repeatable_plan()->query.configuration_count == query.configuration_count &&
+           is_of_snapshot(job->kept_for);
+  });
+  if (found == jobs_.rend()) return nullptr;
+  Plan& plan = *(*found)->repeatable_plan();
   plan.take_configurations(query);
+  plan.snapshot = std::move(snapshot);
+  Job::StatePtr job(found->release());
+  jobs_.erase(std::next(found).base());
   return job;
 }
 
 void JobPool::put_back(std::unique_ptr<Job::State> job) {
   const std::shared_ptr<const PoseSnapshot> snapshot = std::move(job->repeatable_plan()->snapshot);
+  if (job->kept_for.expired()) job->kept_for = snapshot;  // each job has one
   const std::lock_guard lock(mutex_);
-  std::erase_if(jobs_, [](const Kept& kept) { return kept.snapshot.expired(); });
+  std::erase_if(jobs_, [](const std::unique_ptr<Job::State>& kept) { return kept->kept_for.expired(); });
   if (jobs_.size() == most_) jobs_.erase(jobs_.begin());
   try {
-    jobs_.push_back({std::move(job), snapshot});
+    jobs_.push_back(std::move(job));
   } catch (const std::bad_alloc&) {
     // This job is not kept.
   }

@@ -16,8 +16,8 @@
 namespace clearance {
 
 /// Belongs to a prepared query: its queries differ in their configurations alone. Thread-safe; a job has one user at a
-/// time. May outlive the engine. Made by std::make_shared(), as its jobs share it while they run.
-class JobPool : public std::enable_shared_from_this<JobPool> {
+/// time. May outlive the engine. Shared with its jobs while they run.
+class JobPool {
  public:
   /// \param most jobs kept: of concurrent runs, and of different numbers of configurations
   explicit JobPool(std::size_t most = 8) : most_(most) {}
@@ -28,21 +28,17 @@ class JobPool : public std::enable_shared_from_this<JobPool> {
   static bool allows(const QueryView& query);
   static bool allows(const QuerySize& size);
 
-  /// A job of as many configurations on the same snapshot, with the configurations of `query`, or null. Throws
-  /// QueryError for configurations that do not fit the query's bodies and joints.
-  Job::StatePtr take(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot);
+  /// A job of as many configurations on the same snapshot, with the configurations of `query`, or null. It returns to
+  /// its Job::State::pool. Throws QueryError for configurations that do not fit the query's bodies and joints.
+  /// \param snapshot moved into the job, if there is one
+  Job::StatePtr take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot);
   /// Puts back a job whose answer is complete.
   void put_back(std::unique_ptr<Job::State> job);
 
  private:
-  struct Kept {
-    std::unique_ptr<Job::State> job;
-    std::weak_ptr<const PoseSnapshot> snapshot;  // weak, so that a waiting job keeps no old snapshot alive
-  };
-
   std::size_t most_;
   std::mutex mutex_;
-  std::vector<Kept> jobs_;  // the last one put back is at the end
+  std::vector<std::unique_ptr<Job::State>> jobs_;  // the last one put back is at the end
 };
 
 }  // namespace clearance

@@ -55,6 +55,8 @@ struct Job::State {
   /// Restarts with the plan's present configurations on the same snapshot.
   virtual void reset(const ReplyView& /*reply*/) {}
   std::shared_ptr<JobPool> pool;  ///< takes the job back; may be null
+  /// Snapshot of the plan, while the job waits in its pool: weak, so that this keeps no old snapshot alive.
+  std::weak_ptr<const PoseSnapshot> kept_for;
   bool is_whole = false;          ///< whether the answer is complete
 };
 

@@ -226,15 +226,20 @@ TEST(PathReport, BoundsTheLeastDistanceOfAFreePath) {
     const Result at = cell.engine.distances({.joints = cell.joints.ids, .positions = state, .reduce = Reduce::kMin});
     EXPECT_LE(report.least->lower, at.upper()[0]) << k;
   }
+  const PathReport of_curve =
+      explain_path(cell.engine, {.joints = cell.joints.ids, .positions = path, .margin = 0.02, .control_points = 3});
+  EXPECT_NEAR(of_curve.least->upper, report.least->upper, 2e-3) << "the curve with these control points is as straight";
+  EXPECT_EQ(of_curve.nearest.index, 0u);
 }
 
 TEST(PathReport, FindsTheFirstContactAndTheDepth) {
   Cell cell;
-  for (const double from : {0.0, 0.75}) {
+  for (const auto& [from, control_points] : {std::pair{0.0, 2u}, {0.75, 2u}, {0.0, 3u}, {0.75, 3u}}) {
     States path = cell.turned(from);
-    const States end = cell.turned(0.9);
+    const States end = cell.turned(0.9), middle = cell.turned(0.5 * (from + 0.9) + 0.01);
+    if (control_points == 3) path.insert(path.end(), middle.begin(), middle.end());
     path.insert(path.end(), end.begin(), end.end());
-    const Query query{.joints = cell.joints.ids, .positions = path, .margin = 0.02};
+    const Query query{.joints = cell.joints.ids, .positions = path, .margin = 0.02, .control_points = control_points};
     const PathReport report = explain_path(cell.engine, query);
     ASSERT_TRUE(report.check.hit());
     ASSERT_TRUE(report.contact && report.proved_until);
@@ -246,6 +251,7 @@ TEST(PathReport, FindsTheFirstContactAndTheDepth) {
     Query contact = query;
     contact.pairs = {&report.contact->pair, 1};
     contact.positions = report.contact->positions;
+    contact.control_points = 2;
     EXPECT_FALSE(cell.engine.check(contact).free[0]);
   }
 }

@@ -35,9 +35,13 @@ OTHER_NAMES = {
 }
 #: Names that only C++ has, with the reason.
 CPP_ONLY = {
-    "Engine": {"group": "names of groups are accepted wherever selectors are"},
+    "Engine": {
+        "group": "names of groups are accepted wherever selectors are",
+        "prepare_path": "prepare('check_path')",
+    },
     "Client": {
         "group": "as of an Engine",
+        "prepare_path": "as of an Engine",
         "Duration": "a type",
         "wait_for_poses": "an option of queries",
     },
@@ -64,7 +68,6 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "backend": "in scene()",
         "close": "the destructor",
-        "replace": "remove_body() and add_body()",
     },
     "Scene": {
         "add_body": "add_* by a word",

@@ -1,5 +1,7 @@
 """The examples' own checks, without which they could claim anything."""
 
+import os
+import subprocess
 import sys
 from pathlib import Path
 
@@ -7,6 +9,7 @@ import numpy as np
 import pytest
 
 import clearance
+from patience import PATIENCE_S
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/examples"))
@@ -14,6 +17,7 @@ sys.path.insert(0, str(ROOT / "client/examples"))
 from drive import HOLD, STOP, Drive  # noqa: E402
 from exact_arm import ExactArm  # noqa: E402
 
+BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 ARM = ROOT / "scenes/cell/arm.urdf"
 HEIGHT = 0.75
 
@@ -84,3 +88,22 @@ def test_a_drive_without_a_new_command_stops():
     late = [q for t, q in log if t > 10.5 + HOLD + STOP]
     assert len(late) > 100 and np.ptp(late) < 1e-12, "and it stands still from then on"
     assert (np.diff([t for t, _ in log]) <= 1e-3 + 1e-9).all(), "where it was meanwhile is known to a millisecond"
+
+
+@pytest.mark.parametrize("language", ["python", "c++"])
+@pytest.mark.parametrize("where", ["engine", "shm"])
+def test_a_planner_of_prepared_motions_finds_a_proved_path(start_daemon, kinds, language, where):
+    program = [sys.executable, "client/examples/rrt.py"]
+    if language == "c++":
+        program = [BUILD / "examples/rrt"]
+        if where == "engine" or not program[0].exists():
+            pytest.skip("a client, built with the daemon")
+    scene = ROOT / "scenes/cell/robot.yaml"
+    if where not in ("engine", *kinds):
+        pytest.skip(f"no {where} here")
+    place = scene if where == "engine" else start_daemon(scene, [where]).urls[where]
+    done = subprocess.run([*program, place, "arm"], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert int(done.stdout.split()[0]) > 2, done.stdout
+    nobody = subprocess.run([*program, place, "nobody"], cwd=ROOT, capture_output=True, text=True, timeout=PATIENCE_S)
+    assert nobody.returncode != 0 and "nobody" in nobody.stderr

@@ -175,7 +175,7 @@ WRONG = {
     "joints: only together with configurations": {"joints": "arm"},
     r"configurations: expected shape \(K, 8\), one column for each joint, got \(1, 7\)": {
         "joints": "arm", "configurations": np.zeros((1, 7))},
-    r"configurations: expected shape \(K, 8\), one column for each joint, got \(8,\)": {
+    r"configurations: expected shape \(K, 8\), .* got \(8,\); write configurations\[None\] for one row": {
         "joints": "arm", "configurations": np.zeros(8)},
     "configurations: expected at least one row": {"joints": "arm", "configurations": np.zeros((0, 8))},
     r"joints: 'arm/joint1' is named twice": {"joints": [0, 0], "configurations": np.zeros((1, 2))},

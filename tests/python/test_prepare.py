@@ -95,6 +95,8 @@ def test_one_row_at_a_time_is_a_row_of_the_batch(front):
     assert 0 < batch.free.sum() < len(Q)
     assert [bool(check.run(q[None]).free[0]) for q in Q] == batch.free.tolist()
     assert [bool(check.run(q[None])) for q in Q] == batch.ok.tolist()
+    assert [check.run(q[None]).result.all_free for q in Q] == batch.free.tolist()
+    assert not batch.result.all_free
     least = front.prepare(joints=arm, reduce="min", fields=["lower", "pair", "gradient_joints"])
     batch = least.run(Q)
     ones = [least.run(q[None]) for q in Q]

@@ -51,16 +51,17 @@ struct Check {
 
 /// Whether a whole path is free, or the first motion that is not proved free.
 struct PathCheck {
-  bool free = true;                    ///< whether every pair is proved farther than its margin on every motion
-  std::optional<std::uint64_t> index;  ///< the first motion that is not free, from waypoint `index` to the next
+  bool free = true;  ///< whether every pair is proved farther than its margin on every motion
+  /// The first motion that is not free: from waypoint `index` to the next, or segment `index` of a curve.
+  std::optional<std::uint64_t> index;
   double t = 0;  ///< 0 to 1 in that motion: time at which `pair` is within its margin, or at which the proof ends
   IdPair pair{kNone, kNone};  ///< bodies that are not proved free
   /// kBeyond if free; kOk, kContact, kOverlap: `pair` is proved within its margin at `t`. Otherwise there is no proof.
   Status status = Status::kBeyond;
-  /// First waypoint at which each joint is beyond its limits, in the order of joints. Independent of `free`.
+  /// First waypoint or segment at which each joint is beyond its limits, in the order of joints. Independent of `free`.
   std::vector<LimitViolation> limit_violations;
 
-  /// Whether a joint exceeds its limits. Checked at the waypoints, since motions are straight between them.
+  /// Whether a joint exceeds its limits. Straight motions are checked at their waypoints, curves throughout.
   bool beyond_limits() const { return !limit_violations.empty(); }
   /// Whether the path is proved not to be free. If neither free nor hit, nothing is proved.
   bool hit() const { return status <= Status::kContact; }

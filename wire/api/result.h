@@ -3,6 +3,7 @@
 
 #include <clearance/query.h>
 
+#include <algorithm>
 #include <array>
 #include <bit>
 #include <cstddef>
@@ -86,6 +87,11 @@ class Result {
   std::span<const float> points32() const { return column<float>(kFieldPoints32); }
   std::span<const double> free_scale() const { return column<double>(kFieldFreeScale); }
   std::span<const Status> verdict() const { return column<Status>(kFieldVerdict); }  ///< of Reduce::kAny
+  /// Whether every configuration or motion of Reduce::kAny is proved free, by the column verdict.
+  bool all_free() const {
+    const std::span<const Status> rows = verdict();
+    return !rows.empty() && std::ranges::all_of(rows, [](Status s) { return s == Status::kBeyond; });
+  }
 
   std::uint64_t epoch() const { return info_.epoch; }
   std::uint64_t scene_revision() const { return info_.scene_revision; }

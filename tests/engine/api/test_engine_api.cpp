@@ -67,6 +67,7 @@ TEST(EngineApi, PreparedAnswersAsDistancesDoes) {
 TEST(EngineApi, PreparedCallsOfEachKindAnswerAsTheCalls) {
   const Engine engine(cell(), {.threads = 1});
   test::expect_prepared_calls_answer_as_calls(engine, engine.joints("arm"));
+  test::expect_prepared_paths_answer_as_calls(engine, engine.joints("arm"));
 }
 
 TEST(EngineApi, PreparedOwnsItsArrays) {
@@ -277,6 +278,31 @@ TEST(EngineApi, JointsByGroupWithLimits) {
   EXPECT_EQ(check.limit_violations[0].configuration, 1u);
   EXPECT_NEAR(check.limit_violations[0].excess(), 0.01, 1e-12);
   EXPECT_FALSE(check.ok());
+}
+
+TEST(EngineApi, CurvesAreCheckedAgainstLimitsThroughout) {
+  const Engine engine(cell());
+  const Joints joints = engine.joints("arm");
+  const double upper = joints.limits[0].upper;
+  PreparedPath prepared = engine.prepare_path({.joints = joints.ids, .control_points = 3});
+  const auto violations = [&](double middle) {  // of two segments, the first within limits
+    std::vector<double> path(6 * joints.size());
+    for (const std::size_t row : {3, 4, 5}) path[row * joints.size()] = row == 4 ? middle : upper - 0.1;
+    return prepared.run(path).limit_violations;
+  };
+  EXPECT_TRUE(violations(upper + 0.09).empty()) << "the curve reaches half as far as its control point";
+  const std::vector<LimitViolation> beyond = violations(upper + 0.12);
+  ASSERT_EQ(beyond.size(), 1u);
+  EXPECT_EQ(beyond[0].configuration, 1u);
+  EXPECT_EQ(beyond[0].joint, joints.ids[0]);
+  EXPECT_GT(beyond[0].excess(), 0);
+  EXPECT_LT(beyond[0].excess(), 0.0101);
+  EXPECT_EQ(text_of<std::invalid_argument>([&] { prepared.run(std::vector<double>(4 * joints.size())); }),
+            "check_path: expected 3 control points for each segment, got 4 rows");
+  EXPECT_EQ(text_of<std::invalid_argument>([&] {
+              engine.check_path({.joints = joints.ids, .positions = std::vector<double>(14), .control_points = 9});
+            }),
+            "check_path: control_points: expected 2 to 8, got 9");
 }
 
 TEST(EngineApi, ScenesAreSavedAndDescribed) {

@@ -104,6 +104,7 @@ TEST_F(ShmDaemon, PreparedCallsOfEachKindAnswerAsTheCalls) {
   Daemon daemon({"--scene", source_file("scenes/cell/robot.yaml"), "--shm", path_, "--threads", "1"});
   Client client = patient(daemon.url());
   test::expect_prepared_calls_answer_as_calls(client, client.joints("arm"));
+  test::expect_prepared_paths_answer_as_calls(client, client.joints("arm"));
 }
 
 TEST_F(ShmDaemon, PreparedQueriesAnswerAsDistancesDoUntilTheirIdsChange) {

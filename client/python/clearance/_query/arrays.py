@@ -37,7 +37,8 @@ def positions_of(value: Any, joints: int, what: str) -> np.ndarray:
     rows = to_floats(value, what, "(K, J) numbers")
     shape = rows.shape
     if len(shape) != 2 or shape[1] != joints:
-        raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}")
+        hint = f"; write {what}[None] for one row" if shape == (joints,) else ""
+        raise ValueError(f"{what}: expected shape (K, {joints}), one column for each joint, got {shape}{hint}")
     if not shape[0]:
         raise ValueError(f"{what}: expected at least one row, got shape {shape}")
     return rows

@@ -63,9 +63,9 @@ class Configurations(Call):
     def read(self, configurations: Any = None) -> Request:
         query = self.query
         if configurations is None:
-            for what in ("bodies", "joints"):
-                if getattr(query, what) is not None:
-                    raise ValueError(f"{what}: only together with configurations")
+            if query.bodies is not None or query.joints is not None:
+                what = "joints" if query.bodies is None else "bodies"
+                raise ValueError(f"{what}: only together with configurations")
             return query.run(False, 1), None, None
         if query.bodies is None and query.joints is not None:  # the usual case of planners
             rows = positions_of(configurations, query.joint_count, "configurations")

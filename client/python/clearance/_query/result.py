@@ -163,6 +163,14 @@ class Result:
         return pairs
 
     @property
+    def all_free(self) -> bool:
+        """Whether every configuration or motion of reduce="any" is proved free, by the column verdict.
+
+        Takes a tenth of a microsecond, where a comparison of the column takes several.
+        """
+        return self._answer.all_free()
+
+    @property
     def names(self) -> tuple[str, ...]:
         """The bodies' names by id, of the scene that the query's ids refer to."""
         return self._source.body_names()
