@@ -31,9 +31,9 @@ constexpr std::size_t kLeastOfCell = 12;
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
 constexpr double kMaxReach = 1e9, kLeastSize = 1e-40;
-/// Bodies of more parts, and meshes of more triangles, have no cover, which would take long.
+/// Bodies of more parts, meshes of more triangles and clouds of more points have no cover, which would take long.
 constexpr std::size_t kMostParts = 300;
-constexpr std::uint32_t kMostTriangles = 1u << 21;
+constexpr std::uint32_t kMostTriangles = 1u << 21, kMostPoints = 1u << 17;
 
 /// Vertices of a polytope around a round core.
 std::vector<Vec3d> polytope_around(const Primitive& core) {
@@ -202,7 +202,8 @@ GrownFan box_of_cell(std::span<const Vec3d> points) {
 }
 
 bool has_no_cover(const ConvexPartPtr& part) {
-  const bool is_too_large = part->surface && (part->surface->is_cloud() || part->surface->size() > kMostTriangles);
+  const Surface* const surface = part->surface.get();
+  const bool is_too_large = surface && surface->size() > (surface->is_cloud() ? kMostPoints : kMostTriangles);
   return is_half_space(*part) || is_too_large || !(part->rho + part->radius <= kMaxReach);
 }
 
@@ -213,7 +214,9 @@ std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   if (parts.empty() || parts.size() > kMostParts || std::any_of(parts.begin(), parts.end(), has_no_cover)) return {};
   CoverShape shape;
   for (const ConvexPartPtr& part : parts)
-    if (part->surface)
+    if (part->surface && part->surface->is_cloud())
+      shape.add_cloud(*part);
+    else if (part->surface)
       shape.add_mesh(*part, std::max(kMostCells / parts.size(), kLeastCells));
     else
       shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
@@ -263,6 +266,18 @@ void CoverShape::add_mesh(const ConvexPart& part, std::size_t most_cells) {
   parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
 }
 
+void CoverShape::add_cloud(const ConvexPart& part) {
+  const Surface& cloud = *part.surface;
+  const double growth = (part.radius + std::sqrt(0.75) * cloud.edge() + cloud.rounding()) * kUp;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    const Vec3d p = cloud.point(i);
+    simplices_.push_back({{p, p, p, p}, growth});
+    reach_ = std::max(reach_, (length(p) + growth) * kUp);
+  }
+  has_inside_ = has_inside_ || part.radius > 0 || cloud.edge() > 0;
+  parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
+}
+
 void CoverShape::add(const Fan& fan, double growth) {
   for (const auto& tetrahedron : fan.parts) {
     CoverSimplex simplex{{}, (growth + fan.off) * kUp};
@@ -273,6 +288,7 @@ void CoverShape::add(const Fan& fan, double growth) {
 }
 
 double CoverShape::Part::inside(const Vec3d& c, double enough, std::uint32_t& near) const {
+  if (surface && surface->is_cloud()) return depth_in_cloud(*surface, c, near) + radius;
   if (surface) return depth_in_mesh(*surface, c, enough - radius, near) + radius;
   if (core) {
     const double depth = in_core(*core, c);

@@ -103,7 +103,8 @@ bool CoverPlanBuilder::take_bodies() {
     slot_[b] = static_cast<std::uint32_t>(out_->bodies_.size());
     take_link(b, decided);
     has_pose_.push_back(has_pose(b, decided));
-    const bool is_usable = has_pose_.back() && !is_cloud(body) && !body.parts.empty();
+    const bool has_shape = !body.parts.empty() && (!is_cloud(body) || body.cloud == CloudState::kPoints);
+    const bool is_usable = has_pose_.back() && has_shape;
     out_->covers_.push_back(is_usable ? store_.find(body.parts) : nullptr);
     any |= out_->covers_.back() != nullptr;
     add(decided);
