@@ -30,8 +30,7 @@ std::vector<std::uint32_t> bodies_to_cover(const Scene& scene) {
     Digest digest;
     for (const ConvexPartPtr& part : bodies[id].parts) digest.add(part->digest);
     const bool has_shape = !is_cloud(bodies[id]) || bodies[id].cloud == CloudState::kPoints;
-    if (has_shape && may_have_cover(bodies[id].parts) && seen.insert(digest.value()).second)
-      chosen.push_back(id);
+    if (has_shape && may_have_cover(bodies[id].parts) && seen.insert(digest.value()).second) chosen.push_back(id);
   };
   for (std::uint32_t id = 0; id < bodies.size(); ++id)
     if (bodies[id].robot != kNone) add(id);

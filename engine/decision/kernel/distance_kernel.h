@@ -29,6 +29,7 @@ class DistanceBounder {
     begin(used, batch_.limits.packets);
     cells_.look_up(positions);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
+    for (const StillCell& pair : batch_.still) least_.take_upper(pair.upper, pair.position);
     bound_roots();
     open_roots();
     finish(result);
@@ -105,12 +106,19 @@ class DistanceBounder {
       const float low = room_.lows[*cell];
       if (low > least_.threshold())
         least_.lay_aside(low, cells_.position_of(*cell));
+      else if (cells_.is_still(*cell))
+        least_.leave(cells_.position_of(*cell), low);
       else
         push(1, cells_.item_of(*cell, low), cells_.is_in_table(*cell));
     }
   }
   /// Opens the pairs whose roots are not beyond the threshold.
   void open_roots() {
+    for (const StillCell& pair : batch_.still)
+      if (pair.lower > least_.threshold())
+        least_.lay_aside(pair.lower, pair.position);
+      else
+        least_.leave(pair.position, pair.lower);
     alignas(32) float values[kBalls];
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {

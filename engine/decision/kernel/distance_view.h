@@ -19,8 +19,14 @@ struct DistanceLimits {
   int packets = 768;         ///< as DistanceGroups::packets, for one group of all pairs
 };
 
+/// A pair with the same bounds in every state.
+struct StillCell {
+  float lower, upper;  ///< metres
+  std::uint64_t position;
+};
+
 /// Groups of pairs, each of which has a least distance. A cell is obstacle * columns + body, or, from
-/// obstacle_count * columns on, a moved pair.
+/// obstacle_count * columns on, a moved pair, or, from the next multiple of 8 on, a pair that stays.
 struct DistanceGroups {
   const std::uint32_t* begin;  ///< (count + 1,) in `cells`
   const std::uint32_t* cells;
@@ -39,6 +45,7 @@ struct DistanceBatch {
   const double* positions;     ///< (states, position_stride) of joints
   std::size_t position_stride;
   const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
+  std::span<const StillCell> still{};
 };
 
 /// A pair that may be the nearest.
@@ -70,7 +77,7 @@ struct DistanceRoom {
   DistanceBounds* bounds;  ///< (states, groups)
   LeftPair* left;
   std::uint32_t capacity;  ///< of `left`
-  float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8
+  float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8, then (still pairs,)
   DistanceItem* items;     ///< (3, kMostDistanceItems)
   float* highs = nullptr;  ///< as `lows`; for groups
 };

@@ -22,6 +22,13 @@ constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 constexpr double kMostContact = 1e-6;
 constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of bounds by covers
 
+float down(double value) {
+  constexpr double kMost = -BallPacket::kNoRadius;
+  const double limited = std::clamp(value, -kMost, kMost);
+  const auto rounded = static_cast<float>(limited);
+  return rounded > limited ? std::nextafterf(rounded, -std::numeric_limits<float>::infinity()) : rounded;
+}
+
 bool is_by_pair(const Plan& plan) {
   return plan.query.reduce == Reduce::kNone || plan.query.reduce == Reduce::kWithin;
 }
@@ -86,8 +93,10 @@ CoverBounds::Tolerance CoverBounds::exact_tolerance() const {
           std::max(share * rel_tol, std::min(rel_tol, 1e-6))};
 }
 
-void CoverBounds::take(const CoverPlan& covers) {
-  groups_.take(covers);
+void CoverBounds::take(const CoverPlan& covers, std::span<const StillBounds> still) {
+  still_.clear();
+  for (const StillBounds& pair : still) still_.push_back({down(pair.lower), -down(-pair.upper), pair.position});
+  groups_.take(covers, still_);
   const DecisionView& view = covers.view();
   moved_inner_.assign((view.moved_pair_count + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
                       BallPacket::kNoRadius);
@@ -104,10 +113,11 @@ std::span<const DistanceBounds> CoverBounds::bound(DistanceBatch batch, Room& ro
   batch.moved_inner = moved_inner_.data();
   batch.limits = limits_;
   batch.groups = groups_.is_one() ? nullptr : &groups_.view();
+  batch.still = still_;
   room.bounds.resize(batch.states * groups_.count());
   // A pair is in two groups or fewer.
   room.left.resize(batch.states * (groups_.is_one() ? kMostLeft : 2 * plan_.pairs.size()));
-  room.lows.resize(std::size_t{view.obstacle_count} * view.columns + moved_inner_.size());
+  room.lows.resize(std::size_t{view.obstacle_count} * view.columns + moved_inner_.size() + still_.size());
   room.highs.resize(room.lows.size());
   room.items.resize(std::size_t{3} * kMostDistanceItems);
   distance_kernels()[0].run(batch, {room.bounds.data(), room.left.data(), static_cast<std::uint32_t>(room.left.size()),
