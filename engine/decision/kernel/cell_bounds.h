@@ -72,6 +72,13 @@ class CellBounds {
     return has_table(cell) && table_high_[table_of(cell)] < LeastBounds::kFar;
   }
   bool is_still(std::size_t cell) const { return cell >= first_still(); }
+  /// Stand-out of a cell's roots.
+  float stand_out(std::size_t cell) const {
+    const bool is_moved = cell >= obstacle_cells();
+    const float outer = is_moved ? v_.moved_reach[cell - obstacle_cells()] : v_.root_outer[cell],
+                inner = is_moved ? batch_.moved_inner[cell - obstacle_cells()] : v_.root_inner[cell];
+    return outer - (inner > 0 ? inner : 0);
+  }
   std::uint64_t position_of(std::size_t cell) const {
     if (is_still(cell)) return batch_.still[cell - first_still()].position;
     return cell < obstacle_cells() ? v_.position[cell] : v_.moved_pairs[cell - obstacle_cells()].position;

@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "engine/decision/kernel/cell_bounds.h"
 #include "engine/decision/kernel/distance_view.h"
@@ -109,7 +110,7 @@ class DistanceBounder {
       else if (cells_.is_still(*cell))
         least_.leave(cells_.position_of(*cell), low);
       else
-        push(1, cells_.item_of(*cell, low), cells_.is_in_table(*cell));
+        push_root(cells_.item_of(*cell, low), *cell, cells_.is_in_table(*cell));
     }
   }
   /// Opens the pairs whose roots are not beyond the threshold.
@@ -126,18 +127,17 @@ class DistanceBounder {
         const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
         for (Bits b = least_.sift(Eight::load(room_.lows + at), 0xff, values, position); b; b &= b - 1) {
           const int i = lowest(b);
-          const bool has_table = v_.table[at + static_cast<std::size_t>(i)] != kNoTable;
-          push(1, {values[i], o, begin + static_cast<std::uint32_t>(i), 0, 0}, has_table);
+          const std::size_t cell = at + static_cast<std::size_t>(i);
+          push_root({values[i], o, begin + static_cast<std::uint32_t>(i), 0, 0}, cell, cells_.has_table(cell));
         }
       }
+    const std::size_t first_moved = std::size_t{v_.obstacle_count} * v_.columns;
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
-      const auto pair = [&](int i) -> const MovedPair& {
-        return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)];
-      };
-      const auto position = [&](int i) { return pair(i).position; };
+      const auto position = [&](int i) { return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)].position; };
       for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
         const int i = lowest(b);
-        push(1, {values[i], kNone, begin + static_cast<std::uint32_t>(i), 0, 0}, pair(i).table != kNoTable);
+        const std::uint32_t k = begin + static_cast<std::uint32_t>(i);
+        push_root({values[i], kNone, k, 0, 0}, first_moved + k, cells_.has_table(first_moved + k));
       }
     }
   }
@@ -146,11 +146,15 @@ class DistanceBounder {
     return item.obstacle == kNone ? v_.moved_pairs[item.at].position
                                   : v_.position[std::size_t{item.obstacle} * v_.columns + item.at];
   }
-  /// Whether the children of balls, and theirs, may be small enough for the width that is permitted. A level's balls
-  /// stand out by a third of those of the level above, or less.
+  /// Whether the children of balls, and theirs, may be small enough for the width that is permitted.
   /// \param width stand-out of the balls
   bool is_worth_children(int level, float width) const {
-    return level < kLevels && width < least_.width() * (level == 1 ? 10.0f : 3.5f);
+    if (level == kLevels) return false;
+    const float limit = batch_.limits.divided[level];
+    return limit == std::numeric_limits<float>::infinity() || width < least_.width() * limit;
+  }
+  void push_root(const DistanceItem& item, std::size_t cell, bool is_smallest) {
+    push(1, item, is_smallest || !is_worth_children(0, cells_.stand_out(cell)));
   }
   /// Adds work to a level, or leaves the pair.
   void push(int level, const DistanceItem& item, bool is_smallest) {

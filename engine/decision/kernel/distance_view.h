@@ -17,6 +17,9 @@ struct DistanceLimits {
   double most = std::numeric_limits<double>::infinity();
   bool any_overlap = false;  ///< an overlapping pair ends the search; otherwise the first one is requested
   int packets = 768;         ///< as DistanceGroups::packets, for one group of all pairs
+  /// Balls of a level, the roots first, are divided if they stand out less than this times the width of the bounds that
+  /// is permitted. A level's balls stand out by a third of those of the level above, or less.
+  float divided[3] = {std::numeric_limits<float>::infinity(), 10, 3.5f};
 };
 
 /// A pair with the same bounds in every state.

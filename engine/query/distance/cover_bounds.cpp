@@ -15,6 +15,8 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 // Most packets of balls of a group, and of a pair alone. Beyond them the exact engine is faster.
 constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
+// DistanceLimits::divided where the exact engine is_fast(): only if the next level suffices.
+constexpr float kDividedIfFast = 3.5f;
 // Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 // Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
@@ -32,6 +34,11 @@ float down(double value) {
 bool is_by_pair(const Plan& plan) {
   return plan.query.reduce == Reduce::kNone || plan.query.reduce == Reduce::kWithin;
 }
+// Whether bodies are single hulls whose poses are given: the exact engine answers a pair in less time than two packets of
+// balls take.
+bool is_fast(const Plan& plan, bool light) {
+  return light && plan.motions.empty();
+}
 // Whether all columns follow from bounds.
 bool needs_no_points(const Plan& plan) {
   constexpr std::uint32_t kOfBounds =
@@ -43,7 +50,8 @@ bool needs_no_points(const Plan& plan) {
 
 bool CoverBounds::is_wide(const Plan& plan, bool light) {
   double abs_tol = kWideAbsTol, rel_tol = kWideRelTol;
-  if (is_by_pair(plan)) {  // covers leave no pair out, and each row costs them some packets
+  // Covers leave no or few pairs out, and each row costs them some packets.
+  if (is_by_pair(plan) || (plan.query.reduce == Reduce::kNearest && is_fast(plan, light))) {
     abs_tol = light ? 5e-2 : 5e-3;
     rel_tol = light ? 0.2 : 1e-2;
   }
@@ -53,6 +61,7 @@ bool CoverBounds::is_wide(const Plan& plan, bool light) {
 bool CoverBounds::may_bound(const Plan& plan, bool light) {
   if (plan.query.signed_distance || plan.query.reduce == Reduce::kAny) return false;
   if (is_by_pair(plan)) return is_wide(plan, light) && needs_no_points(plan);
+  if (plan.query.reduce == Reduce::kNearest && is_fast(plan, light)) return is_wide(plan, light);
   // A state beyond max_distance needs all pairs. So does a body, and most states have one.
   return is_wide(plan, light) || plan.query.max_distance == kInf || (plan.query.reduce == Reduce::kMin && light);
 }
@@ -64,6 +73,7 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
       wide_(is_wide(plan, light)),
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
+  if (is_fast(plan, light)) std::ranges::fill(limits_.divided, kDividedIfFast);
   set_limits();
 }
 
