@@ -148,13 +148,13 @@ class DistanceBounder {
   }
   /// Whether the children of balls, and theirs, may be small enough for the width that is permitted.
   /// \param width stand-out of the balls
-  bool is_worth_children(int level, float width) const {
+  bool is_worth_children(int level, float width, bool is_pair) const {
     if (level == kLevels) return false;
-    const float limit = batch_.limits.divided[level];
+    const float limit = (is_pair ? batch_.limits.pairs_divided : batch_.limits.divided)[level];
     return limit == std::numeric_limits<float>::infinity() || width < least_.width() * limit;
   }
   void push_root(const DistanceItem& item, std::size_t cell, bool is_smallest) {
-    push(1, item, is_smallest || !is_worth_children(0, cells_.stand_out(cell)));
+    push(1, item, is_smallest || !is_worth_children(0, cells_.stand_out(cell), item.obstacle == kNone));
   }
   /// Adds work to a level, or leaves the pair.
   void push(int level, const DistanceItem& item, bool is_smallest) {
@@ -223,7 +223,7 @@ class DistanceBounder {
     for (; open; open &= open - 1) {
       const int i = lowest(open);
       push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0},
-           packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i)));
+           packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i), false));
     }
   }
 
@@ -275,7 +275,7 @@ class DistanceBounder {
         const int i = lowest(open);
         push(level + 1, {lower[i], kNone, item.at, of.a.children[i], of.b.children[j]},
              of.a.children[i] == kNone || of.b.children[j] == kNone ||
-                 !is_worth_children(level, stand_out(of.a, i) + stand_out(of.b, j)));
+                 !is_worth_children(level, stand_out(of.a, i) + stand_out(of.b, j), true));
       }
     }
   }
@@ -289,25 +289,6 @@ class DistanceBounder {
   std::uint32_t count_[kLevels] = {};
   int packets_ = 0, packets_left_ = 0;  // of the group
 };
-
-inline void bound_distances(const DistanceBatch& batch, const DistanceRoom& room) {
-  DistanceBounder bounder(batch, room);
-  const std::size_t groups = batch.groups ? batch.groups->count : 1;
-  std::uint32_t used = 0;
-  for (std::size_t k = 0; k < batch.states; ++k) {
-    DistanceBounds* const bounds = room.bounds + k * groups;
-    for (std::size_t g = 0; g < groups; ++g) bounds[g] = {};
-    if (!batch.usable[k]) continue;
-    const Pose* const poses = batch.poses + k * batch.stride;
-    const double* const positions = batch.positions + k * batch.position_stride;
-    if (batch.groups)
-      bounder.bound_groups(poses, positions, used, bounds);
-    else
-      *bounds = bounder.bound(poses, positions, used);
-    for (std::size_t g = 0; g < groups; ++g)
-      if (bounds[g].is_listed) used = bounds[g].left_end;
-  }
-}
 
 }  // namespace CLEARANCE_ISA
 }  // namespace clearance

@@ -20,6 +20,7 @@ struct DistanceLimits {
   /// Balls of a level, the roots first, are divided if they stand out less than this times the width of the bounds that
   /// is permitted. A level's balls stand out by a third of those of the level above, or less.
   float divided[3] = {std::numeric_limits<float>::infinity(), 10, 3.5f};
+  float pairs_divided[3] = {std::numeric_limits<float>::infinity(), 10, 3.5f};  ///< of two moved bodies
 };
 
 /// A pair with the same bounds in every state.

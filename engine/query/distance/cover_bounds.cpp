@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <limits>
 
 namespace clearance {
@@ -15,8 +16,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 // Most packets of balls of a group, and of a pair alone. Beyond them the exact engine is faster.
 constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
-// DistanceLimits::divided where the exact engine is_fast(): only if the next level suffices.
-constexpr float kDividedIfFast = 3.5f;
+// DistanceLimits::divided if only the next level may follow: two bodies of single hulls have too many pairs of balls
+// for more, and where the exact engine is_fast(), one body has, too.
+constexpr float kNextLevel = 3.5f;
 // Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 // Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
@@ -73,7 +75,11 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
       wide_(is_wide(plan, light)),
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
-  if (is_fast(plan, light)) std::ranges::fill(limits_.divided, kDividedIfFast);
+  if (light) std::fill(limits_.pairs_divided + 1, std::end(limits_.pairs_divided), kNextLevel);
+  if (is_fast(plan, light)) {
+    std::ranges::fill(limits_.divided, kNextLevel);
+    std::ranges::fill(limits_.pairs_divided, kNextLevel);
+  }
   set_limits();
 }
 
