@@ -55,7 +55,8 @@ void judge(const engine::Engine& engine, const Answer& exact, const QueryView& q
     EXPECT_GT(expect_true_rows(exact, rows, tolerance, exact.size.rows), kStates / 4);
     work.push_back(work_of(engine, query, tolerance));
   }
-  for (std::size_t i = 1; i + 1 < work.size(); ++i) EXPECT_LE(work[i], work[i - 1]) << kTolerances[i].abs;
+  EXPECT_LE(static_cast<double>(work[1]), 1.03 * static_cast<double>(work[0]));  // the same search, nearly
+  for (std::size_t i = 2; i + 1 < work.size(); ++i) EXPECT_LE(work[i], work[i - 1]) << kTolerances[i].abs;
   EXPECT_LE(work.back(), work.front()) << "a tenth";
   EXPECT_GE(static_cast<double>(work[0]), least_gain * static_cast<double>(work[5]));
   std::printf("%s: %.1f times less work at 1 cm, %.1f at 5 cm\n", name.c_str(),
@@ -102,7 +103,7 @@ void judge_pairs_of_a_cloud(const CoverEngines& engines) {
   ArmStates s = kept_back(scene, Reduce::kMin);
   s.query.all_pairs = false;
   s.query.pairs = pairs;
-  judge(engine.with, bounds_of(engine.without, s.query, {0, 1e-12}), s.query, "carried cloud", 10);
+  judge(engine.with, bounds_of(engine.without, s.query, {0, 1e-12}), s.query, "carried cloud", 8);
 }
 
 // Pairs of links that stay have the same bounds in each state.
@@ -136,7 +137,7 @@ TEST(Tolerances, AreKeptInStatesKeptBack) {
   ::setenv("CLEARANCE_CACHE", "off", 1);
   const CoverEngines engines;
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
-  judge_scene(crowded_scene(false), engines, "hulls", 2);
+  judge_scene(crowded_scene(false), engines, "hulls", 1.7);
   judge_scene(with_carried_cloud(), engines, "surfaces and clouds", 2);
   judge_pairs_of_a_cloud(engines);
   judge_pairs_that_stay(engines);
