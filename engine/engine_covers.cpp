@@ -29,17 +29,17 @@ std::vector<std::uint32_t> bodies_to_cover(const Scene& scene) {
   const auto add = [&](std::uint32_t id) {
     Digest digest;
     for (const ConvexPartPtr& part : bodies[id].parts) digest.add(part->digest);
-    if (may_have_cover(bodies[id].parts) && !is_cloud(bodies[id]) && seen.insert(digest.value()).second)
-      chosen.push_back(id);
+    const bool has_shape = !is_cloud(bodies[id]) || bodies[id].cloud == CloudState::kPoints;
+    if (has_shape && may_have_cover(bodies[id].parts) && seen.insert(digest.value()).second) chosen.push_back(id);
   };
   for (std::uint32_t id = 0; id < bodies.size(); ++id)
     if (bodies[id].robot != kNone) add(id);
   const std::size_t most = chosen.size() + kMostOtherShapes;
   for (std::uint32_t id = 0; id < bodies.size() && chosen.size() < most; ++id)
     if (bodies[id].robot == kNone && !bodies[id].is_static) add(id);
-  // Convex bodies that stay where they are need none.
+  // Convex bodies and clouds that stay where they are need none.
   for (std::uint32_t id = 0; id < bodies.size() && chosen.size() < most; ++id)
-    if (bodies[id].is_static && has_surface(bodies[id])) add(id);
+    if (bodies[id].is_static && has_surface(bodies[id]) && !is_cloud(bodies[id])) add(id);
   return chosen;
 }
 

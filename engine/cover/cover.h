@@ -61,7 +61,7 @@ struct StandOut {
 };
 StandOut stand_out(const Cover& cover, int level);
 
-/// The cover of the union of parts in one frame, or nothing if a part is a half-space, a cloud or beyond 1e9 m, and for
+/// The cover of the union of parts in one frame, or nothing if a part is a half-space, too large or beyond 1e9 m, and for
 /// no or more than 300 parts. Deterministic: the same on every machine. Takes about 0.2 s on one core, for meshes
 /// one to three.
 /// \param stopped makes it end early, without a cover, once it is true; may be null

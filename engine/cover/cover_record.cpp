@@ -88,9 +88,7 @@ bool is_sound(const Cover& cover) {
 
 bool may_have_cover(std::span<const ConvexPartPtr> parts) {
   return !parts.empty() && parts.size() <= kMostCoveredParts &&
-         std::none_of(parts.begin(), parts.end(), [](const ConvexPartPtr& part) {
-           return is_half_space(*part) || (part->surface && part->surface->is_cloud());
-         });
+         std::none_of(parts.begin(), parts.end(), [](const ConvexPartPtr& part) { return is_half_space(*part); });
 }
 
 bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr> b) {
@@ -102,7 +100,7 @@ bool same_parts(std::span<const ConvexPartPtr> a, std::span<const ConvexPartPtr>
     return p == q ||
            (p && q && p->kind() == q->kind() && are_same_points(p->vertices(), q->vertices()) &&
             std::equal(p->triangles().begin(), p->triangles().end(), q->triangles().begin(), q->triangles().end()) &&
-            !p->is_cloud());
+            p->edge() == q->edge() && std::ranges::equal(p->points(), q->points()));
   };
   const auto is_same = [&](const ConvexPartPtr& p, const ConvexPartPtr& q) {
     return p == q || (p->digest == q->digest && p->radius == q->radius && same_primitive(*p, *q) &&
@@ -121,9 +119,10 @@ std::string cover_name(std::span<const ConvexPartPtr> parts) {
     };
     add_bytes(part->vertices);
     if (!part->surface) continue;
-    key.add(static_cast<std::uint64_t>(part->surface->kind()));
+    key.add(static_cast<std::uint64_t>(part->surface->kind())).add(double{part->surface->edge()});
     add_bytes(part->surface->vertices());
     add_bytes(part->surface->triangles());
+    add_bytes(part->surface->points());
   }
   return key.name();
 }

@@ -19,7 +19,7 @@ struct TimedCover {
   double seconds = 0;
 };
 
-/// Whether bodies of these parts can have a cover: up to kMostCoveredParts bounded convex parts and meshes, no clouds.
+/// Whether bodies of these parts can have a cover: up to kMostCoveredParts bounded convex parts, meshes and clouds.
 inline constexpr std::size_t kMostCoveredParts = 64;
 bool may_have_cover(std::span<const ConvexPartPtr> parts);
 

@@ -8,8 +8,8 @@
 #include "engine/cover/fan.h"
 #include "engine/cover/mesh/mesh_cells.h"
 #include "engine/cover/mesh/mesh_depth.h"
+#include "engine/cover/round_core.h"
 #include "engine/hull/primitive.h"
-#include "engine/hull/shapes.h"
 
 namespace clearance {
 
@@ -31,35 +31,9 @@ constexpr std::size_t kLeastOfCell = 12;
 constexpr std::size_t kMostOfFlat = 48;
 /// Metres. No covers of larger bodies: squares of float32 would overflow. No thin hulls around smaller ones.
 constexpr double kMaxReach = 1e9, kLeastSize = 1e-40;
-/// Bodies of more parts, and meshes of more triangles, have no cover, which would take long.
+/// Bodies of more parts, meshes of more triangles and clouds of more points have no cover, which would take long.
 constexpr std::size_t kMostParts = 300;
-constexpr std::uint32_t kMostTriangles = 1u << 21;
-
-/// Vertices of a polytope around a round core.
-std::vector<Vec3d> polytope_around(const Primitive& core) {
-  const Vec3d& size = core.size;
-  if (core.kind == Primitive::Kind::kEllipsoid) {
-    // A sphere's polytope, scaled until its faces' planes are at least 1 away from the centre.
-    const Shape sphere = make_uv_sphere(1, 12);
-    double nearest = 1;
-    for (const Triangle& t : sphere.triangles) {
-      const Vec3d &a = sphere.vertices[t[0]], &b = sphere.vertices[t[1]], &c = sphere.vertices[t[2]];
-      const Vec3d n = cross(b - a, c - a);
-      nearest = std::min(nearest, dot(n, a) / norm(n));
-    }
-    const double scale = 1.0001 / nearest;  // 1e-4 exceeds every rounding
-    std::vector<Vec3d> vertices;
-    for (const Vec3d& v : sphere.vertices)
-      vertices.push_back({scale * size.x * v.x, scale * size.y * v.y, scale * size.z * v.z});
-    return vertices;
-  }
-  std::vector<Vec3d> vertices = make_cylinder(size.x, 2 * size.z).vertices;
-  if (core.kind == Primitive::Kind::kCone) {
-    std::erase_if(vertices, [](const Vec3d& v) { return v.z > 0; });
-    vertices.push_back({0, 0, size.z});
-  }
-  return vertices;
-}
+constexpr std::uint32_t kMostTriangles = 1u << 21, kMostPoints = 1u << 17;
 
 double length(const Vec3d& v) {
   return norm(v) * kUp + kCoverTiny;
@@ -73,30 +47,6 @@ double to_segment(const std::array<Vec3d, 2>& ends, const Vec3d& c) {
   // The point of the segment at t, within the rounding of its own coordinates.
   const Vec3d p = ends[0] * (1 - t) + ends[1] * t;
   return length(c - p) + kRounding * (norm(ends[0]) + norm(ends[1]));
-}
-
-/// Radius of a ball about `c` in a round core, or a value not above 0.
-double in_core(const Primitive& core, const Vec3d& c) {
-  const Vec3d& size = core.size;
-  const double rounding = 8 * kRounding * (norm(size) + norm(c)) + kCoverTiny,
-               across = std::sqrt(c.x * c.x + c.y * c.y) * kUp;
-  switch (core.kind) {
-    case Primitive::Kind::kHalfSpace:
-      break;
-    case Primitive::Kind::kCylinder:
-      return std::min(size.x - across, size.z - std::abs(c.z)) - rounding;
-    case Primitive::Kind::kCone: {
-      // The side's outward normal is (2 half, radius) in the plane of the axis, scaled to length 1.
-      const double slant = std::sqrt(4 * size.z * size.z + size.x * size.x);
-      const double side = ((size.z - c.z) * size.x - across * 2 * size.z) / slant;
-      return std::min(side, size.z + c.z) - rounding;
-    }
-    case Primitive::Kind::kEllipsoid:
-      // In the unit sphere's space, a ball of radius r is in one of radius r / least half axis.
-      return (1 - norm(Vec3d{c.x / size.x, c.y / size.y, c.z / size.z}) * kUp) * std::min({size.x, size.y, size.z}) -
-             rounding;
-  }
-  return 0;
 }
 
 /// Upper bound on the distance of `c` from a hull, by a few steps towards the nearest point.
@@ -202,7 +152,8 @@ GrownFan box_of_cell(std::span<const Vec3d> points) {
 }
 
 bool has_no_cover(const ConvexPartPtr& part) {
-  const bool is_too_large = part->surface && (part->surface->is_cloud() || part->surface->size() > kMostTriangles);
+  const Surface* const surface = part->surface.get();
+  const bool is_too_large = surface && surface->size() > (surface->is_cloud() ? kMostPoints : kMostTriangles);
   return is_half_space(*part) || is_too_large || !(part->rho + part->radius <= kMaxReach);
 }
 
@@ -213,7 +164,9 @@ std::optional<CoverShape> CoverShape::of(std::span<const ConvexPartPtr> parts) {
   if (parts.empty() || parts.size() > kMostParts || std::any_of(parts.begin(), parts.end(), has_no_cover)) return {};
   CoverShape shape;
   for (const ConvexPartPtr& part : parts)
-    if (part->surface)
+    if (part->surface && part->surface->is_cloud())
+      shape.add_cloud(*part);
+    else if (part->surface)
       shape.add_mesh(*part, std::max(kMostCells / parts.size(), kLeastCells));
     else
       shape.add(*part, std::clamp(kMostVertices / parts.size(), kLeastOfPart, kMostOfPart));
@@ -263,6 +216,18 @@ void CoverShape::add_mesh(const ConvexPart& part, std::size_t most_cells) {
   parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
 }
 
+void CoverShape::add_cloud(const ConvexPart& part) {
+  const Surface& cloud = *part.surface;
+  const double growth = (part.radius + std::sqrt(0.75) * cloud.edge() + cloud.rounding()) * kUp;
+  for (std::uint32_t i = 0; i < cloud.size(); ++i) {
+    const Vec3d p = cloud.point(i);
+    simplices_.push_back({{p, p, p, p}, growth});
+    reach_ = std::max(reach_, (length(p) + growth) * kUp);
+  }
+  has_inside_ = has_inside_ || part.radius > 0 || cloud.edge() > 0;
+  parts_.push_back({nullptr, part.surface, {}, {}, part.radius});
+}
+
 void CoverShape::add(const Fan& fan, double growth) {
   for (const auto& tetrahedron : fan.parts) {
     CoverSimplex simplex{{}, (growth + fan.off) * kUp};
@@ -273,6 +238,7 @@ void CoverShape::add(const Fan& fan, double growth) {
 }
 
 double CoverShape::Part::inside(const Vec3d& c, double enough, std::uint32_t& near) const {
+  if (surface && surface->is_cloud()) return depth_in_cloud(*surface, c, near) + radius;
   if (surface) return depth_in_mesh(*surface, c, enough - radius, near) + radius;
   if (core) {
     const double depth = in_core(*core, c);

@@ -1,4 +1,4 @@
-// A union of convex parts and meshes as a cover needs it: simplices that hold it, and balls that it holds.
+// A union of convex parts, meshes and clouds as a cover needs it: simplices that hold it, and balls that it holds.
 #pragma once
 
 #include <array>
@@ -25,7 +25,7 @@ struct CoverSimplex {
 /// Metres, in the body's frame. All functions are valid for every input; rounding is charged.
 class CoverShape {
  public:
-  /// Returns nothing if a part is a half-space, a cloud or beyond 1e9 m, and for no or more than 300 parts.
+  /// Returns nothing if a part is a half-space, too large or beyond 1e9 m, and for no or more than 300 parts.
   static std::optional<CoverShape> of(std::span<const ConvexPartPtr> parts);
 
   /// Simplices that cover the body, interior included, each with its growth.
@@ -39,7 +39,7 @@ class CoverShape {
     return inside(c, -std::numeric_limits<double>::infinity(), near);
   }
   /// \param enough a result that is no greater may be any number that is no greater
-  /// \param near of depth_in_mesh()
+  /// \param near of depth_in_mesh() and depth_in_cloud()
   double inside(const Vec3d& c, double enough, std::uint32_t& near) const;
   /// Whether inside() can be above 0.
   bool has_inside() const { return has_inside_; }
@@ -47,8 +47,8 @@ class CoverShape {
  private:
   /// A part: its core, grown by a radius.
   struct Part {
-    std::shared_ptr<const Primitive> core;   ///< null for a hull or mesh
-    std::shared_ptr<const Surface> surface;  ///< null but for a mesh
+    std::shared_ptr<const Primitive> core;   ///< null for others
+    std::shared_ptr<const Surface> surface;  ///< null but for a mesh or cloud
     std::vector<Vec3d> vertices;             ///< of a hull: all, or enough
     HullPlanes planes;                       ///< of a hull with volume
     double radius = 0;
@@ -58,6 +58,7 @@ class CoverShape {
 
   void add(const ConvexPart& part, std::size_t most_vertices);
   void add_mesh(const ConvexPart& part, std::size_t most_cells);
+  void add_cloud(const ConvexPart& part);
   /// Adds a part's simplices: the fan, grown.
   void add(const Fan& fan, double growth);
 

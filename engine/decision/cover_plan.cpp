@@ -39,7 +39,7 @@ std::unique_ptr<const CoverPlan> CoverPlanBuilder::build() {
   take_errors();
   if (plan_.query.max_evaluations > 0 && !take_sources()) return nullptr;
   for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p)
-    if (!is_beyond(p)) take(p);
+    if (!is_known(p)) take(p);
   if (2 * out_->unknown_.size() > plan_.pairs.size()) return nullptr;
   if (obstacle_pairs_.empty() && out_->moved_pairs_.empty()) return nullptr;
   if (plan_.query.max_evaluations > 0)
@@ -103,7 +103,8 @@ bool CoverPlanBuilder::take_bodies() {
     slot_[b] = static_cast<std::uint32_t>(out_->bodies_.size());
     take_link(b, decided);
     has_pose_.push_back(has_pose(b, decided));
-    const bool is_usable = has_pose_.back() && !is_cloud(body) && !body.parts.empty();
+    const bool has_shape = !body.parts.empty() && (!is_cloud(body) || body.cloud == CloudState::kPoints);
+    const bool is_usable = has_pose_.back() && has_shape;
     out_->covers_.push_back(is_usable ? store_.find(body.parts) : nullptr);
     any |= out_->covers_.back() != nullptr;
     add(decided);
@@ -123,7 +124,7 @@ void CoverPlanBuilder::add(DecidedBody& decided) {
 // Meshes that stay where they are are bodies with covers, too. They are no obstacles, which are convex.
 void CoverPlanBuilder::take_still_meshes() {
   for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) {
-    if (is_beyond(p)) continue;
+    if (is_known(p)) continue;
     const BodyPair pair = plan_.pairs.at(p);
     for (const std::uint32_t b : {pair.a, pair.b})
       if (b < slot_.size() && slot_[b] == kNone && out_->bodies_.size() < kMostDecidedBodies) take_still_mesh(b);
@@ -222,8 +223,8 @@ bool CoverPlanBuilder::take_sources() {
 }
 
 std::unique_ptr<const CoverPlan> CoverPlan::make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
-                                                 const JointTableStore* tables, std::span<const std::uint64_t> beyond) {
-  return CoverPlanBuilder(scene, plan, covers, tables, beyond).build();
+                                                 const JointTableStore* tables, std::span<const std::uint64_t> known) {
+  return CoverPlanBuilder(scene, plan, covers, tables, known).build();
 }
 
 bool CoverPlan::may_decide(const Plan& plan) {

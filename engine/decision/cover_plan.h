@@ -26,10 +26,10 @@ class CoverPlan {
   static bool pays_at_once(const Plan& plan);
   /// Returns null for a plan that covers cannot decide, or while too few covers have been made.
   /// \param tables may be null
-  /// \param beyond positions of pairs, ascending, known to be beyond their margins in every state
+  /// \param known positions of pairs, ascending, that covers need not bound
   static std::unique_ptr<const CoverPlan> make(const engine::Scene& scene, const Plan& plan, const CoverStore& covers,
                                                const JointTableStore* tables = nullptr,
-                                               std::span<const std::uint64_t> beyond = {});
+                                               std::span<const std::uint64_t> known = {});
   /// Increases whenever make() may return something else.
   static std::uint64_t revision(const CoverStore& covers, const JointTableStore* tables) {
     return covers.revision() + (tables ? tables->revision() : 0);

@@ -36,11 +36,11 @@ class CoverPlanBuilder {
  public:
   /// As of CoverPlan::make().
   CoverPlanBuilder(const engine::Scene& scene, const Plan& plan, const CoverStore& store, const JointTableStore* tables,
-                   std::span<const std::uint64_t> beyond)
+                   std::span<const std::uint64_t> known)
       : scene_(scene),
         plan_(plan),
         snapshot_(*plan.snapshot),
-        beyond_(beyond),
+        known_(known),
         store_(store),
         slack_(scene, plan),
         slot_(scene.bodies().size(), kNone),
@@ -60,7 +60,7 @@ class CoverPlanBuilder {
     Slack slack;
   };
 
-  bool is_beyond(std::uint64_t position) const { return std::binary_search(beyond_.begin(), beyond_.end(), position); }
+  bool is_known(std::uint64_t position) const { return std::binary_search(known_.begin(), known_.end(), position); }
   bool take_slides();
   bool take_frame();
   bool has_pose(std::uint32_t body, const DecidedBody& decided) const;
@@ -86,7 +86,7 @@ class CoverPlanBuilder {
   const engine::Scene& scene_;
   const Plan& plan_;
   const PoseSnapshot& snapshot_;
-  const std::span<const std::uint64_t> beyond_;
+  const std::span<const std::uint64_t> known_;
   const CoverStore& store_;
   const SlackBounds slack_;
   std::unique_ptr<CoverPlan> out_{new CoverPlan};

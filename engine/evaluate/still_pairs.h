@@ -1,4 +1,4 @@
-// Pairs of a decision whose bodies both stay: evaluated once for all configurations.
+// Pairs of a query whose bodies both stay: evaluated once for all configurations.
 #pragma once
 
 #include <cstdint>
@@ -12,7 +12,14 @@
 
 namespace clearance {
 
-/// Finds out which of these pairs are beyond their margins. Belongs to one job and its snapshot.
+/// Bounds on the distance of a pair that stays, in metres.
+struct StillBounds {
+  std::uint64_t position;
+  double lower, upper;
+};
+
+/// Finds out which of these pairs are beyond their margins, or, for distances, bounds them. Belongs to one job and its
+/// snapshot.
 class StillPairs {
  public:
   /// Returns null if a query has no such pairs.
@@ -24,20 +31,26 @@ class StillPairs {
   /// Continues until the slice is over. Returns true once all pairs are evaluated.
   bool advance(WorkMeter& meter);
   bool is_done() const { return is_done_; }
-  /// Positions of the pairs that are beyond their margins, ascending, once all are evaluated.
-  std::span<const std::uint64_t> beyond() const { return beyond_; }
-  /// Number of pairs evaluated, the others have separate boxes.
+  /// Positions of the pairs that need no further evaluation, ascending, once all are evaluated: of a decision those
+  /// beyond their margins, of distances those of bounds().
+  std::span<const std::uint64_t> known() const { return known_; }
+  /// Bounds for distances, in the order of known().
+  std::span<const StillBounds> bounds() const { return bounds_; }
+  /// Number of pairs evaluated; the boxes of the others suffice.
   std::uint64_t evaluated() const { return near_.size(); }
 
  private:
   StillPairs(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, std::span<const Aabb> boxes,
              std::span<const std::uint64_t> positions);
+  void find_near(const engine::Scene& scene, const Plan& plan, std::span<const std::uint64_t> positions);
 
+  const bool decides_;
   const BodyPoses placement_;
   Evaluator evaluator_;
-  std::vector<std::uint64_t> near_, beyond_;  // positions
-  std::vector<PlacedBodies> to_evaluate_;     // of near_
-  std::vector<PairAnswer> answers_;           // likewise
+  std::vector<std::uint64_t> near_, known_;  // positions
+  std::vector<StillBounds> bounds_;
+  std::vector<PlacedBodies> to_evaluate_;  // of near_
+  std::vector<PairAnswer> answers_;        // likewise
   bool is_done_ = false;
 };
 

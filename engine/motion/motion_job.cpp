@@ -148,7 +148,7 @@ class MotionJob final : public ParallelJob {
     needs_no_row_ = (plan_.size.fields & ~kOfVerdict) == 0;
     covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
     covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
-                              still_ ? still_->beyond() : std::span<const std::uint64_t>());
+                              still_ ? still_->known() : std::span<const std::uint64_t>());
     if (!covers_ || !covers_->rates()) return;
     for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
   }

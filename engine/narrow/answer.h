@@ -82,6 +82,12 @@ CLEARANCE_HD inline bool answer_without_parts(Status a, Status b, std::uint16_t 
 CLEARANCE_HD inline bool is_at_rounding(double width, double rounding) {
   return width <= 4 * rounding;
 }
+/// Absolute tolerance of an interval that does not prove parts apart or overlapping, in metres: no distance becomes a
+/// contact because of a wide tolerance.
+CLEARANCE_HD inline double contact_tolerance(double abs_tol) {
+  constexpr double kMost = 1e-6;
+  return abs_tol < kMost ? abs_tol : kMost;
+}
 /// Width that the query's tolerances allow.
 CLEARANCE_HD inline double tolerance_at(double distance, double abs_tol, double rel_tol) {
   const double relative = rel_tol * (distance < 0 ? -distance : distance);
@@ -119,7 +125,9 @@ CLEARANCE_HD inline void decide(const NarrowLimits& limits, double lower, double
   }
   const double width = upper - lower;
   const auto narrow = [&](double distance) { return is_narrow(width, distance, limits.abs_tol, limits.rel_tol); };
-  const bool converged = parts_overlap ? !limits.signed_distance || narrow(lower) : narrow(lower > 0 ? upper : 0);
+  const bool converged = parts_overlap ? !limits.signed_distance || narrow(lower)
+                         : lower > 0   ? narrow(upper)
+                                       : width <= contact_tolerance(limits.abs_tol);
   if (true_lower > 0) {
     decide_apart(limits.max_distance, true_lower, true_upper, converged, answer);
     if (answer.status == Status::kBeyond) {

@@ -97,8 +97,8 @@ class BoundsCollector {
     if (!limits_.signed_distance && upper <= 0) return true;
     const double least = limits_.signed_distance ? lower : std::max(lower, 0.0);
     if (least == -kInf) return false;
-    const double distance = lower > 0 ? upper : (upper <= 0 ? lower : 0.0);
-    return upper - least <= tolerance(distance);
+    if (lower <= 0 && upper > 0) return upper - least <= contact_tolerance(limits_.abs_tol);
+    return upper - least <= tolerance(lower > 0 ? upper : lower);
   }
 
   NarrowAnswer finish() {

@@ -13,15 +13,17 @@
 #include <utility>
 #include <vector>
 
+#include "engine/narrow/answer.h"
 #include "engine/narrow/epa_surface.h"
 
 namespace clearance {
 
 struct EpaLimits {
-  double rel_tol = 1e-6;  ///< stop once the nearest face is within this of the CSO's surface, relatively
-  double abs_tol = 0;     ///< ... or absolutely
-  double stop_below = 0;  ///< if positive, stop once the whole surface is farther than this from the origin
-  double noise = 0;       ///< lengths below this are rounding
+  double rel_tol = 1e-6;   ///< stop once the nearest face is within this of the CSO's surface, relatively
+  double abs_tol = 0;      ///< ... or absolutely
+  double contact_tol = 0;  ///< replaces abs_tol while the surface is nearer to the origin than this
+  double stop_below = 0;   ///< if positive, stop once the whole surface is farther than this from the origin
+  double noise = 0;        ///< lengths below this are rounding
   std::size_t max_vertices = 4000;
 };
 
@@ -33,6 +35,7 @@ CLEARANCE_HD inline EpaLimits epa_limits(double abs_tol, double rel_tol, bool ex
   EpaLimits limits;
   limits.rel_tol = exact ? 4 * Arithmetic<T>::kUnit : rel_tol / 2;
   limits.abs_tol = abs_tol / 2;
+  limits.contact_tol = contact_tolerance(abs_tol) / 2;
   limits.noise = 8 * Arithmetic<T>::kUnit * scale;
   return limits;
 }
@@ -115,7 +118,8 @@ class Epa {
 
   CLEARANCE_HD bool is_close(const T& offset, const T& reach) const {
     const T growth = reach - offset;
-    return growth <= T(limits_.rel_tol) * reach || growth <= T(limits_.abs_tol) || growth <= surface_.noise();
+    const T absolute = T(offset > T(limits_.contact_tol) ? limits_.abs_tol : limits_.contact_tol);
+    return growth <= T(limits_.rel_tol) * reach || growth <= absolute || growth <= surface_.noise();
   }
 
   // Begins with GJK's last tetrahedron, if it has volume.

@@ -5,6 +5,7 @@
 // with the members `centre`, `rho`, `spread` and `radius` of `ConvexPart`.
 #pragma once
 
+#include "engine/narrow/answer.h"
 #include "engine/narrow/certify.h"
 #include "engine/narrow/lanes.h"
 
@@ -68,6 +69,7 @@ CLEARANCE_INLINE GjkLimits<T> run_limits(double abs_tol, double rel_tol, bool ro
   GjkLimits<T> limits;
   limits.rel_tol = T(rel_tol / 2);
   limits.abs_tol = T(abs_tol / 2);
+  limits.contact_tol = T(contact_tolerance(abs_tol) / 2);
   limits.radius = limits.max_distance = T(0.0);
   limits.squared = !rounded && abs_tol == 0;
   limits.bounded = bounded;

@@ -39,7 +39,6 @@ CoveredJob::CoveredJob(const JobContext& context, Plan&& plan, const ReplyView& 
   columns_.assign(boxes());
   block_ = std::min(kMostStates,
                     ConfigurationBlock::most(scene(), plan_, near_pairs_.by_tree(), !boxes().empty(), workers()));
-  if (CoverPlan::pays_at_once(plan_)) prepare_covers();
 }
 
 void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
@@ -47,6 +46,7 @@ void CoveredJob::make_blocks(double abs_tol, double rel_tol) {
   options_.limits.rel_tol = rel_tol;
   const Reduction::Boxes all{boxes(), columns_, near_pairs_};
   for (int i = 0; i < workers(); ++i) shares_.emplace_back(ConfigurationBlock(scene(), plan_, options_, all, block_));
+  if (CoverPlan::pays_at_once(plan_)) prepare_covers();
 }
 
 bool CoveredJob::go_on(WorkMeter& slice) {
@@ -95,7 +95,7 @@ void CoveredJob::prepare_covers() {
 void CoveredJob::take_covers() {
   covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
   covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
-                            still_ ? still_->beyond() : std::span<const std::uint64_t>());
+                            still_ ? still_->known() : std::span<const std::uint64_t>());
 }
 
 // The rows of one block of configurations.

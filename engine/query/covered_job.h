@@ -73,6 +73,10 @@ class CoveredJob : public ParallelJob {
   virtual void covers_changed() {}
   bool has_covers() const { return covers_ != nullptr; }
   const CoverPlan& covers() const { return *covers_; }
+  /// Bounds of the pairs that no configuration moves, for distances.
+  std::span<const StillBounds> still_bounds() const {
+    return still_ ? still_->bounds() : std::span<const StillBounds>();
+  }
   std::uint64_t block() const { return block_; }
   void set_batch(std::uint64_t states) { batch_ = states; }
 

@@ -74,6 +74,23 @@ TEST_F(CoversTest, LinksComeFirstAndOtherShapesAreLimited) {
   EXPECT_EQ(names.size(), links + 64);
 }
 
+TEST_F(CoversTest, AreMadeForCloudsThatMayMove) {
+  engine::Scene scene(arm_scene(at_home()));
+  Random random(9);
+  std::vector<CloudPoint> points;
+  for (const Vec3d& p : random.cloud(200, {0.1, 0.1, 0.1}))
+    points.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+  scene.add_points("seen", points, 0, {.radius = 0.01, .parent = "arm/palm", .pose = Pose{}});
+  scene.add_points("scan", points, 0, {.radius = 0.02, .is_static = true, .pose = Pose{{2, 0, 0}}});
+  scene.add_points("empty", {}, 0, {.parent = "arm/palm", .pose = Pose{}});
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  ASSERT_TRUE(engine.wait_covers(kPatience));
+  for (const Body& body : engine.scene().bodies())
+    if (is_cloud(body)) {
+      EXPECT_EQ(engine.cover_store()->find(body.parts) != nullptr, body.name == "seen") << body.name;
+    }
+}
+
 TEST_F(CoversTest, OneShapeHasOneCover) {
   engine::Scene scene;
   for (int i = 0; i < 5000; ++i) scene.add_box("box" + std::to_string(i), {1, 1, 1}, {.pose = Pose{{2.0 * i, 0, 0}}});

@@ -169,14 +169,14 @@ MUTANTS = [
         ("cover_planes", "cover/hull_planes.cpp", "height_.data(), @height_.size()@, c)", "height_.size() / 2"),
         (
             "cover_cylinder",
-            "cover/cover_shape.cpp",
+            "cover/round_core.cpp",
             "std::min(size.x - across, @size.z - std::abs(c.z)@)",
             "size.x - across",
         ),
-        ("cover_cone", "cover/cover_shape.cpp", "std::min(side, @size.z + c.z@)", "side"),
+        ("cover_cone", "cover/round_core.cpp", "std::min(side, @size.z + c.z@)", "side"),
         (
             "cover_ellipsoid",
-            "cover/cover_shape.cpp",
+            "cover/round_core.cpp",
             "* @std::min({size.x, size.y, size.z})@",
             "std::max({size.x, size.y, size.z})",
         ),
@@ -190,6 +190,12 @@ MUTANTS = [
             "add_below(cell.polygon(i), axis, 1, @middle + growth_@, below)",
             "middle - 1e-3",
         ),
+    ),
+    *mutants_of(
+        "covers CloudCover.*",
+        ("cloud_cover_radius", "cover/cover_shape.cpp", "growth = (@part.radius@ + std::sqrt(0.75)", "0 * part.radius"),
+        ("cloud_cover_edge", "cover/cover_shape.cpp", "@std::sqrt(0.75)@ * cloud.edge()", "0.5"),
+        ("cloud_cover_inner", "cover/mesh/mesh_depth.cpp", "(@0.5@ * cloud.edge()", "0.6"),
     ),
     *mutants_of(
         "covers MeshCover.InnerRadiiHold",

@@ -51,7 +51,7 @@ std::array<double, 3> nearest_weights(const std::array<Vec3d, 3>& t, const Vec3d
   return {std::max(1 - v - w, 0.0), v, w};
 }
 
-/// Search for the triangle nearest to a point. Any point of a triangle gives a valid upper bound, and any direction to it
+/// Search for the triangle, or the point of a cloud, nearest to a point. Any point of a triangle gives a valid upper bound, and any direction to it
 /// a lower one.
 class DepthSearch {
  public:
@@ -110,8 +110,9 @@ class DepthSearch {
     }
     return sum;
   }
-  void take(std::uint32_t triangle) {
-    const std::array<Vec3d, 3> t = surface_.corners(triangle);
+  void take(std::uint32_t element) {
+    if (surface_.is_cloud()) return take_upper(norm(p_ - surface_.point(element)), element);
+    const std::array<Vec3d, 3> t = surface_.corners(element);
     const std::array<double, 3> weight = nearest_weights(t, p_);
     const Vec3d nearest = t[0] * weight[0] + t[1] * weight[1] + t[2] * weight[2], n = p_ - nearest;
     double low = std::numeric_limits<double>::infinity();
@@ -120,11 +121,14 @@ class DepthSearch {
     if (low > 0 && squared > kUnderflow * kUnderflow && low * low > far_ * squared) return;  // another one is nearer
     const double away = std::sqrt(squared);
     found_.low = std::min(found_.low, away > kUnderflow ? low / away - rounding_ : 0);
-    if (const double high = away * kUp + rounding_; high < found_.high) {
-      found_.high = high;
-      near_ = triangle;
-      far_ = (high + rounding_) * (high + rounding_) * (1 + 0x1p-46);
-    }
+    take_upper(away, element);
+  }
+  void take_upper(double away, std::uint32_t element) {
+    const double high = away * kUp + rounding_;
+    if (!(high < found_.high)) return;
+    found_.high = high;
+    near_ = element;
+    far_ = (high + rounding_) * (high + rounding_) * (1 + 0x1p-46);
   }
 
   const Surface& surface_;
@@ -143,6 +147,12 @@ double depth_in_mesh(const Surface& surface, const Vec3d& c, double enough, std:
   if (surface.is_solid() && distance.low > std::max(enough, 1e-50) && winding_number(surface, c) != 0)
     return distance.low;
   return -distance.high;
+}
+
+double depth_in_cloud(const Surface& cloud, const Vec3d& c, std::uint32_t& near) {
+  const double nearest = DepthSearch(cloud, c, near).run(-std::numeric_limits<double>::infinity()).high;
+  // The box about a point holds a ball of half its edge.
+  return (0.5 * cloud.edge() - cloud.rounding()) * (1 - 0x1p-50) - nearest;
 }
 
 }  // namespace clearance

@@ -13,5 +13,7 @@ namespace clearance {
 /// \param enough a result that is no greater may be any that is no greater
 /// \param near a triangle that may be the nearest, where the search begins; receives the nearest found
 double depth_in_mesh(const Surface& surface, const Vec3d& c, double enough, std::uint32_t& near);
+/// The same for a cloud, by its nearest point.
+double depth_in_cloud(const Surface& cloud, const Vec3d& c, std::uint32_t& near);
 
 }  // namespace clearance

@@ -54,6 +54,10 @@ class CellBounds {
     for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
       if (has_table(cell) && table_high_[table_of(cell)] < room_.highs[cell])
         room_.highs[cell] = table_high_[table_of(cell)];
+    for (std::size_t k = 0; k < batch_.still.size(); ++k) {
+      room_.lows[first_still() + k] = batch_.still[k].lower;
+      room_.highs[first_still() + k] = batch_.still[k].upper;
+    }
   }
   /// Raises the lower bounds of pairs that have tables.
   void take_tables() {
@@ -67,7 +71,16 @@ class CellBounds {
   bool is_in_table(std::size_t cell) const {
     return has_table(cell) && table_high_[table_of(cell)] < LeastBounds::kFar;
   }
+  bool is_still(std::size_t cell) const { return cell >= first_still(); }
+  /// Stand-out of a cell's roots.
+  float stand_out(std::size_t cell) const {
+    const bool is_moved = cell >= obstacle_cells();
+    const float outer = is_moved ? v_.moved_reach[cell - obstacle_cells()] : v_.root_outer[cell],
+                inner = is_moved ? batch_.moved_inner[cell - obstacle_cells()] : v_.root_inner[cell];
+    return outer - (inner > 0 ? inner : 0);
+  }
   std::uint64_t position_of(std::size_t cell) const {
+    if (is_still(cell)) return batch_.still[cell - first_still()].position;
     return cell < obstacle_cells() ? v_.position[cell] : v_.moved_pairs[cell - obstacle_cells()].position;
   }
   DistanceItem item_of(std::uint32_t cell, float low) const {
@@ -79,6 +92,7 @@ class CellBounds {
  private:
   // Cells of bodies and obstacles, which come before those of moved pairs.
   std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }
+  std::size_t first_still() const { return obstacle_cells() + (v_.moved_pair_count + kBalls - 1) / kBalls * kBalls; }
   std::size_t cells() const { return obstacle_cells() + v_.moved_pair_count; }
   std::uint8_t table_of(std::size_t cell) const {
     return cell < obstacle_cells() ? v_.table[cell] : v_.moved_pairs[cell - obstacle_cells()].table;

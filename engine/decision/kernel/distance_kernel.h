@@ -7,6 +7,7 @@
 
 #include <cstddef>
 #include <cstdint>
+#include <limits>
 
 #include "engine/decision/kernel/cell_bounds.h"
 #include "engine/decision/kernel/distance_view.h"
@@ -29,6 +30,7 @@ class DistanceBounder {
     begin(used, batch_.limits.packets);
     cells_.look_up(positions);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
+    for (const StillCell& pair : batch_.still) least_.take_upper(pair.upper, pair.position);
     bound_roots();
     open_roots();
     finish(result);
@@ -105,12 +107,19 @@ class DistanceBounder {
       const float low = room_.lows[*cell];
       if (low > least_.threshold())
         least_.lay_aside(low, cells_.position_of(*cell));
+      else if (cells_.is_still(*cell))
+        least_.leave(cells_.position_of(*cell), low);
       else
-        push(1, cells_.item_of(*cell, low), cells_.is_in_table(*cell));
+        push_root(cells_.item_of(*cell, low), *cell, cells_.is_in_table(*cell));
     }
   }
   /// Opens the pairs whose roots are not beyond the threshold.
   void open_roots() {
+    for (const StillCell& pair : batch_.still)
+      if (pair.lower > least_.threshold())
+        least_.lay_aside(pair.lower, pair.position);
+      else
+        least_.leave(pair.position, pair.lower);
     alignas(32) float values[kBalls];
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
@@ -118,18 +127,17 @@ class DistanceBounder {
         const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
         for (Bits b = least_.sift(Eight::load(room_.lows + at), 0xff, values, position); b; b &= b - 1) {
           const int i = lowest(b);
-          const bool has_table = v_.table[at + static_cast<std::size_t>(i)] != kNoTable;
-          push(1, {values[i], o, begin + static_cast<std::uint32_t>(i), 0, 0}, has_table);
+          const std::size_t cell = at + static_cast<std::size_t>(i);
+          push_root({values[i], o, begin + static_cast<std::uint32_t>(i), 0, 0}, cell, cells_.has_table(cell));
         }
       }
+    const std::size_t first_moved = std::size_t{v_.obstacle_count} * v_.columns;
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
-      const auto pair = [&](int i) -> const MovedPair& {
-        return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)];
-      };
-      const auto position = [&](int i) { return pair(i).position; };
+      const auto position = [&](int i) { return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)].position; };
       for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
         const int i = lowest(b);
-        push(1, {values[i], kNone, begin + static_cast<std::uint32_t>(i), 0, 0}, pair(i).table != kNoTable);
+        const std::uint32_t k = begin + static_cast<std::uint32_t>(i);
+        push_root({values[i], kNone, k, 0, 0}, first_moved + k, cells_.has_table(first_moved + k));
       }
     }
   }
@@ -138,11 +146,15 @@ class DistanceBounder {
     return item.obstacle == kNone ? v_.moved_pairs[item.at].position
                                   : v_.position[std::size_t{item.obstacle} * v_.columns + item.at];
   }
-  /// Whether the children of balls, and theirs, may be small enough for the width that is permitted. A level's balls
-  /// stand out by a third of those of the level above, or less.
+  /// Whether the children of balls, and theirs, may be small enough for the width that is permitted.
   /// \param width stand-out of the balls
-  bool is_worth_children(int level, float width) const {
-    return level < kLevels && width < least_.width() * (level == 1 ? 10.0f : 3.5f);
+  bool is_worth_children(int level, float width, bool is_pair) const {
+    if (level == kLevels) return false;
+    const float limit = (is_pair ? batch_.limits.pairs_divided : batch_.limits.divided)[level];
+    return limit == std::numeric_limits<float>::infinity() || width < least_.width() * limit;
+  }
+  void push_root(const DistanceItem& item, std::size_t cell, bool is_smallest) {
+    push(1, item, is_smallest || !is_worth_children(0, cells_.stand_out(cell), item.obstacle == kNone));
   }
   /// Adds work to a level, or leaves the pair.
   void push(int level, const DistanceItem& item, bool is_smallest) {
@@ -211,7 +223,7 @@ class DistanceBounder {
     for (; open; open &= open - 1) {
       const int i = lowest(open);
       push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0},
-           packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i)));
+           packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i), false));
     }
   }
 
@@ -263,7 +275,7 @@ class DistanceBounder {
         const int i = lowest(open);
         push(level + 1, {lower[i], kNone, item.at, of.a.children[i], of.b.children[j]},
              of.a.children[i] == kNone || of.b.children[j] == kNone ||
-                 !is_worth_children(level, stand_out(of.a, i) + stand_out(of.b, j)));
+                 !is_worth_children(level, stand_out(of.a, i) + stand_out(of.b, j), true));
       }
     }
   }
@@ -277,25 +289,6 @@ class DistanceBounder {
   std::uint32_t count_[kLevels] = {};
   int packets_ = 0, packets_left_ = 0;  // of the group
 };
-
-inline void bound_distances(const DistanceBatch& batch, const DistanceRoom& room) {
-  DistanceBounder bounder(batch, room);
-  const std::size_t groups = batch.groups ? batch.groups->count : 1;
-  std::uint32_t used = 0;
-  for (std::size_t k = 0; k < batch.states; ++k) {
-    DistanceBounds* const bounds = room.bounds + k * groups;
-    for (std::size_t g = 0; g < groups; ++g) bounds[g] = {};
-    if (!batch.usable[k]) continue;
-    const Pose* const poses = batch.poses + k * batch.stride;
-    const double* const positions = batch.positions + k * batch.position_stride;
-    if (batch.groups)
-      bounder.bound_groups(poses, positions, used, bounds);
-    else
-      *bounds = bounder.bound(poses, positions, used);
-    for (std::size_t g = 0; g < groups; ++g)
-      if (bounds[g].is_listed) used = bounds[g].left_end;
-  }
-}
 
 }  // namespace CLEARANCE_ISA
 }  // namespace clearance

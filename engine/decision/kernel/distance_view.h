@@ -17,10 +17,20 @@ struct DistanceLimits {
   double most = std::numeric_limits<double>::infinity();
   bool any_overlap = false;  ///< an overlapping pair ends the search; otherwise the first one is requested
   int packets = 768;         ///< as DistanceGroups::packets, for one group of all pairs
+  /// Balls of a level, the roots first, are divided if they stand out less than this times the width of the bounds that
+  /// is permitted. A level's balls stand out by a third of those of the level above, or less.
+  float divided[3] = {std::numeric_limits<float>::infinity(), 10, 3.5f};
+  float pairs_divided[3] = {std::numeric_limits<float>::infinity(), 10, 3.5f};  ///< of two moved bodies
+};
+
+/// A pair with the same bounds in every state.
+struct StillCell {
+  float lower, upper;  ///< metres
+  std::uint64_t position;
 };
 
 /// Groups of pairs, each of which has a least distance. A cell is obstacle * columns + body, or, from
-/// obstacle_count * columns on, a moved pair.
+/// obstacle_count * columns on, a moved pair, or, from the next multiple of 8 on, a pair that stays.
 struct DistanceGroups {
   const std::uint32_t* begin;  ///< (count + 1,) in `cells`
   const std::uint32_t* cells;
@@ -39,6 +49,7 @@ struct DistanceBatch {
   const double* positions;     ///< (states, position_stride) of joints
   std::size_t position_stride;
   const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
+  std::span<const StillCell> still{};
 };
 
 /// A pair that may be the nearest.
@@ -70,7 +81,7 @@ struct DistanceRoom {
   DistanceBounds* bounds;  ///< (states, groups)
   LeftPair* left;
   std::uint32_t capacity;  ///< of `left`
-  float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8
+  float* lows;             ///< (obstacles, columns), then (moved pairs,) up to a multiple of 8, then (still pairs,)
   DistanceItem* items;     ///< (3, kMostDistanceItems)
   float* highs = nullptr;  ///< as `lows`; for groups
 };

@@ -33,6 +33,7 @@ template <class T>
 struct GjkLimits {
   T rel_tol{1e-6};  ///< stop once |v| - v.w/|v| <= max(rel_tol ||v| - radius|, abs_tol)
   T abs_tol{0};
+  T contact_tol{0};      ///< replaces abs_tol as long as the parts are not proved apart
   T radius{0};           ///< sum of the parts' radii, which is taken off |v| later
   T max_distance{0};     ///< stop once the origin is proved farther
   bool bounded = false;  ///< whether max_distance counts
@@ -162,7 +163,9 @@ struct Gjk {
     if (limits.squared) return again | (slack <= limits.rel_tol * vv);
     using std::sqrt;
     const T length = sqrt(vv), rest = vv - limits.radius * length;
-    return again | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) | (slack <= limits.abs_tol * length);
+    return again | (slack <= limits.rel_tol * select(rest < zero, -rest, rest)) |
+           (slack <= limits.contact_tol * length) |
+           ((slack <= limits.abs_tol * length) & (gap > limits.radius * length));
   }
   // The plane through the vertex normal to v keeps the whole CSO farther than max_distance.
   CLEARANCE_INLINE Mask is_beyond(const GjkLimits<T>& limits) const {

@@ -15,6 +15,9 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 // Most packets of balls of a group, and of a pair alone. Beyond them the exact engine is faster.
 constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
+// DistanceLimits::divided if only the next level may follow: two moved bodies have many pairs of balls, and where the
+// exact engine is_fast(), one body has too many.
+constexpr float kNextLevel = 3.5f;
 // Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 // Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
@@ -22,8 +25,20 @@ constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
 constexpr double kMostContact = 1e-6;
 constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of bounds by covers
 
+float down(double value) {
+  constexpr double kMost = -BallPacket::kNoRadius;
+  const double limited = std::clamp(value, -kMost, kMost);
+  const auto rounded = static_cast<float>(limited);
+  return rounded > limited ? std::nextafterf(rounded, -std::numeric_limits<float>::infinity()) : rounded;
+}
+
 bool is_by_pair(const Plan& plan) {
   return plan.query.reduce == Reduce::kNone || plan.query.reduce == Reduce::kWithin;
+}
+// Whether bodies are single hulls whose poses are given: the exact engine answers a pair in less time than two packets of
+// balls take.
+bool is_fast(const Plan& plan, bool light) {
+  return light && plan.motions.empty();
 }
 // Whether all columns follow from bounds.
 bool needs_no_points(const Plan& plan) {
@@ -36,7 +51,8 @@ bool needs_no_points(const Plan& plan) {
 
 bool CoverBounds::is_wide(const Plan& plan, bool light) {
   double abs_tol = kWideAbsTol, rel_tol = kWideRelTol;
-  if (is_by_pair(plan)) {  // covers leave no pair out, and each row costs them some packets
+  // Covers leave no or few pairs out, and each row costs them some packets.
+  if (is_by_pair(plan) || (plan.query.reduce == Reduce::kNearest && is_fast(plan, light))) {
     abs_tol = light ? 5e-2 : 5e-3;
     rel_tol = light ? 0.2 : 1e-2;
   }
@@ -46,6 +62,7 @@ bool CoverBounds::is_wide(const Plan& plan, bool light) {
 bool CoverBounds::may_bound(const Plan& plan, bool light) {
   if (plan.query.signed_distance || plan.query.reduce == Reduce::kAny) return false;
   if (is_by_pair(plan)) return is_wide(plan, light) && needs_no_points(plan);
+  if (plan.query.reduce == Reduce::kNearest && is_fast(plan, light)) return is_wide(plan, light);
   // A state beyond max_distance needs all pairs. So does a body, and most states have one.
   return is_wide(plan, light) || plan.query.max_distance == kInf || (plan.query.reduce == Reduce::kMin && light);
 }
@@ -57,6 +74,11 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
       wide_(is_wide(plan, light)),
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
+  if (light || plan.query.reduce == Reduce::kNearest) limits_.pairs_divided[1] = kNextLevel;
+  if (is_fast(plan, light)) {
+    std::ranges::fill(limits_.divided, kNextLevel);
+    std::ranges::fill(limits_.pairs_divided, kNextLevel);
+  }
   set_limits();
 }
 
@@ -86,8 +108,10 @@ CoverBounds::Tolerance CoverBounds::exact_tolerance() const {
           std::max(share * rel_tol, std::min(rel_tol, 1e-6))};
 }
 
-void CoverBounds::take(const CoverPlan& covers) {
-  groups_.take(covers);
+void CoverBounds::take(const CoverPlan& covers, std::span<const StillBounds> still) {
+  still_.clear();
+  for (const StillBounds& pair : still) still_.push_back({down(pair.lower), -down(-pair.upper), pair.position});
+  groups_.take(covers, still_);
   const DecisionView& view = covers.view();
   moved_inner_.assign((view.moved_pair_count + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
                       BallPacket::kNoRadius);
@@ -104,10 +128,11 @@ std::span<const DistanceBounds> CoverBounds::bound(DistanceBatch batch, Room& ro
   batch.moved_inner = moved_inner_.data();
   batch.limits = limits_;
   batch.groups = groups_.is_one() ? nullptr : &groups_.view();
+  batch.still = still_;
   room.bounds.resize(batch.states * groups_.count());
   // A pair is in two groups or fewer.
   room.left.resize(batch.states * (groups_.is_one() ? kMostLeft : 2 * plan_.pairs.size()));
-  room.lows.resize(std::size_t{view.obstacle_count} * view.columns + moved_inner_.size());
+  room.lows.resize(std::size_t{view.obstacle_count} * view.columns + moved_inner_.size() + still_.size());
   room.highs.resize(room.lows.size());
   room.items.resize(std::size_t{3} * kMostDistanceItems);
   distance_kernels()[0].run(batch, {room.bounds.data(), room.left.data(), static_cast<std::uint32_t>(room.left.size()),

@@ -7,6 +7,7 @@
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/kernel/distance_view.h"
+#include "engine/evaluate/still_pairs.h"
 #include "engine/narrow/group.h"
 #include "engine/query/distance/pair_groups.h"
 #include "engine/selection/plan.h"
@@ -42,8 +43,8 @@ class CoverBounds {
   bool is_wide() const { return wide_; }
   /// Tolerance of the exact engine.
   Tolerance exact_tolerance() const;
-  /// Takes the covers of the plan, which must outlive their use.
-  void take(const CoverPlan& covers);
+  /// Takes the covers of the plan, which must outlive their use, and bounds of pairs that stay.
+  void take(const CoverPlan& covers, std::span<const StillBounds> still);
   /// Returns (states, groups) bounds, valid until the next call.
   /// \param batch its limits, groups and inner radii are set here
   std::span<const DistanceBounds> bound(DistanceBatch batch, Room& room) const;
@@ -69,6 +70,7 @@ class CoverBounds {
   bool has_surfaces_, wide_, writes_rows_;
   DistanceLimits limits_;
   std::vector<float> moved_inner_;
+  std::vector<StillCell> still_;
 };
 
 }  // namespace clearance

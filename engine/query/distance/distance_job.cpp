@@ -66,7 +66,7 @@ class DistanceJob final : public CoveredJob {
   bool by_pair() const { return plan_.query.reduce == Reduce::kNone || orders_rows_; }
 
   void covers_changed() override {
-    if (has_covers()) bounds_.take(covers());
+    if (has_covers()) bounds_.take(covers(), still_bounds());
   }
 
   static std::uint64_t work_of(std::span<const DistanceBounds> all) {

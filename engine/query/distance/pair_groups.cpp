@@ -38,7 +38,7 @@ PairGroups::PairGroups(const Plan& plan, const engine::Scene& scene, Packets pac
       for_groups(p, [&](std::uint32_t g) { packets_[g] = packets.heavy; });
 }
 
-void PairGroups::take(const CoverPlan& covers) {
+void PairGroups::take(const CoverPlan& covers, std::span<const StillCell> still) {
   std::vector<std::pair<std::uint32_t, std::uint64_t>> unknown;
   for (const std::uint64_t p : covers.unknown()) for_groups(p, [&](std::uint32_t g) { unknown.emplace_back(g, p); });
   make_lists(unknown, count_, unknown_begin_, unknown_);
@@ -52,6 +52,9 @@ void PairGroups::take(const CoverPlan& covers) {
   for (std::uint32_t cell = 0; cell < of_obstacles; ++cell)
     if (view.grow[cell] != BallPacket::kNoRadius) add(view.position[cell], cell);
   for (std::uint32_t k = 0; k < view.moved_pair_count; ++k) add(view.moved_pairs[k].position, of_obstacles + k);
+  const std::uint32_t first_still =
+      of_obstacles + (view.moved_pair_count + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls;
+  for (std::size_t k = 0; k < still.size(); ++k) add(still[k].position, first_still + static_cast<std::uint32_t>(k));
   make_lists(cells, count_, begin_, cells_);
   view_ = {begin_.data(), cells_.data(), packets_.data(), count_};
 }

@@ -25,8 +25,8 @@ class PairGroups {
   std::uint32_t count() const { return count_; }
   /// Whether there is one group of all pairs.
   bool is_one() const { return reduce_ == Reduce::kMin; }
-  /// Takes the cells of covers. `covers` must outlive their use.
-  void take(const CoverPlan& covers);
+  /// Takes the cells of covers, which must outlive their use, and of pairs that stay.
+  void take(const CoverPlan& covers, std::span<const StillCell> still);
   const DistanceGroups& view() const { return view_; }  ///< empty for one group
   /// Whether a group has pairs that covers know.
   bool has_cells(std::uint32_t group) const { return is_one() || begin_[group] < begin_[group + 1]; }

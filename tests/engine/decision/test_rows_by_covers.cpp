@@ -171,7 +171,7 @@ void every_kernel_gives_the_same_groups(const CoverEngines& engines) {
     const auto covers = CoverPlan::make(engine.scene(), plan, *engine.cover_store());
     ASSERT_TRUE(covers);
     PairGroups groups(plan, engine.scene(), {20, 40});
-    groups.take(*covers);
+    groups.take(*covers, {});
     ConfigurationPoses poses(plan);
     const auto block = poses.at(0, 100);
     const std::vector<std::uint8_t> usable(100, 1);
