@@ -38,6 +38,26 @@ double reach_of(const Obstacle& o) {
   return kNever;
 }
 
+// A box that holds an obstacle's core, and how far the obstacle's points are from it at most.
+std::pair<ObstacleBox, double> box_of(const Obstacle& o) {
+  using Kind = Obstacle::Kind;
+  const double round = o.half[0], z = o.half[2];
+  ObstacleBox box{o.at, {}};
+  if (o.kind == Kind::kHalfSpace || o.kind == Kind::kCloud) return {box, HUGE_VAL};
+  if (o.kind == Kind::kPlanes) return {box, double{o.outer_radius} + o.radius};
+  const double half[3] = {o.kind == Kind::kSegment ? 0 : round,
+                          o.kind == Kind::kSegment    ? 0
+                          : o.kind == Kind::kCylinder ? round
+                                                      : o.half[1],
+                          z};
+  for (std::size_t i = 0; i < 3; ++i) {
+    double sum = o.is_aligned ? half[i] : 0;
+    for (std::size_t k = 0; k < 3 && !o.is_aligned; ++k) sum += std::abs(double{o.axes[3 * k + i]}) * half[k];
+    box.half[i] = up(sum * (1 + 0x1p-20));
+  }
+  return {box, o.radius};
+}
+
 }  // namespace
 
 // Whether a body is a cloud without points, which is beyond every distance.
@@ -168,7 +188,7 @@ void CoverPlanBuilder::bound_nodes() {
 void CoverPlanBuilder::finish() {
   CoverPlan& out = *out_;
   sort_obstacles();
-  const std::size_t columns = (out.bodies_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
+  const std::size_t columns = (out.bodies_.size() + kColumns - 1) / kColumns * kColumns,
                     cells = columns * out.obstacles_.size();
   for (auto* of_columns : {&out.root_x_, &out.root_y_, &out.root_z_}) of_columns->assign(columns, 0);
   for (auto* radii : {&out.moved_root_outer_, &out.moved_root_inner_}) radii->assign(columns, -kNever);
@@ -186,7 +206,15 @@ void CoverPlanBuilder::finish() {
     out.moved_a_[k] = static_cast<std::int32_t>(pair.a), out.moved_b_[k] = static_cast<std::int32_t>(pair.b);
     out.moved_reach_[k] = up(double{cover(pair.a)->root.outer} + cover(pair.b)->root.outer + pair.grow);
   }
-  for (auto* radii : {&out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_}) radii->assign(cells, -kNever);
+  for (auto* radii : {&out.box_reach_, &out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_})
+    radii->assign(cells, -kNever);
+  std::vector<double> boxed;  // by obstacle: from its box to a root's surface that may touch it, at least
+  for (const Obstacle& o : out.obstacles_) {
+    const auto [box, reach] = box_of(o);
+    const auto length = [](const std::array<float, 3>& v) { return norm(Vec3d{v[0], v[1], v[2]}); };
+    out.boxes_.push_back(box);
+    boxed.push_back(reach + 16 * kUnit * (reach_ + length(box.at) + length(box.half)));
+  }
   out.position_.assign(cells, 0);
   out.table_of_cell_.assign(cells, kNoTable);
   for (const std::uint64_t position : out.unknown_) out.tables_.disable(position);
@@ -199,6 +227,7 @@ void CoverPlanBuilder::finish() {
                  shrink = p.margin - (p.slack.outer + error) * (1 + 0x1p-40);
     out.grow_[at] = up(grow);
     out.shrink_[at] = down(shrink);
+    out.box_reach_[at] = up((root.outer + grow + boxed[p.obstacle]) * (1 + 0x1p-20));
     out.root_outer_[at] = up(root.outer + grow);
     out.root_inner_[at] = down(root.inner + shrink);
     out.position_[at] = p.position;
@@ -215,6 +244,8 @@ void CoverPlanBuilder::finish() {
                out.moved_root_inner_.data(),
                out.obstacles_.data(),
                static_cast<std::uint32_t>(out.obstacles_.size()),
+               out.boxes_.data(),
+               out.box_reach_.data(),
                out.root_outer_.data(),
                out.root_inner_.data(),
                out.grow_.data(),

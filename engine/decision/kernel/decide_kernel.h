@@ -99,23 +99,22 @@ class Decider {
     }
   }
   HWY_INLINE void decide_obstacle(std::uint32_t o) {
-    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-      const std::size_t at = std::size_t{o} * v_.columns + begin;
-      const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
-      Eight bound = still;
-      if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
-      const Obstacle& obstacle = v_.obstacles[o];
-      if (obstacle.kind == Obstacle::Kind::kPlanes &&
-          placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
-        continue;
-      PointGaps gaps;
-      placed_.root_gaps(obstacle, begin, {bound, still, inner}, gaps);
-      for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
-        record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
-      for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
-        if (is_over()) return;
-        decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
-      }
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns)
+      for (Bits near = placed_.roots_near<kMoves>(o, begin), at = begin; near; near >>= kBalls, at += kBalls)
+        if (near & 0xff) decide_roots(o, at);
+  }
+  void decide_roots(std::uint32_t o, std::uint32_t begin) {
+    const std::size_t at = std::size_t{o} * v_.columns + begin;
+    const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
+    Eight bound = still;
+    if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+    PointGaps gaps;
+    placed_.root_gaps(v_.obstacles[o], begin, {bound, still, inner}, gaps);
+    for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
+      record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
+    for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
+      if (is_over()) return;
+      decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
     }
   }
   void decide_item(SpanItem item) {

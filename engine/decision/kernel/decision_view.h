@@ -59,7 +59,12 @@ struct ObstacleNode {
   std::uint32_t skip;         ///< the next node that is not below
 };
 
-/// Constants of a query. Bodies are in columns of a multiple of 8; `grow` and `shrink`, by (obstacle, body), are added
+/// A box in the common frame that holds an obstacle's core, or the centre of a ball that does.
+struct ObstacleBox {
+  std::array<float, 3> at, half;
+};
+
+/// Constants of a query. Bodies are in columns of a multiple of kColumns; `grow` and `shrink`, by (obstacle, body), are added
 /// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
 /// ball of a complete cut, and within its margin if a gap is below inner + shrink for one ball.
 struct DecisionView {
@@ -69,6 +74,9 @@ struct DecisionView {
   const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
   const Obstacle* obstacles;
   std::uint32_t obstacle_count;
+  const ObstacleBox* boxes;  ///< of the obstacles
+  const float* box_reach;    ///< (obstacles, columns) the root is beyond its margin from the obstacle if its
+                             ///< centre is farther than this from the box; infinite for unbounded ones
   const float *root_outer, *root_inner;  ///< (obstacles, columns) with grow and shrink
   const float *grow, *shrink;            ///< (obstacles, columns)
   const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
@@ -85,7 +93,7 @@ struct DecisionView {
       node_bound;  ///< (nodes, columns) the root is beyond its margin from the obstacles below if its centre is
                    ///< farther than this from the node
 };
-inline constexpr std::uint32_t kMostDecidedBodies = 64;
+inline constexpr std::uint32_t kMostDecidedBodies = 64, kColumns = 16;
 
 /// States to decide.
 struct DecisionBatch {

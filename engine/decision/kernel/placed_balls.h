@@ -130,6 +130,18 @@ class PlacedBalls {
     const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
     return distances(c, point[0], point[1], point[2]);
   }
+  /// Roots of kColumns columns that may be within their margins of an obstacle.
+  template <bool kMoves>
+  HWY_INLINE Bits roots_near(std::uint32_t obstacle, std::uint32_t begin) const {
+    const ObstacleBox& box = v_.boxes[obstacle];
+    const auto beyond = [&](const float* root, std::size_t k) {
+      return larger(magnitude(Sixteen::load(root + begin) - Sixteen(box.at[k])) - Sixteen(box.half[k]), Sixteen(0.0f));
+    };
+    const Sixteen x = beyond(root_.x, 0), y = beyond(root_.y, 1), z = beyond(root_.z, 2);
+    Sixteen reach = Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
+    if constexpr (kMoves) reach = reach + Sixteen::load(root_.way + begin);
+    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
+  }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
     return greater(distances_to_roots(begin, centre), bound) == 0xff;
