@@ -184,6 +184,23 @@ void CoverPlanBuilder::bound_nodes() {
   }
 }
 
+// Puts a moved pair into a row with a free place for it.
+void CoverPlanBuilder::add_to_row(std::uint32_t k) {
+  const MovedPair& pair = out_->moved_pairs_[k];
+  const std::uint32_t lane = pair.b % kColumns;
+  std::vector<MovedRow>& rows = out_->moved_rows_;
+  auto row = std::find_if(rows.begin(), rows.end(), [&](const MovedRow& r) {
+    return r.a == pair.a && r.begin == pair.b - lane && r.pair[lane] == kNone;
+  });
+  if (row == rows.end()) {
+    row = rows.insert(row, {pair.a, pair.b - lane, {}, {}});
+    std::fill_n(row->reach, kColumns, -kNever);
+    std::fill_n(row->pair, kColumns, kNone);
+  }
+  row->reach[lane] = up(double{out_->moved_reach_[k]} * (1 + 0x1p-20));
+  row->pair[lane] = k;
+}
+
 // Columns of the kernel.
 void CoverPlanBuilder::finish() {
   CoverPlan& out = *out_;
@@ -205,6 +222,7 @@ void CoverPlanBuilder::finish() {
     const MovedPair& pair = out.moved_pairs_[k];
     out.moved_a_[k] = static_cast<std::int32_t>(pair.a), out.moved_b_[k] = static_cast<std::int32_t>(pair.b);
     out.moved_reach_[k] = up(double{cover(pair.a)->root.outer} + cover(pair.b)->root.outer + pair.grow);
+    add_to_row(static_cast<std::uint32_t>(k));
   }
   for (auto* radii : {&out.box_reach_, &out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_})
     radii->assign(cells, -kNever);
@@ -256,6 +274,8 @@ void CoverPlanBuilder::finish() {
                out.moved_b_.data(),
                out.moved_reach_.data(),
                static_cast<std::uint32_t>(out.moved_pairs_.size()),
+               out.moved_rows_.data(),
+               static_cast<std::uint32_t>(out.moved_rows_.size()),
                out.table_of_cell_.data(),
                out.tables_.pairs().data(),
                static_cast<std::uint32_t>(out.tables_.pairs().size()),

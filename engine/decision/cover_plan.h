@@ -72,6 +72,7 @@ class CoverPlan {
   std::vector<MovedPair> moved_pairs_;
   std::vector<std::int32_t> moved_a_, moved_b_;
   std::vector<float> moved_reach_;
+  std::vector<MovedRow> moved_rows_;
   std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
   std::vector<float> box_reach_, root_outer_, root_inner_, grow_, shrink_;
   std::vector<std::uint64_t> position_, unknown_;

@@ -426,9 +426,9 @@ DECISION_MUTANTS = [
         ("span_packet", "decision/kernel/decide_kernel.h", "bound = bound + @Eight::load(c.way)@", "Eight(0.0f)"),
         (
             "span_roots_of_pair",
-            "decision/kernel/decide_kernel.h",
-            "bound = bound + @placed_.ways_of_roots(a, b)@",
-            "Eight(0.0f)",
+            "decision/kernel/placed_balls.h",
+            "reach + @(Sixteen::load(root_.way + row.begin) + Sixteen(root_.way[row.a]))@",
+            "Sixteen(0.0f)",
         ),
         (
             "span_packets_of_pair",

@@ -189,14 +189,12 @@ class Decider {
     return result;
   }
   void decide_moved_pairs() {
-    for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
-      const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
-      Eight bound = Eight::load(v_.moved_reach + begin);
-      if constexpr (kMoves) bound = bound + placed_.ways_of_roots(a, b);
-      for (Bits open = ~greater(placed_.distances_of_roots(a, b), bound) & 0xff; open; open &= open - 1) {
-        const std::uint32_t k = begin + static_cast<std::uint32_t>(lowest(open));
+    for (std::uint32_t r = 0; r < v_.moved_row_count; ++r) {
+      const MovedRow& row = v_.moved_rows[r];
+      for (Bits near = placed_.roots_near<kMoves>(row); near; near &= near - 1) {
         if (is_over()) return;
-        if (k < v_.moved_pair_count && !tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
+        const std::uint32_t k = row.pair[lowest(near)];
+        if (!tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
       }
     }
   }

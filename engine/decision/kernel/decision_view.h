@@ -32,12 +32,21 @@ struct DecidedBody {
   double farthest;             ///< metres: the bounds hold up to this distance of its origin
 };
 
+inline constexpr std::uint32_t kColumns = 16;  ///< columns of bodies are a multiple of this
+
 /// Two moved bodies with covers.
 struct MovedPair {
   std::uint32_t a, b;
   std::uint64_t position;  ///< in the plan
   float grow, shrink;      ///< as in DecisionView
   std::uint8_t table;      ///< index in DecisionView::tabled, or kNoTable
+};
+
+/// Pairs of one moved body with kColumns others, side by side.
+struct MovedRow {
+  std::uint32_t a, begin;  ///< the body; column of the first of the others
+  float reach[kColumns];   ///< the roots are beyond their margin if their centres are farther than this from each other
+  std::uint32_t pair[kColumns];  ///< index of the moved pair, or kNone
 };
 
 /// A pair of links of one robot with a joint table.
@@ -84,6 +93,8 @@ struct DecisionView {
   const std::int32_t *moved_a, *moved_b;  ///< (moved_pairs,) and more, up to a multiple of 8: their bodies
   const float* moved_reach;               ///< likewise: their roots' outer radii with grow
   std::uint32_t moved_pair_count;
+  const MovedRow* moved_rows;  ///< every moved pair is in one
+  std::uint32_t moved_row_count;
   const std::uint8_t* table;  ///< (obstacles, columns) index in `tabled`, or kNoTable
   const TabledPair* tabled;
   std::uint32_t tabled_count;  ///< up to kMostTabledPairs
@@ -93,7 +104,7 @@ struct DecisionView {
       node_bound;  ///< (nodes, columns) the root is beyond its margin from the obstacles below if its centre is
                    ///< farther than this from the node
 };
-inline constexpr std::uint32_t kMostDecidedBodies = 64, kColumns = 16;
+inline constexpr std::uint32_t kMostDecidedBodies = 64;
 
 /// States to decide.
 struct DecisionBatch {

@@ -156,13 +156,19 @@ class PlacedBalls {
     }
     return true;
   }
-  /// Distances of the roots of eight pairs of bodies, and how far both move.
+  /// Distances of the roots of eight pairs of bodies.
   HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {
     const auto difference = [&](const float* of) { return Eight::gather(of, a) - Eight::gather(of, b); };
     return length({difference(root_.x), difference(root_.y), difference(root_.z)});
   }
-  HWY_INLINE Eight ways_of_roots(const std::int32_t* a, const std::int32_t* b) const {
-    return Eight::gather(root_.way, a) + Eight::gather(root_.way, b);
+  /// Pairs of a row whose roots may be within their margins.
+  template <bool kMoves>
+  HWY_INLINE Bits roots_near(const MovedRow& row) const {
+    const auto apart = [&](const float* root) { return Sixteen::load(root + row.begin) - Sixteen(root[row.a]); };
+    const Sixteen x = apart(root_.x), y = apart(root_.y), z = apart(root_.z);
+    Sixteen reach = Sixteen::load(row.reach);
+    if constexpr (kMoves) reach = reach + (Sixteen::load(root_.way + row.begin) + Sixteen(root_.way[row.a]));
+    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
   }
   HWY_INLINE float distance_of_roots(std::uint32_t a, std::uint32_t b) const {
     const float dx = root_.x[a] - root_.x[b], dy = root_.y[a] - root_.y[b], dz = root_.z[a] - root_.z[b];
