@@ -23,15 +23,21 @@ class Decider {
  public:
   explicit Decider(const DecisionView& view) : v_(view), placed_(view), tables_(view) {}
 
-  /// \param positions of joints, or null
+  /// Places bodies for states of a batch with frames.
+  void place(const DecisionBatch& batch) { usable_ = placed_.place(batch.frames, batch.states); }
+  /// Decides state k of a batch.
   /// \param open receives at most `capacity` positions
-  /// \param any_hit DecisionBatch::any_hit
-  Decision decide(const Pose* poses, const double* positions, bool any_hit, std::uint64_t* open,
-                  std::uint32_t capacity) {
+  Decision decide(const DecisionBatch& batch, std::size_t k, std::uint64_t* open, std::uint32_t capacity) {
     Decision result;
-    tables_.find(positions);
-    if (!placed_.place(poses)) return result;
-    begin(any_hit, capacity);
+    tables_.find(batch.positions ? batch.positions + k * batch.position_stride : nullptr);
+    if (!batch.frames) {
+      if (!placed_.place(batch.poses + k * batch.stride)) return result;
+    } else if (usable_ >> k & 1) {
+      placed_.take_state(k);
+    } else {
+      return result;
+    }
+    begin(batch.any_hit, capacity);
     open_ = open;
     tables_.look_up([&](std::uint64_t position) { record(position, {}, kHit); });
     if (!is_over()) decide_obstacles();
@@ -214,6 +220,7 @@ class Decider {
   const SpanBatch* span_ = nullptr;
   BallHit ball_hit_;
   bool any_hit_ = true, overflow_ = false;
+  Bits usable_ = 0;  // states of a batch with frames
   std::uint64_t hit_ = kNoHit;
   std::uint64_t* open_ = nullptr;
   std::uint32_t capacity_ = 0, count_ = 0;
@@ -222,14 +229,12 @@ class Decider {
 
 inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
   Decider<false> decider(*batch.view);
+  if (batch.frames) decider.place(batch);
   std::uint32_t used = 0;
   for (std::size_t k = 0; k < batch.states; ++k) {
     Decision& decision = room.decisions[k];
     decision = {};
-    if (batch.usable[k])
-      decision = decider.decide(batch.poses + k * batch.stride,
-                                batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
-                                room.open + used, room.capacity - used);
+    if (batch.usable[k]) decision = decider.decide(batch, k, room.open + used, room.capacity - used);
     decision.open_begin = used;
     decision.open_end += used;
     used = decision.open_end;

@@ -115,6 +115,9 @@ struct DecisionBatch {
   bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
   const double* positions = nullptr;  ///< (states, position_stride) of joints; null to use no tables
   std::size_t position_stride = 0;
+  /// (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in up to 8 states, if all bodies are direct
+  /// (DecidedBody::is_direct); null to use `poses`.
+  const double* const* frames = nullptr;
 };
 
 /// Result of one state. The open pairs are those before the first hit, ascending but with repeats.
@@ -185,7 +188,7 @@ struct SpanDecision {
 /// Balls that were inside obstacles in other motions, to be tried in some states.
 struct HitGuess {
   const DecisionView* view;
-  const double* const* frames;    ///< (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in each state
+  const double* const* frames;    ///< as in DecisionBatch
   std::size_t states;             ///< up to 8
   std::span<const BallHit> hits;  ///< of bodies with a pose of their own (DecidedBody::is_direct)
 };
