@@ -99,7 +99,7 @@ class Decider {
   void decide_obstacles() {
     for (std::uint32_t n = 0; n < v_.node_count && !is_over();) {
       const ObstacleNode& node = v_.nodes[n];
-      const bool is_beyond = placed_.template are_roots_beyond<kMoves>(n);
+      const bool is_beyond = v_.node_count > 1 && placed_.template are_roots_beyond<kMoves>(n);
       for (std::uint32_t o = node.first; !is_beyond && o < node.last && !is_over(); ++o) decide_obstacle(o);
       n = is_beyond ? node.skip : n + 1;
     }

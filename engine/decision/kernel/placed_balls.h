@@ -17,6 +17,7 @@ class PlacedBalls {
  public:
   explicit PlacedBalls(const DecisionView& view) : v_(view) {
     for (std::uint32_t b = 0; b < v_.columns; ++b) {
+      if (b < v_.body_count && v_.bodies[b].is_direct) continue;
       q_[0][b] = 1;
       for (int k = 1; k < 4; ++k) q_[k][b] = 0;
       for (int k = 9; k < 12; ++k) own_[k][b] = 0;
