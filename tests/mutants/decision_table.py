@@ -106,14 +106,14 @@ DECISION_MUTANTS = [
         (
             "decision_moved_leaf",
             "decision/kernel/ball_pairs.h",
-            "result |= near >> lowest(open) & 1 ? kOpen | kNear : @kOpen@;",
+            "result |= near >> j & 1 ? kOpen | kNear : @kOpen@;",
             "Bits{0}",
         ),
         (
-            "decision_moved_leaf_of_a",
+            "decision_moved_children",
             "decision/kernel/ball_pairs.h",
-            "return open & near ? kOpen | kNear : @kOpen@;",
-            "Bits{0}",
+            "ball = {&packet, &below, @first(packet.count)@};",
+            "first(packet.count) >> 1",
         ),
         (
             "decision_moved_outer",
