@@ -38,6 +38,26 @@ double reach_of(const Obstacle& o) {
   return kNever;
 }
 
+// A box that holds an obstacle's core, and how far the obstacle's points are from it at most.
+std::pair<ObstacleBox, double> box_of(const Obstacle& o) {
+  using Kind = Obstacle::Kind;
+  const double round = o.half[0], z = o.half[2];
+  ObstacleBox box{o.at, {}};
+  if (o.kind == Kind::kHalfSpace || o.kind == Kind::kCloud) return {box, HUGE_VAL};
+  if (o.kind == Kind::kPlanes) return {box, double{o.outer_radius} + o.radius};
+  const double half[3] = {o.kind == Kind::kSegment ? 0 : round,
+                          o.kind == Kind::kSegment    ? 0
+                          : o.kind == Kind::kCylinder ? round
+                                                      : o.half[1],
+                          z};
+  for (std::size_t i = 0; i < 3; ++i) {
+    double sum = o.is_aligned ? half[i] : 0;
+    for (std::size_t k = 0; k < 3 && !o.is_aligned; ++k) sum += std::abs(double{o.axes[3 * k + i]}) * half[k];
+    box.half[i] = up(sum * (1 + 0x1p-20));
+  }
+  return {box, o.radius};
+}
+
 }  // namespace
 
 // Whether a body is a cloud without points, which is beyond every distance.
@@ -164,11 +184,28 @@ void CoverPlanBuilder::bound_nodes() {
   }
 }
 
+// Puts a moved pair into a row with a free place for it.
+void CoverPlanBuilder::add_to_row(std::uint32_t k) {
+  const MovedPair& pair = out_->moved_pairs_[k];
+  const std::uint32_t lane = pair.b % kColumns;
+  std::vector<MovedRow>& rows = out_->moved_rows_;
+  auto row = std::find_if(rows.begin(), rows.end(), [&](const MovedRow& r) {
+    return r.a == pair.a && r.begin == pair.b - lane && r.pair[lane] == kNone;
+  });
+  if (row == rows.end()) {
+    row = rows.insert(row, {pair.a, pair.b - lane, {}, {}});
+    std::fill_n(row->reach, kColumns, -kNever);
+    std::fill_n(row->pair, kColumns, kNone);
+  }
+  row->reach[lane] = up(double{out_->moved_reach_[k]} * (1 + 0x1p-20));
+  row->pair[lane] = k;
+}
+
 // Columns of the kernel.
 void CoverPlanBuilder::finish() {
   CoverPlan& out = *out_;
   sort_obstacles();
-  const std::size_t columns = (out.bodies_.size() + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
+  const std::size_t columns = (out.bodies_.size() + kColumns - 1) / kColumns * kColumns,
                     cells = columns * out.obstacles_.size();
   for (auto* of_columns : {&out.root_x_, &out.root_y_, &out.root_z_}) of_columns->assign(columns, 0);
   for (auto* radii : {&out.moved_root_outer_, &out.moved_root_inner_}) radii->assign(columns, -kNever);
@@ -185,8 +222,17 @@ void CoverPlanBuilder::finish() {
     const MovedPair& pair = out.moved_pairs_[k];
     out.moved_a_[k] = static_cast<std::int32_t>(pair.a), out.moved_b_[k] = static_cast<std::int32_t>(pair.b);
     out.moved_reach_[k] = up(double{cover(pair.a)->root.outer} + cover(pair.b)->root.outer + pair.grow);
+    add_to_row(static_cast<std::uint32_t>(k));
   }
-  for (auto* radii : {&out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_}) radii->assign(cells, -kNever);
+  for (auto* radii : {&out.box_reach_, &out.root_outer_, &out.root_inner_, &out.grow_, &out.shrink_})
+    radii->assign(cells, -kNever);
+  std::vector<double> boxed;  // by obstacle: from its box to a root's surface that may touch it, at least
+  for (const Obstacle& o : out.obstacles_) {
+    const auto [box, reach] = box_of(o);
+    const auto length = [](const std::array<float, 3>& v) { return norm(Vec3d{v[0], v[1], v[2]}); };
+    out.boxes_.push_back(box);
+    boxed.push_back(reach + 16 * kUnit * (reach_ + length(box.at) + length(box.half)));
+  }
   out.position_.assign(cells, 0);
   out.table_of_cell_.assign(cells, kNoTable);
   for (const std::uint64_t position : out.unknown_) out.tables_.disable(position);
@@ -199,6 +245,7 @@ void CoverPlanBuilder::finish() {
                  shrink = p.margin - (p.slack.outer + error) * (1 + 0x1p-40);
     out.grow_[at] = up(grow);
     out.shrink_[at] = down(shrink);
+    out.box_reach_[at] = up((root.outer + grow + boxed[p.obstacle]) * (1 + 0x1p-20));
     out.root_outer_[at] = up(root.outer + grow);
     out.root_inner_[at] = down(root.inner + shrink);
     out.position_[at] = p.position;
@@ -215,6 +262,8 @@ void CoverPlanBuilder::finish() {
                out.moved_root_inner_.data(),
                out.obstacles_.data(),
                static_cast<std::uint32_t>(out.obstacles_.size()),
+               out.boxes_.data(),
+               out.box_reach_.data(),
                out.root_outer_.data(),
                out.root_inner_.data(),
                out.grow_.data(),
@@ -225,6 +274,8 @@ void CoverPlanBuilder::finish() {
                out.moved_b_.data(),
                out.moved_reach_.data(),
                static_cast<std::uint32_t>(out.moved_pairs_.size()),
+               out.moved_rows_.data(),
+               static_cast<std::uint32_t>(out.moved_rows_.size()),
                out.table_of_cell_.data(),
                out.tables_.pairs().data(),
                static_cast<std::uint32_t>(out.tables_.pairs().size()),

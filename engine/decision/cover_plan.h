@@ -65,13 +65,15 @@ class CoverPlan {
   std::vector<std::shared_ptr<const Cover>> covers_;  // of bodies_
   std::vector<DecidedBody> bodies_;
   std::vector<Obstacle> obstacles_;
+  std::vector<ObstacleBox> boxes_;
   std::vector<ObstacleNode> nodes_;
   std::vector<float> node_bound_;
   std::vector<MovedPair> moved_pairs_;
   std::vector<std::int32_t> moved_a_, moved_b_;
   std::vector<float> moved_reach_;
+  std::vector<MovedRow> moved_rows_;
   std::vector<float> root_x_, root_y_, root_z_, moved_root_outer_, moved_root_inner_;
-  std::vector<float> root_outer_, root_inner_, grow_, shrink_;
+  std::vector<float> box_reach_, root_outer_, root_inner_, grow_, shrink_;
   std::vector<std::uint64_t> position_, unknown_;
   TablePlan tables_;
   std::vector<std::uint8_t> table_of_cell_;

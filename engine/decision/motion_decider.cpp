@@ -3,6 +3,8 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/decision/state_lanes.h"
+
 namespace clearance {
 
 namespace {
@@ -17,13 +19,6 @@ SpanTwist within_half(const Twist& twist, double half) {
   const auto number = [&](double x) { return static_cast<float>(x * half); };
   return {{number(twist.turn.x), number(twist.turn.y), number(twist.turn.z)},
           {number(twist.shift.x), number(twist.shift.y), number(twist.shift.z)}};
-}
-
-// Whether all joints on the way to the links that a motion moves have positions.
-bool are_placed(const LinkMotion& motion) {
-  const std::vector<std::uint8_t> facts = bits_along_links(motion.robot(), motion.column_facts());
-  return std::none_of(motion.links().begin(), motion.links().end(),
-                      [&](std::uint32_t link) { return facts[link] & (kLinkUnplaced | kLinkBad); });
 }
 
 }  // namespace

@@ -53,7 +53,8 @@ struct TableCells {
     return cell ? *cell : TableCell{TableCell::kNoLow, TableCell::kNoHigh};
   }
   /// Bounds that hold for all positions between two ends, low <= high in each column.
-  CLEARANCE_TABLE_INLINE TableCell over(const double* low, const double* high) const;
+  /// \param most cells of each column, in the level chosen: fewer take less time and make the bounds wider
+  CLEARANCE_TABLE_INLINE TableCell over(const double* low, const double* high, std::uint32_t most = 4) const;
 
   /// Finds the cell of a position, and returns false outside the table. The maker enlarges cells by more than the
   /// rounding.
@@ -69,8 +70,7 @@ struct TableCells {
   }
 };
 
-CLEARANCE_TABLE_INLINE TableCell TableCells::over(const double* low, const double* high) const {
-  constexpr std::uint32_t kMostCells = 4;  // of each column, in the level chosen
+CLEARANCE_TABLE_INLINE TableCell TableCells::over(const double* low, const double* high, std::uint32_t most) const {
   constexpr TableCell kNoBounds{TableCell::kNoLow, TableCell::kNoHigh};
   std::uint32_t first[2], last[2], level = 0;
   for (int c = 0; c < 2; ++c) {
@@ -84,7 +84,7 @@ CLEARANCE_TABLE_INLINE TableCell TableCells::over(const double* low, const doubl
       else if (last[c] < first[c])
         last[c] += count;
     }
-    while ((last[c] >> level) - (first[c] >> level) >= kMostCells) ++level;
+    while ((last[c] >> level) - (first[c] >> level) >= most) ++level;
   }
   std::uint64_t begin = 0;
   for (std::uint32_t l = 0; l < level; ++l) begin += std::uint64_t{1} << (shift(0, l) + shift(1, l));

@@ -131,6 +131,15 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
 // Answers a block by covers, and begins the exact evaluation of the states that are left.
 void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
                                  WorkMeter& meter) {
+  if (!answer_in_lanes(begin, count, worker, share.left)) answer_by_poses(share, begin, count, worker, meter);
+  const std::span<const std::uint64_t> left = share.left.configurations();
+  if (left.empty()) return;
+  const auto pairs = share.left.pairs();
+  share.block.begin(worker_poses(worker).at(left, pairs), left, pairs);
+}
+
+void CoveredJob::answer_by_poses(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
+                                 WorkMeter& meter) {
   const std::size_t stride = plan_.bodies.size(), joints = plan_.joints.size();
   const ConfigurationPoses::PoseBlock block = worker_poses(worker).given(begin, count);
   const Pose* poses = block.poses.data();
@@ -150,10 +159,6 @@ void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64
     }
   const double* const positions = plan_.positions.data() + begin * joints;
   answer_by_covers({begin, count, poses, stride, share.usable.data(), positions, joints, meter}, worker, share.left);
-  const std::span<const std::uint64_t> left = share.left.configurations();
-  if (left.empty()) return;
-  const auto pairs = share.left.pairs();
-  share.block.begin(worker_poses(worker).at(left, pairs), left, pairs);
 }
 
 void CoveredJob::write_exact(const ExactState& state, int) {

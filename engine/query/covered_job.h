@@ -58,6 +58,10 @@ class CoveredJob : public ParallelJob {
   };
   /// Writes the rows of the states that covers answer, and adds the others to `left`, ascending.
   virtual void answer_by_covers(const States& states, int worker, LeftStates& left) = 0;
+  /// The same for [begin, begin + count), without poses. Returns false if it cannot: answer_by_covers() follows.
+  virtual bool answer_in_lanes(std::uint64_t /*begin*/, std::uint64_t /*count*/, int /*worker*/, LeftStates& /*left*/) {
+    return false;
+  }
   /// A state that the exact engine answered.
   struct ExactState {
     std::uint64_t configuration;
@@ -95,6 +99,7 @@ class CoveredJob : public ParallelJob {
   void take_covers();
   bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
   void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
+  void answer_by_poses(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
 
   BoxColumns columns_;
   NearPairs near_pairs_;

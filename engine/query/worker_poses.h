@@ -29,18 +29,17 @@ class WorkerPoses {
     slots_.clear();
     selected_.clear();
     ends_.clear();
+    const std::span<const ConfigurationPoses::PoseBlock> given = given_.of(configurations);
     for (std::size_t i = 0; i < configurations.size(); ++i) {
       placed_[0].select(pairs[i], slots_);
       ends_.push_back(slots_.size());
-      const ConfigurationPoses::PoseBlock given = given_.at(configurations[i], 1);
       while (selected_.size() < slots_.size())
-        selected_.push_back(placed_[0].given_pose(slots_[selected_.size()], given));
+        selected_.push_back(placed_[0].given_pose(slots_[selected_.size()], given[i]));
     }
     rotations_.resize(selected_.size());
     rotations_of(selected_, rotations_);
     for (std::size_t i = 0, begin = 0; i < configurations.size(); begin = ends_[i++])
-      placed_[i].configure(configurations[i], given_.at(configurations[i], 1),
-                           std::span(slots_).subspan(begin, ends_[i] - begin),
+      placed_[i].configure(configurations[i], given[i], std::span(slots_).subspan(begin, ends_[i] - begin),
                            std::span(rotations_).subspan(begin, ends_[i] - begin));
     return {placed_.data(), configurations.size()};
   }

@@ -33,15 +33,22 @@ class ConfigurationPoses {
   };
   /// Poses of configurations [first, first + count), valid until the next call.
   PoseBlock at(std::uint64_t first, std::uint64_t count);
+  /// Blocks of single configurations, ascending, valid until the next call.
+  std::span<const PoseBlock> of(std::span<const std::uint64_t> configurations);
 
  private:
-  void make(std::uint64_t first, std::uint64_t count);
+  bool holds(std::uint64_t first, std::uint64_t end) const {
+    return plan_.round == round_ && first >= first_ && end <= first_ + count_;
+  }
+  void make(std::span<const std::uint64_t> configurations, std::span<const double> positions);
 
   const Plan& plan_;
   std::uint64_t round_ = 0, first_ = 0, count_ = 0;  // configurations computed last, in a round of the plan
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
-  std::vector<double> travels_;
+  std::vector<double> travels_, rows_;
+  std::vector<std::uint64_t> numbers_;
+  std::vector<PoseBlock> blocks_;
   LinkMotion::LinkScratch scratch_;
 };
 

@@ -41,7 +41,8 @@ inline std::vector<CloudPoint> scanned_box(const Vec3d& centre, const Vec3d& hal
 
 /// The arm among one obstacle of each kind. It holds a box, and a link of it is padded.
 /// \param with_surfaces false for single convex parts alone, without the mesh and the clouds
-inline engine::Scene crowded_scene(bool with_surfaces = true) {
+/// \param with_held false without the box that it holds
+inline engine::Scene crowded_scene(bool with_surfaces = true, bool with_held = true) {
   engine::RobotOptions arm = at_home();
   arm.link_padding = {{"fore", 0.01}};
   engine::Scene scene = arm_scene(arm);
@@ -63,10 +64,11 @@ inline engine::Scene crowded_scene(bool with_surfaces = true) {
     scene.add_points("voxels", scanned_box({-0.6, -0.2, 0.7}, {0.08, 0.06, 0.06}, 500, random), 0.02,
                      still({0, 0, 0}, 0));
   }
-  scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
+  if (with_held) scene.add_box("held", {0.05, 0.04, 0.2}, {.parent = "arm/palm", .pose = Pose{{0, 0, 0.1}}});
   // Neighbours overlap in every state.
-  const std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",
-                                          "arm/flange", "arm/left_finger", "arm/right_finger", "held"};
+  std::vector<std::string> chain = {"arm/base",   "arm/upper",       "arm/fore",         "arm/wrist", "arm/palm",
+                                    "arm/flange", "arm/left_finger", "arm/right_finger", "held"};
+  if (!with_held) chain.pop_back();
   for (std::size_t a = 0; a < chain.size(); ++a)
     for (std::size_t b = a + 1; b < chain.size() && (b <= a + 2 || a >= 3); ++b) scene.ignore(chain[a], chain[b]);
   return scene;

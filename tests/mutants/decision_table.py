@@ -32,6 +32,11 @@ DECISION_MUTANTS = [
         ),
         ("decision_moved_slack", "decision/cover_pairs.cpp", "up((margin + @slack.inner@ + error)", "0.0"),
         ("decision_root_outer", "decision/cover_pairs.cpp", "up(@root.outer@ + grow)", "0.99 * root.outer"),
+        ("box_reach", "decision/cover_pairs.cpp", "up((@root.outer@ + grow + boxed", "0.98 * root.outer"),
+        ("box_grow", "decision/cover_pairs.cpp", "up((root.outer + @grow@ + boxed", "0.0"),
+        ("box_half", "decision/cover_pairs.cpp", "up(@sum@ * (1 + 0x1p-20))", "0.9 * sum"),
+        ("box_axes", "decision/cover_pairs.cpp", "o.axes[@3 * k + i@]", "3 * i + k"),
+        ("box_planes", "decision/cover_pairs.cpp", "{box, @double{o.outer_radius}@ + o.radius}", "0.9 * o.outer_radius"),
         ("decision_root_inner", "decision/cover_pairs.cpp", "down(@root.inner@ + shrink)", "1.01 * root.inner"),
         (
             "decision_moved_reach",
@@ -101,14 +106,14 @@ DECISION_MUTANTS = [
         (
             "decision_moved_leaf",
             "decision/kernel/ball_pairs.h",
-            "result |= near >> lowest(open) & 1 ? kOpen | kNear : @kOpen@;",
+            "result |= near >> j & 1 ? kOpen | kNear : @kOpen@;",
             "Bits{0}",
         ),
         (
-            "decision_moved_leaf_of_a",
+            "decision_moved_children",
             "decision/kernel/ball_pairs.h",
-            "return open & near ? kOpen | kNear : @kOpen@;",
-            "Bits{0}",
+            "ball = {&packet, &below, @first(packet.count)@};",
+            "first(packet.count) >> 1",
         ),
         (
             "decision_moved_outer",
@@ -424,13 +429,14 @@ DECISION_MUTANTS = [
             "0.5 * half",
         ),
         ("span_roots", "decision/kernel/decide_kernel.h", "bound = bound + @placed_.root_ways(begin)@", "Eight(0.0f)"),
+        ("span_boxes", "decision/kernel/placed_balls.h", "reach + @Sixteen::load(root_.way + begin)@", "Sixteen(0.0f)"),
         ("span_nodes", "decision/kernel/placed_balls.h", "bound = bound + @root_ways(begin)@", "Eight(0.0f)"),
         ("span_packet", "decision/kernel/decide_kernel.h", "bound = bound + @Eight::load(c.way)@", "Eight(0.0f)"),
         (
             "span_roots_of_pair",
-            "decision/kernel/decide_kernel.h",
-            "bound = bound + @placed_.ways_of_roots(a, b)@",
-            "Eight(0.0f)",
+            "decision/kernel/placed_balls.h",
+            "reach + @(Sixteen::load(root_.way + row.begin) + Sixteen(root_.way[row.a]))@",
+            "Sixteen(0.0f)",
         ),
         (
             "span_packets_of_pair",

@@ -81,6 +81,7 @@ class Part {
   Part(const Query& path, std::size_t first, std::size_t last)
       : positions_(path.positions, path.joints.size(), path.control_points, first, last),
         poses_(path.configurations, path.bodies.size(), path.control_points, first, last),
+        growths_(path.growths, path.growths.empty() ? 0 : path.bodies.size(), path.control_points, first, last),
         path_(path) {}
 
   std::span<const double> positions() const { return positions_.rows(); }
@@ -89,12 +90,14 @@ class Part {
     Query query = as_motions_of_path(path_, fields);
     query.positions = positions_.rows();
     query.configurations = poses_.rows();
+    query.growths = growths_.rows();
     return query;
   }
 
  private:
   MotionRows<double> positions_;
   MotionRows<Pose7> poses_;
+  MotionRows<double> growths_;
   const Query& path_;
 };
 
@@ -183,11 +186,12 @@ class PreparedPath {
     query.control_points = control_points_;
     query.positions = path.positions;
     query.configurations = path.configurations;
+    query.growths = path.growths;
     return check_path_with(
         query,
         [this](const Query& motions) {
           Prepared& prepared = motions.fields == kFieldVerdict ? verdicts_ : details_;
-          return prepared.run({motions.positions, motions.configurations});
+          return prepared.run({motions.positions, motions.configurations, motions.growths});
         },
         [this](const Result&) { return &info_; });
   }

@@ -69,7 +69,7 @@ class BallPairs {
         open &= ~beyond_in_span(centres_q, cp, move_q, move_p, i, d, still);
       else
         open &= ~greater(d, still);
-      if (open) result |= children(pair, p, i, q, open, kMoves ? ~greater(d, still) : 0);
+      if (open) result |= children(pair, {&p, &cp, Bits{1} << i}, {&q, &cq, open}, kMoves ? ~greater(d, still) : 0);
       if (result & kHit) return kHit;
     }
     return result;
@@ -86,27 +86,47 @@ class BallPairs {
     const Eight spare = d - (bent + Eight(0x1p-19f) * ways);
     return beyond | greater(d * spare, magnitude(apart.x * move.x + apart.y * move.y + apart.z * move.z));
   }
-  /// The children of a ball of p against those of some balls of q.
+  /// Some balls of a packet.
+  struct Balls {
+    const BallPacket* packet;
+    const Centres* centres;
+    Bits of;
+  };
+  /// The children of a ball of p against those of some balls of q. A ball without children takes their place.
   /// \param near those that are open even without movement
-  Bits children(const MovedPair& pair, const BallPacket& p, int i, const BallPacket& q, Bits open, Bits near) {
-    if (p.children[i] == kNone) return open & near ? kOpen | kNear : kOpen;
-    if (kMoves && pair_span_.way > 4 * stand_out(p, i)) return kOpen;
-    const BallPacket& below_p = v_.bodies[pair.a].packets[p.children[i]];
+  Bits children(const MovedPair& pair, Balls p, const Balls& q, Bits near) {
     Centres c_p, c_q;
-    placed_.template centres<false>(below_p, pair.a, c_p);
+    if (is_too_fast(*p.packet, lowest(p.of))) return kOpen;
+    const bool divides_p = divide(p, pair.a, c_p);
     Bits result = 0;
-    for (; open; open &= open - 1) {
-      const std::uint32_t child = q.children[lowest(open)];
-      if (child == kNone || --packets_left_ < 0) {
-        result |= near >> lowest(open) & 1 ? kOpen | kNear : kOpen;
+    for (Bits open = q.of; open; open &= open - 1) {
+      const int j = lowest(open);
+      if (!divides_p && is_too_fast(*q.packet, j)) {
+        result |= kOpen;
         continue;
       }
-      const BallPacket& below_q = v_.bodies[pair.b].packets[child];
-      placed_.template centres<false>(below_q, pair.b, c_q);
-      result |= packets(pair, below_p, c_p, first(below_p.count), below_q, c_q, first(below_q.count));
+      Balls one{q.packet, q.centres, Bits{1} << j};
+      if ((!divide(one, pair.b, c_q) && !divides_p) || --packets_left_ < 0) {
+        result |= near >> j & 1 ? kOpen | kNear : kOpen;
+        continue;
+      }
+      result |= packets(pair, *p.packet, *p.centres, p.of, *one.packet, *one.centres, one.of);
       if (result & kHit) return kHit;
     }
     return result;
+  }
+  /// Replaces a ball by its children. Returns false for one without.
+  bool divide(Balls& ball, std::uint32_t body, Centres& below) const {
+    const std::uint32_t child = ball.packet->children[lowest(ball.of)];
+    if (child == kNone) return false;
+    const BallPacket& packet = v_.bodies[body].packets[child];
+    placed_.template centres<false>(packet, body, below);
+    ball = {&packet, &below, first(packet.count)};
+    return true;
+  }
+  /// Whether a ball has children, and the movement exceeds its stand-out by far, so that a shorter span helps more.
+  bool is_too_fast(const BallPacket& packet, int i) const {
+    return kMoves && packet.children[i] != kNone && pair_span_.way > 4 * stand_out(packet, i);
   }
 
   const DecisionView& v_;

@@ -23,15 +23,21 @@ class Decider {
  public:
   explicit Decider(const DecisionView& view) : v_(view), placed_(view), tables_(view) {}
 
-  /// \param positions of joints, or null
+  /// Places bodies for states of a batch with frames.
+  void place(const DecisionBatch& batch) { usable_ = placed_.place(batch.frames, batch.states); }
+  /// Decides state k of a batch.
   /// \param open receives at most `capacity` positions
-  /// \param any_hit DecisionBatch::any_hit
-  Decision decide(const Pose* poses, const double* positions, bool any_hit, std::uint64_t* open,
-                  std::uint32_t capacity) {
+  Decision decide(const DecisionBatch& batch, std::size_t k, std::uint64_t* open, std::uint32_t capacity) {
     Decision result;
-    tables_.find(positions);
-    if (!placed_.place(poses)) return result;
-    begin(any_hit, capacity);
+    tables_.find(batch.positions ? batch.positions + k * batch.position_stride : nullptr);
+    if (!batch.frames) {
+      if (!placed_.place(batch.poses + k * batch.stride)) return result;
+    } else if (usable_ >> k & 1) {
+      placed_.take_state(k);
+    } else {
+      return result;
+    }
+    begin(batch.any_hit, capacity);
     open_ = open;
     tables_.look_up([&](std::uint64_t position) { record(position, {}, kHit); });
     if (!is_over()) decide_obstacles();
@@ -93,29 +99,28 @@ class Decider {
   void decide_obstacles() {
     for (std::uint32_t n = 0; n < v_.node_count && !is_over();) {
       const ObstacleNode& node = v_.nodes[n];
-      const bool is_beyond = placed_.template are_roots_beyond<kMoves>(n);
+      const bool is_beyond = v_.node_count > 1 && placed_.template are_roots_beyond<kMoves>(n);
       for (std::uint32_t o = node.first; !is_beyond && o < node.last && !is_over(); ++o) decide_obstacle(o);
       n = is_beyond ? node.skip : n + 1;
     }
   }
   HWY_INLINE void decide_obstacle(std::uint32_t o) {
-    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-      const std::size_t at = std::size_t{o} * v_.columns + begin;
-      const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
-      Eight bound = still;
-      if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
-      const Obstacle& obstacle = v_.obstacles[o];
-      if (obstacle.kind == Obstacle::Kind::kPlanes &&
-          placed_.are_roots_beyond(begin, obstacle.at, bound + Eight(obstacle.outer_radius + obstacle.radius)))
-        continue;
-      PointGaps gaps;
-      placed_.root_gaps(obstacle, begin, {bound, still, inner}, gaps);
-      for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
-        record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
-      for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
-        if (is_over()) return;
-        decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
-      }
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns)
+      for (Bits near = placed_.roots_near<kMoves>(o, begin), at = begin; near; near >>= kBalls, at += kBalls)
+        if (near & 0xff) decide_roots(o, at);
+  }
+  void decide_roots(std::uint32_t o, std::uint32_t begin) {
+    const std::size_t at = std::size_t{o} * v_.columns + begin;
+    const Eight still = Eight::load(v_.root_outer + at), inner = Eight::load(v_.root_inner + at);
+    Eight bound = still;
+    if constexpr (kMoves) bound = bound + placed_.root_ways(begin);
+    PointGaps gaps;
+    placed_.root_gaps(v_.obstacles[o], begin, {bound, still, inner}, gaps);
+    for (Bits in = greater(inner, Eight::load(gaps.high)); in; in &= in - 1)
+      record(v_.position[at + static_cast<std::size_t>(lowest(in))], {}, kHit);
+    for (Bits open = ~greater(Eight::load(gaps.low), bound) & 0xff; open; open &= open - 1) {
+      if (is_over()) return;
+      decide_item({o, begin + static_cast<std::uint32_t>(lowest(open))});
     }
   }
   void decide_item(SpanItem item) {
@@ -190,14 +195,12 @@ class Decider {
     return result;
   }
   void decide_moved_pairs() {
-    for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
-      const std::int32_t *a = v_.moved_a + begin, *b = v_.moved_b + begin;
-      Eight bound = Eight::load(v_.moved_reach + begin);
-      if constexpr (kMoves) bound = bound + placed_.ways_of_roots(a, b);
-      for (Bits open = ~greater(placed_.distances_of_roots(a, b), bound) & 0xff; open; open &= open - 1) {
-        const std::uint32_t k = begin + static_cast<std::uint32_t>(lowest(open));
+    for (std::uint32_t r = 0; r < v_.moved_row_count; ++r) {
+      const MovedRow& row = v_.moved_rows[r];
+      for (Bits near = placed_.roots_near<kMoves>(row); near; near &= near - 1) {
         if (is_over()) return;
-        if (k < v_.moved_pair_count && !tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
+        const std::uint32_t k = row.pair[lowest(near)];
+        if (!tables_.is_free(v_.moved_pairs[k].table)) decide_moved_pair(k);
       }
     }
   }
@@ -217,6 +220,7 @@ class Decider {
   const SpanBatch* span_ = nullptr;
   BallHit ball_hit_;
   bool any_hit_ = true, overflow_ = false;
+  Bits usable_ = 0;  // states of a batch with frames
   std::uint64_t hit_ = kNoHit;
   std::uint64_t* open_ = nullptr;
   std::uint32_t capacity_ = 0, count_ = 0;
@@ -225,14 +229,12 @@ class Decider {
 
 inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
   Decider<false> decider(*batch.view);
+  if (batch.frames) decider.place(batch);
   std::uint32_t used = 0;
   for (std::size_t k = 0; k < batch.states; ++k) {
     Decision& decision = room.decisions[k];
     decision = {};
-    if (batch.usable[k])
-      decision = decider.decide(batch.poses + k * batch.stride,
-                                batch.positions ? batch.positions + k * batch.position_stride : nullptr, batch.any_hit,
-                                room.open + used, room.capacity - used);
+    if (batch.usable[k]) decision = decider.decide(batch, k, room.open + used, room.capacity - used);
     decision.open_begin = used;
     decision.open_end += used;
     used = decision.open_end;

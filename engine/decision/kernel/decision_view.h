@@ -32,12 +32,21 @@ struct DecidedBody {
   double farthest;             ///< metres: the bounds hold up to this distance of its origin
 };
 
+inline constexpr std::uint32_t kColumns = 16;  ///< columns of bodies are a multiple of this
+
 /// Two moved bodies with covers.
 struct MovedPair {
   std::uint32_t a, b;
   std::uint64_t position;  ///< in the plan
   float grow, shrink;      ///< as in DecisionView
   std::uint8_t table;      ///< index in DecisionView::tabled, or kNoTable
+};
+
+/// Pairs of one moved body with kColumns others, side by side.
+struct MovedRow {
+  std::uint32_t a, begin;  ///< the body; column of the first of the others
+  float reach[kColumns];   ///< the roots are beyond their margin if their centres are farther than this from each other
+  std::uint32_t pair[kColumns];  ///< index of the moved pair, or kNone
 };
 
 /// A pair of links of one robot with a joint table.
@@ -59,7 +68,12 @@ struct ObstacleNode {
   std::uint32_t skip;         ///< the next node that is not below
 };
 
-/// Constants of a query. Bodies are in columns of a multiple of 8; `grow` and `shrink`, by (obstacle, body), are added
+/// A box in the common frame that holds an obstacle's core, or the centre of a ball that does.
+struct ObstacleBox {
+  std::array<float, 3> at, half;
+};
+
+/// Constants of a query. Bodies are in columns of a multiple of kColumns; `grow` and `shrink`, by (obstacle, body), are added
 /// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
 /// ball of a complete cut, and within its margin if a gap is below inner + shrink for one ball.
 struct DecisionView {
@@ -69,6 +83,9 @@ struct DecisionView {
   const float *moved_root_outer, *moved_root_inner;  ///< (columns,)
   const Obstacle* obstacles;
   std::uint32_t obstacle_count;
+  const ObstacleBox* boxes;  ///< of the obstacles
+  const float* box_reach;    ///< (obstacles, columns) the root is beyond its margin from the obstacle if its
+                             ///< centre is farther than this from the box; infinite for unbounded ones
   const float *root_outer, *root_inner;  ///< (obstacles, columns) with grow and shrink
   const float *grow, *shrink;            ///< (obstacles, columns)
   const std::uint64_t* position;         ///< (obstacles, columns) of the pair in the plan
@@ -76,6 +93,8 @@ struct DecisionView {
   const std::int32_t *moved_a, *moved_b;  ///< (moved_pairs,) and more, up to a multiple of 8: their bodies
   const float* moved_reach;               ///< likewise: their roots' outer radii with grow
   std::uint32_t moved_pair_count;
+  const MovedRow* moved_rows;  ///< every moved pair is in one
+  std::uint32_t moved_row_count;
   const std::uint8_t* table;  ///< (obstacles, columns) index in `tabled`, or kNoTable
   const TabledPair* tabled;
   std::uint32_t tabled_count;  ///< up to kMostTabledPairs
@@ -96,6 +115,9 @@ struct DecisionBatch {
   bool any_hit;                ///< one pair within its margin suffices; otherwise the first one is requested
   const double* positions = nullptr;  ///< (states, position_stride) of joints; null to use no tables
   std::size_t position_stride = 0;
+  /// (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in up to 8 states, if all bodies are direct
+  /// (DecidedBody::is_direct); null to use `poses`.
+  const double* const* frames = nullptr;
 };
 
 /// Result of one state. The open pairs are those before the first hit, ascending but with repeats.
@@ -166,7 +188,7 @@ struct SpanDecision {
 /// Balls that were inside obstacles in other motions, to be tried in some states.
 struct HitGuess {
   const DecisionView* view;
-  const double* const* frames;    ///< (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in each state
+  const double* const* frames;    ///< as in DecisionBatch
   std::size_t states;             ///< up to 8
   std::span<const BallHit> hits;  ///< of bodies with a pose of their own (DecidedBody::is_direct)
 };

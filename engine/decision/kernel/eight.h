@@ -1,8 +1,9 @@
-// Eight floats side by side, in the registers of one instruction set. Included by the kernel of decisions alone.
+// Floats side by side, in the registers of one instruction set. Included by the kernel of decisions alone.
 #pragma once
 
 #include <hwy/highway.h>
 
+#include <algorithm>
 #include <cstdint>
 
 #ifndef CLEARANCE_ISA
@@ -17,26 +18,27 @@ namespace hn = hwy::HWY_NAMESPACE;
 /// Bit i is of number i.
 using Bits = std::uint32_t;
 
-struct Eight {
-  using Tag = hn::CappedTag<float, 8>;
-  static constexpr int kLanes = static_cast<int>(HWY_LANES(float)) < 8 ? static_cast<int>(HWY_LANES(float)) : 8;
-  static constexpr int kParts = 8 / kLanes;
+template <int kCount>
+struct Floats {
+  using Tag = hn::CappedTag<float, kCount>;
+  static constexpr int kLanes = std::min(static_cast<int>(HWY_LANES(float)), kCount);
+  static constexpr int kParts = kCount / kLanes;
 
   hn::Vec<Tag> part[kParts];
 
-  Eight() = default;
-  HWY_INLINE explicit Eight(float x) {
+  Floats() = default;
+  HWY_INLINE explicit Floats(float x) {
     for (auto& p : part) p = hn::Set(Tag(), x);
   }
-  HWY_INLINE static Eight load(const float* from) {
-    Eight e;
+  HWY_INLINE static Floats load(const float* from) {
+    Floats e;
     for (int i = 0; i < kParts; ++i) e.part[i] = hn::LoadU(Tag(), from + i * kLanes);
     return e;
   }
   /// from[index[i]]
-  HWY_INLINE static Eight gather(const float* from, const std::int32_t* index) {
+  HWY_INLINE static Floats gather(const float* from, const std::int32_t* index) {
     const hn::RebindToSigned<Tag> ints;
-    Eight e;
+    Floats e;
     for (int i = 0; i < kParts; ++i) e.part[i] = hn::GatherIndex(Tag(), from, hn::LoadU(ints, index + i * kLanes));
     return e;
   }
@@ -44,39 +46,39 @@ struct Eight {
     for (int i = 0; i < kParts; ++i) hn::StoreU(part[i], Tag(), to + i * kLanes);
   }
   template <class F>
-  HWY_INLINE static Eight of_parts(const Eight& a, const Eight& b, const F& f) {
-    Eight e;
+  HWY_INLINE static Floats of_parts(const Floats& a, const Floats& b, const F& f) {
+    Floats e;
     for (int i = 0; i < kParts; ++i) e.part[i] = f(a.part[i], b.part[i]);
     return e;
   }
-  HWY_INLINE friend Eight operator+(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Floats operator+(const Floats& a, const Floats& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Add(x, y); });
   }
-  HWY_INLINE friend Eight operator-(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Floats operator-(const Floats& a, const Floats& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Sub(x, y); });
   }
-  HWY_INLINE friend Eight operator*(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Floats operator*(const Floats& a, const Floats& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Mul(x, y); });
   }
-  HWY_INLINE friend Eight lesser(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Floats lesser(const Floats& a, const Floats& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Min(x, y); });
   }
-  HWY_INLINE friend Eight larger(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Floats larger(const Floats& a, const Floats& b) {
     return of_parts(a, b, [](auto x, auto y) { return hn::Max(x, y); });
   }
-  HWY_INLINE friend Eight magnitude(const Eight& a) {
+  HWY_INLINE friend Floats magnitude(const Floats& a) {
     return of_parts(a, a, [](auto x, auto) { return hn::Abs(x); });
   }
   /// `x` where a > b, elsewhere `y`.
-  HWY_INLINE friend Eight if_greater(const Eight& a, const Eight& b, const Eight& x, const Eight& y) {
-    Eight e;
+  HWY_INLINE friend Floats if_greater(const Floats& a, const Floats& b, const Floats& x, const Floats& y) {
+    Floats e;
     for (int i = 0; i < kParts; ++i) e.part[i] = hn::IfThenElse(hn::Gt(a.part[i], b.part[i]), x.part[i], y.part[i]);
     return e;
   }
-  HWY_INLINE friend Eight root(const Eight& a) {
+  HWY_INLINE friend Floats root(const Floats& a) {
     return of_parts(a, a, [](auto x, auto) { return hn::Sqrt(x); });
   }
-  HWY_INLINE friend Bits greater(const Eight& a, const Eight& b) {
+  HWY_INLINE friend Bits greater(const Floats& a, const Floats& b) {
     Bits bits = 0;
     for (int i = 0; i < kParts; ++i) bits |= bits_of(hn::Gt(a.part[i], b.part[i])) << (i * kLanes);
     return bits;
@@ -86,9 +88,11 @@ struct Eight {
   HWY_INLINE static Bits bits_of(hn::Mask<Tag> mask) {
     std::uint8_t bytes[8];
     hn::StoreMaskBits(Tag(), mask, bytes);
-    return bytes[0];
+    return kLanes > 8 ? Bits{bytes[0]} | Bits{bytes[1]} << 8 : bytes[0];
   }
 };
+using Eight = Floats<8>;
+using Sixteen = Floats<16>;
 
 /// Three coordinates of eight points.
 struct EightPoints {

@@ -5,90 +5,56 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/decision/kernel/ball_frames.h"
 #include "engine/decision/kernel/cloud_gaps.h"
 #include "engine/decision/kernel/decision_view.h"
-#include "engine/decision/kernel/eight.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
-
-constexpr int kBalls = BallPacket::kBalls;
-
-HWY_INLINE Bits first(std::uint32_t count) {
-  return (Bits{1} << count) - 1;
-}
-HWY_INLINE int lowest(Bits bits) {
-  return __builtin_ctz(bits);
-}
-
-/// Difference of the bounds that one ball gives of a body's distance, metres.
-HWY_INLINE float stand_out(const BallPacket& packet, int i) {
-  return packet.outer[i] - (packet.inner[i] > 0 ? packet.inner[i] : 0);
-}
-
-/// Balls in the common frame, and how far each can move within half a span.
-struct Centres {
-  alignas(32) float x[kBalls], y[kBalls], z[kBalls];
-  float way[kBalls];  ///< for spans only
-
-  HWY_INLINE EightPoints points() const { return {Eight::load(x), Eight::load(y), Eight::load(z)}; }
-};
-HWY_INLINE Eight distances(const EightPoints& c, float x, float y, float z) {
-  return length(c - EightPoints{Eight(x), Eight(y), Eight(z)});
-}
-
-/// A body's pose in the common frame.
-struct Frame64 {
-  double R[9], t[3];
-};
-
-/// R and t of a unit quaternion's pose.
-HWY_INLINE Frame64 frame_of(const Pose& X) {
-  const double w = X.qw, x = X.qx, y = X.qy, z = X.qz;
-  return {{1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),  //
-           2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),  //
-           2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)},
-          {X.translation.x, X.translation.y, X.translation.z}};
-}
-HWY_INLINE Frame64 product(const Frame64& a, const Frame64& b) {
-  Frame64 c;
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j)
-      c.R[3 * i + j] = a.R[3 * i] * b.R[j] + a.R[3 * i + 1] * b.R[3 + j] + a.R[3 * i + 2] * b.R[6 + j];
-    c.t[i] = a.t[i] + (a.R[3 * i] * b.t[0] + a.R[3 * i + 1] * b.t[1] + a.R[3 * i + 2] * b.t[2]);
-  }
-  return c;
-}
-
-/// Rotations of eight unit quaternions, row by row.
-template <class Store>
-HWY_INLINE void rotations(const Eight& w, const Eight& x, const Eight& y, const Eight& z, const Store& store) {
-  const Eight one(1), two(2);
-  store(0, one - two * (y * y + z * z));
-  store(1, two * (x * y - w * z));
-  store(2, two * (x * z + w * y));
-  store(3, two * (x * y + w * z));
-  store(4, one - two * (x * x + z * z));
-  store(5, two * (y * z - w * x));
-  store(6, two * (x * z - w * y));
-  store(7, two * (y * z + w * x));
-  store(8, one - two * (x * x + y * y));
-}
 
 /// The bodies of a query in one state.
 class PlacedBalls {
  public:
   explicit PlacedBalls(const DecisionView& view) : v_(view) {
     for (std::uint32_t b = 0; b < v_.columns; ++b) {
+      if (b < v_.body_count && v_.bodies[b].is_direct) continue;
       q_[0][b] = 1;
       for (int k = 1; k < 4; ++k) q_[k][b] = 0;
-      for (auto& t : t_) t[b] = 0;
+      for (int k = 9; k < 12; ++k) own_[k][b] = 0;
       root_.way[b] = 0;
     }
   }
 
+  /// Places bodies that are direct in up to eight states, of which take_state() selects one.
+  /// \param frames DecisionBatch::frames
+  /// \return the states whose poses are within the limits of the bounds
+  Bits place(const double* const* frames, std::size_t states) {
+    Bits usable = first(static_cast<std::uint32_t>(states));
+    for (std::uint32_t b = 0; b < v_.columns; ++b) {
+      Centres roots{};
+      if (b < v_.body_count) {
+        const BodyInStates body(frames[b]);
+        usable &= usable_states(v_.bodies[b], frames[b], states);
+        body.store(of_states_[b]);
+        body.place({v_.root_x[b], v_.root_y[b], v_.root_z[b]}, roots);
+      }
+      for (std::size_t k = 0; k < states; ++k)
+        roots_[k].x[b] = roots.x[k], roots_[k].y[b] = roots.y[k], roots_[k].z[b] = roots.z[k];
+    }
+    return usable;
+  }
+  void take_state(std::size_t k) {
+    frames_ = &of_states_[0][0][k], by_part_ = kBalls, by_body_ = 12 * kBalls;
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
+      Sixteen::load(roots_[k].x + begin).store(root_.x + begin);
+      Sixteen::load(roots_[k].y + begin).store(root_.y + begin);
+      Sixteen::load(roots_[k].z + begin).store(root_.z + begin);
+    }
+    forget();
+  }
   /// Returns false for a pose beyond the limits of the bounds.
   bool place(const Pose* poses) {
+    frames_ = own_[0], by_part_ = kMostDecidedBodies, by_body_ = 1;
     bool all_direct = true;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
       const DecidedBody& body = v_.bodies[b];
@@ -98,12 +64,12 @@ class PlacedBalls {
       if (!is_near(X.translation.x, X.translation.y, X.translation.z, body.farthest)) return false;
       const double parts[7] = {X.qw, X.qx, X.qy, X.qz, X.translation.x, X.translation.y, X.translation.z};
       for (int k = 0; k < 4; ++k) q_[k][b] = static_cast<float>(parts[k]);
-      for (int k = 0; k < 3; ++k) t_[k][b] = static_cast<float>(parts[4 + k]);
+      for (int k = 0; k < 3; ++k) own_[9 + k][b] = static_cast<float>(parts[4 + k]);
     }
     for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) rotate(begin);
     if (!all_direct && !place_carried(poses)) return false;
     for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) place_roots(begin);
-    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = false;
+    forget();
     return true;
   }
   /// \param spans (columns,) of the bodies
@@ -111,7 +77,7 @@ class PlacedBalls {
     spans_ = spans;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
       const float *w = spans[b].twist.turn, *v = spans[b].twist.shift;
-      const float x = root_.x[b] - t_[0][b], y = root_.y[b] - t_[1][b], z = root_.z[b] - t_[2][b];
+      const float x = root_.x[b] - part(9, b), y = root_.y[b] - part(10, b), z = root_.z[b] - part(11, b);
       const float u = v[0] + (w[1] * z - w[2] * y), s = v[1] + (w[2] * x - w[0] * z), r = v[2] + (w[0] * y - w[1] * x);
       const float along = __builtin_sqrtf(u * u + s * s + r * r) + spans[b].bend;
       root_.way[b] = along < spans[b].way ? along : spans[b].way;
@@ -130,6 +96,18 @@ class PlacedBalls {
     const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
     return distances(c, point[0], point[1], point[2]);
   }
+  /// Roots of kColumns columns that may be within their margins of an obstacle.
+  template <bool kMoves>
+  HWY_INLINE Bits roots_near(std::uint32_t obstacle, std::uint32_t begin) const {
+    const ObstacleBox& box = v_.boxes[obstacle];
+    const auto beyond = [&](const float* root, std::size_t k) {
+      return larger(magnitude(Sixteen::load(root + begin) - Sixteen(box.at[k])) - Sixteen(box.half[k]), Sixteen(0.0f));
+    };
+    const Sixteen x = beyond(root_.x, 0), y = beyond(root_.y, 1), z = beyond(root_.z, 2);
+    Sixteen reach = Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
+    if constexpr (kMoves) reach = reach + Sixteen::load(root_.way + begin);
+    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
+  }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
     return greater(distances_to_roots(begin, centre), bound) == 0xff;
@@ -144,13 +122,19 @@ class PlacedBalls {
     }
     return true;
   }
-  /// Distances of the roots of eight pairs of bodies, and how far both move.
+  /// Distances of the roots of eight pairs of bodies.
   HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {
     const auto difference = [&](const float* of) { return Eight::gather(of, a) - Eight::gather(of, b); };
     return length({difference(root_.x), difference(root_.y), difference(root_.z)});
   }
-  HWY_INLINE Eight ways_of_roots(const std::int32_t* a, const std::int32_t* b) const {
-    return Eight::gather(root_.way, a) + Eight::gather(root_.way, b);
+  /// Pairs of a row whose roots may be within their margins.
+  template <bool kMoves>
+  HWY_INLINE Bits roots_near(const MovedRow& row) const {
+    const auto apart = [&](const float* root) { return Sixteen::load(root + row.begin) - Sixteen(root[row.a]); };
+    const Sixteen x = apart(root_.x), y = apart(root_.y), z = apart(root_.z);
+    Sixteen reach = Sixteen::load(row.reach);
+    if constexpr (kMoves) reach = reach + (Sixteen::load(root_.way + row.begin) + Sixteen(root_.way[row.a]));
+    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
   }
   HWY_INLINE float distance_of_roots(std::uint32_t a, std::uint32_t b) const {
     const float dx = root_.x[a] - root_.x[b], dy = root_.y[a] - root_.y[b], dz = root_.z[a] - root_.z[b];
@@ -160,9 +144,9 @@ class PlacedBalls {
   template <bool kMoves>
   HWY_INLINE void centres(const BallPacket& packet, std::uint32_t body, Centres& c) const {
     const Eight x = Eight::load(packet.x), y = Eight::load(packet.y), z = Eight::load(packet.z);
+    const float* const f = frame(body);
     const auto coordinate = [&](int k) {
-      return Eight(t_[k][body]) +
-             (Eight(R_[3 * k][body]) * x + Eight(R_[3 * k + 1][body]) * y + Eight(R_[3 * k + 2][body]) * z);
+      return Eight(f[9 + k]) + (Eight(f[3 * k]) * x + Eight(f[3 * k + 1]) * y + Eight(f[3 * k + 2]) * z);
     };
     const EightPoints points{coordinate(0), coordinate(1), coordinate(2)};
     points.x.store(c.x);
@@ -175,8 +159,8 @@ class PlacedBalls {
   }
   /// shift + turn x r of each ball, r from its body's origin.
   HWY_INLINE EightPoints displacement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
-    const float *w = twist.turn, *v = twist.shift;
-    const EightPoints r = c - EightPoints{Eight(t_[0][body]), Eight(t_[1][body]), Eight(t_[2][body])};
+    const float *w = twist.turn, *v = twist.shift, *f = frame(body);
+    const EightPoints r = c - EightPoints{Eight(f[9]), Eight(f[10]), Eight(f[11])};
     return {Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
             Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
             Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)};
@@ -226,6 +210,17 @@ class PlacedBalls {
   }
 
  private:
+  HWY_INLINE float part(std::size_t k, std::uint32_t body) const { return frames_[k * by_part_ + body * by_body_]; }
+  /// R row by row, then t.
+  HWY_INLINE const float* frame(std::uint32_t body) const {
+    if (!has_frame_[body])
+      for (std::size_t k = 0; k < 12; ++k) frame_[body][k] = part(k, body);
+    has_frame_[body] = true;
+    return frame_[body];
+  }
+  void forget() {
+    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = has_frame_[b] = false;
+  }
   static bool is_near(double x, double y, double z, double farthest) {
     const auto is_within = [&](double t) { return -farthest <= t && t <= farthest; };
     return is_within(x) && is_within(y) && is_within(z);
@@ -233,14 +228,15 @@ class PlacedBalls {
   /// Rotations of the quaternions of eight columns.
   HWY_INLINE void rotate(std::uint32_t begin) {
     rotations(Eight::load(q_[0] + begin), Eight::load(q_[1] + begin), Eight::load(q_[2] + begin),
-              Eight::load(q_[3] + begin), [&](int k, const Eight& value) { value.store(R_[k] + begin); });
+              Eight::load(q_[3] + begin), [&](int k, const Eight& value) { value.store(own_[k] + begin); });
   }
   HWY_INLINE void place_roots(std::uint32_t begin) {
     const Eight x = Eight::load(v_.root_x + begin), y = Eight::load(v_.root_y + begin),
                 z = Eight::load(v_.root_z + begin);
     const auto coordinate = [&](int k) {
-      return Eight::load(t_[k] + begin) + (Eight::load(R_[3 * k] + begin) * x + Eight::load(R_[3 * k + 1] + begin) * y +
-                                           Eight::load(R_[3 * k + 2] + begin) * z);
+      return Eight::load(own_[9 + k] + begin) +
+             (Eight::load(own_[3 * k] + begin) * x + Eight::load(own_[3 * k + 1] + begin) * y +
+              Eight::load(own_[3 * k + 2] + begin) * z);
     };
     coordinate(0).store(root_.x + begin);
     coordinate(1).store(root_.y + begin);
@@ -252,23 +248,32 @@ class PlacedBalls {
       const DecidedBody& body = v_.bodies[b];
       Frame64 f = frame_of(body.pose == kNone ? body.constant : poses[body.pose]);
       if (!body.is_direct && body.pose != kNone) f = product(frame_of(body.constant), f);
-      if (body.carrier != kNone) f = product(frames_[body.carrier], f);
-      frames_[b] = f;
+      if (body.carrier != kNone) f = product(exact_[body.carrier], f);
+      exact_[b] = f;
       if (body.is_direct) continue;
       if (!is_near(f.t[0], f.t[1], f.t[2], body.farthest)) return false;
-      for (int k = 0; k < 9; ++k) R_[k][b] = static_cast<float>(f.R[k]);
-      for (int k = 0; k < 3; ++k) t_[k][b] = static_cast<float>(f.t[k]);
+      for (int k = 0; k < 9; ++k) own_[k][b] = static_cast<float>(f.R[k]);
+      for (int k = 0; k < 3; ++k) own_[9 + k][b] = static_cast<float>(f.t[k]);
     }
     return true;
   }
 
   const DecisionView& v_;
   const SpanBody* spans_ = nullptr;
-  alignas(32) float q_[4][kMostDecidedBodies], R_[9][kMostDecidedBodies], t_[3][kMostDecidedBodies];
-  Frame64 frames_[kMostDecidedBodies];
+  // Parts of the bodies' frames in the state, R row by row and then t.
+  const float* frames_ = nullptr;
+  std::size_t by_part_ = 0, by_body_ = 0;
+  alignas(32) float q_[4][kMostDecidedBodies], own_[12][kMostDecidedBodies];  // of one state
+  alignas(32) float of_states_[kMostDecidedBodies][12][kBalls];               // of eight
+  Frame64 exact_[kMostDecidedBodies];
   struct Roots {
-    alignas(32) float x[kMostDecidedBodies], y[kMostDecidedBodies], z[kMostDecidedBodies], way[kMostDecidedBodies];
+    alignas(32) float x[kMostDecidedBodies], y[kMostDecidedBodies], z[kMostDecidedBodies];
+  } roots_[kBalls];  // of eight states
+  struct MovedRoots : Roots {
+    float way[kMostDecidedBodies];
   } root_;
+  mutable float frame_[kMostDecidedBodies][12];  // side by side, once needed
+  mutable bool has_frame_[kMostDecidedBodies];
   bool has_children_[kMostDecidedBodies];
   Centres children_[kMostDecidedBodies][2];
 };

@@ -63,7 +63,8 @@ class TableLookup {
       low[c] = at[c] - by;
       high[c] = at[c] + by;
     }
-    if (pair.table.over(low, high).low > pair.free_above) return {Verdict::kFree, true};
+    for (const std::uint32_t most : {2u, 4u})
+      if (pair.table.over(low, high, most).low > pair.free_above) return {Verdict::kFree, true};
     const TableCell cell = pair.table.at(at);
     return {cell.high < pair.hit_below ? Verdict::kHit : Verdict::kUnresolved, cell.low > pair.free_above};
   }

@@ -1,11 +1,15 @@
 // Balls that hit in earlier motions are tried first in later ones. That changes no verdict.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <limits>
+#include <tuple>
 #include <vector>
 
 #include "engine/cover/cover_store.h"
 #include "engine/decision/motion_decider.h"
+#include "engine/decision/state_lanes.h"
 #include "engine/selection/configuration_poses.h"
 #include "engine/selection/plan.h"
 #include "engine/state/pose_store.h"
@@ -16,13 +20,13 @@ namespace {
 
 // The arm in the crowded scene with its covers, and states of it.
 struct Crowded {
-  engine::Scene scene = crowded_scene();
+  engine::Scene scene;
   CoverStore covers;
   PoseStore poses{scene, std::chrono::seconds(60)};
   ArmStates arm;
   Plan plan;
 
-  explicit Crowded(int states) : arm(scene, states) {
+  explicit Crowded(int states, bool with_held = true) : scene(crowded_scene(true, with_held)), arm(scene, states) {
     arm.query.fields = kFieldVerdict;
     for (const Body& body : scene.bodies())
       if (body.robot != kNone) covers.request({body.parts});
@@ -112,6 +116,47 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
         }
   }
   EXPECT_GT(guessed, 20u);
+}
+
+// One state after another by poses, and eight side by side by frames: the same decisions, to the open pairs.
+TEST(StateLanes, DecideAsPosesDo) {
+  constexpr std::uint32_t kStates = 203;
+  Crowded crowded(kStates, false);
+  const std::size_t joints = crowded.arm.query.joints.size(), bad = 17;
+  std::vector<double> positions(crowded.arm.query.positions.begin(), crowded.arm.query.positions.end());
+  positions[bad * joints + 1] = std::numeric_limits<double>::quiet_NaN();
+  crowded.arm.query.positions = positions;
+  const Plan& plan = crowded.make();
+  const auto covers = CoverPlan::make(crowded.scene, plan, crowded.covers, nullptr);
+  ASSERT_TRUE(covers);
+  const DecisionView& view = covers->view();
+  StateLanes lanes(*covers, plan);
+  ASSERT_TRUE(lanes.can_place());
+  ConfigurationPoses at(plan);
+  const auto block = at.at(0, kStates);
+  std::array<std::size_t, 3> seen{};
+  for (const DecisionKernel& kernel : decision_kernels())
+    for (std::uint32_t k = 0; k < kStates; ++k) {
+      if (k % kMostLanes == 0) lanes.place(k, std::min<std::size_t>(kMostLanes, kStates - k));
+      const auto decide = [&](const DecisionBatch& batch, std::uint32_t state) {
+        std::vector<Decision> decisions(batch.states);
+        std::vector<std::uint64_t> open(batch.states * std::size_t{plan.pairs.size()});
+        kernel.run(batch, {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
+        const Decision& d = decisions[state];
+        return std::tuple(d.verdict, d.is_listed, d.hit,
+                          std::vector<std::uint64_t>(open.begin() + d.open_begin, open.begin() + d.open_end));
+      };
+      const std::uint8_t usable = k != bad;
+      const auto by_pose =
+          decide({&view, &block.poses[k * plan.bodies.size()], plan.bodies.size(), 1, &usable, false}, 0);
+      const std::size_t together = std::min<std::size_t>(kMostLanes, kStates - k / kMostLanes * kMostLanes);
+      const auto by_frame =
+          decide({&view, nullptr, 0, together, lanes.usable(), false, nullptr, 0, lanes.frames()}, k % kMostLanes);
+      EXPECT_EQ(by_pose, by_frame) << kernel.name << " " << k;
+      EXPECT_EQ(lanes.usable()[k % kMostLanes], usable) << k;
+      ++seen[static_cast<std::size_t>(std::get<0>(by_frame))];
+    }
+  for (const std::size_t count : seen) EXPECT_GT(count, 0u);
 }
 
 }  // namespace

@@ -1,0 +1,41 @@
+// Kinematics of states side by side, as the kernel of decisions takes them.
+#pragma once
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+#include <vector>
+
+#include "engine/decision/cover_plan.h"
+#include "engine/robot/lane_kinematics.h"
+
+namespace clearance {
+
+/// Whether all joints on the way to the links that a motion moves have positions.
+bool are_placed(const LinkMotion& motion);
+
+/// Places the bodies of a plan in up to eight states. Each worker has its own.
+class StateLanes {
+ public:
+  /// The arguments must outlive this.
+  StateLanes(const CoverPlan& covers, const Plan& plan);
+
+  /// Whether joints alone move the bodies, each by a link of its own.
+  bool can_place() const { return can_place_; }
+  /// Places states [first, first + count), count <= 8.
+  void place(std::uint64_t first, std::size_t count);
+  /// DecisionBatch::frames and usable, valid until the next call.
+  const double* const* frames() const { return frames_.data(); }
+  const std::uint8_t* usable() const { return usable_; }
+
+ private:
+  const CoverPlan& covers_;
+  const Plan& plan_;
+  bool can_place_ = true;
+  std::vector<std::vector<DoubleInLanes>> positions_;  // (columns,) of each robot
+  std::vector<LaneKinematics> robots_;
+  std::vector<const double*> frames_;  // by body
+  std::uint8_t usable_[kMostLanes];
+};
+
+}  // namespace clearance
