@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kUp = kMotionSlack;
 constexpr double kFloatUnit = 0x1p-24;
-constexpr double kTwistRounding = 0x1p-40;     // of a twist in float64, relative to the speed of points
+constexpr double kTwistRounding = 0x1p-40;      // of a twist in float64, relative to the speed of points
 constexpr double kTimeRounding = 14 * 0x1p-53;  // of q(t) for each degree of it, relative to the largest position
 
 constexpr double kGivenRounding = 0x1p-46;  // of a given body's translation at a time, relative to the largest one

@@ -93,8 +93,7 @@ void take_lane(const EvaluateOptions& options, const PartTask& task, const LaneA
   NarrowLimits limits = options.limits;
   limits.max_distance = bodies.max_distance;
   if (slack.any())
-    decide(
-        limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
+    decide(limits, lane.lower, lane.upper, [] { return 0.0; }, answer, slack);
   else
     decide_apart(limits.max_distance, lane.lower, lane.upper, true, answer);
   if (!options.want_points) return;

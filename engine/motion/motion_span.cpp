@@ -41,8 +41,8 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
   node.seeds = seed < node.open.size();
   const auto request_about = [&](BodyPair pair, const PairRequest& q) {
     const double stop_below = decides() ? motion_query_.plan.margins.of(node.open[q.open]) : -kInf;
-    to_evaluate.push_back({pair, &placed, sum_above(sum_above(q.target, q.way), q.growth.most),
-                           stop_below + q.growth.least});
+    to_evaluate.push_back(
+        {pair, &placed, sum_above(sum_above(q.target, q.way), q.growth.most), stop_below + q.growth.least});
     requests.push_back(q);
   };
   if (node.seeds) {

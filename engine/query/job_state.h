@@ -57,7 +57,7 @@ struct Job::State {
   std::shared_ptr<JobPool> pool;  ///< takes the job back; may be null
   /// Snapshot of the plan, while the job waits in its pool: weak, so that this keeps no old snapshot alive.
   std::weak_ptr<const PoseSnapshot> kept_for;
-  bool is_whole = false;          ///< whether the answer is complete
+  bool is_whole = false;  ///< whether the answer is complete
 };
 
 /// Makes a job that runs on the CPU.

@@ -93,10 +93,10 @@ def test_a_drive_without_a_new_command_stops():
 @pytest.mark.parametrize("language", ["python", "c++"])
 @pytest.mark.parametrize("where", ["engine", "shm"])
 def test_a_planner_of_prepared_motions_finds_a_proved_path(start_daemon, kinds, language, where):
-    program = [sys.executable, "client/examples/rrt.py"]
+    built = BUILD / "examples/rrt"
+    program = [sys.executable, "client/examples/rrt.py"] if language == "python" else [str(built)]
     if language == "c++":
-        program = [BUILD / "examples/rrt"]
-        if where == "engine" or not program[0].exists():
+        if where == "engine" or not built.exists():
             pytest.skip("a client, built with the daemon")
     scene = ROOT / "scenes/cell/robot.yaml"
     if where not in ("engine", *kinds):

@@ -1,6 +1,6 @@
 #define CLEARANCE_ISA decide_avx512
-#include "engine/decision/kernel/decide_kernel.h"
 #include "engine/decision/kernel/bound_distances.h"
+#include "engine/decision/kernel/decide_kernel.h"
 
 namespace clearance {
 
