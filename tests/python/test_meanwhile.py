@@ -161,3 +161,12 @@ def test_explain_path_follows_the_bodies(rail):
     assert free and free.least[0] <= d <= free.least[1] + 1e-6
     with pytest.raises(ValueError, match="takes no bodies that grow"):
         rail.explain_path(path, "r", meanwhile={"crate": clearance.BodyPath(crossing, growth=0.1)})
+
+
+def test_certificates_are_for_lines_without_growth(rail):
+    late = [pose(1, 1.5), pose(1, -0.5)]
+    options = {"start": [[0.0]], "end": [[2.0]], "joints": "r", "pairs": [CART], "reduce": "any"}
+    proof = rail.certificate(meanwhile={"crate": late}, **options)
+    assert proof.document["rows"][0]["status"] == "beyond"
+    with pytest.raises(clearance.QueryError, match="growths: certificates are for bodies that do not grow"):
+        rail.certificate(meanwhile={"crate": clearance.BodyPath(late, growth=0.1)}, **options)

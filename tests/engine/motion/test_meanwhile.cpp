@@ -9,6 +9,7 @@
 #include <vector>
 
 #include "tests/engine/motion/motion_test.h"
+#include "tests/temporary_folder.h"
 
 namespace clearance::test {
 namespace {
@@ -146,6 +147,52 @@ TEST(Meanwhile, CoversNeverProveThemFree) {
   EXPECT_GT(counts.near, 1400);
   EXPECT_GT(counts.free, counts.beyond - counts.beyond / 20);
   EXPECT_GT(by_covers, counts.beyond);
+}
+
+// Two arms of 1 m, which turn about z, with balls as tips.
+TEST(Meanwhile, CoversDecideTwoRobots) {
+  const TemporaryFolder folder;
+  engine::RobotOptions options;
+  options.urdf = folder.write(
+      "r.urdf",
+      "<robot name='r'><link name='base'/><link name='tip'><collision><origin xyz='1 0 0'/><geometry><sphere "
+      "radius='0.1'/></geometry></collision></link><joint name='turn' type='continuous'><parent link='base'/><child "
+      "link='tip'/><axis xyz='0 0 1'/></joint></robot>");
+  options.home.emplace();
+  engine::Scene scene;
+  scene.add_robot("a", options);
+  const double turn = 2.5;
+  options.base = Pose{{1.2, 0.4, 0.15}};
+  options.base.qw = std::cos(turn / 2), options.base.qz = std::sin(turn / 2);
+  scene.add_robot("b", options);
+  Motions motion;
+  motion.joints = {0, 1};
+  motion.pairs = {{scene.find_body("a/tip"), scene.find_body("b/tip")}};
+  const engine::Engine engine(std::move(scene), {.backend = "cpu", .threads = 1});
+  ASSERT_TRUE(engine.wait_covers(std::chrono::seconds(60)));
+  Random random(4);
+  int free = 0, apart = 0;
+  for (int i = 0; i < 400; ++i) {
+    motion.positions.clear();
+    for (int k = 0; k < 4; ++k) motion.positions.push_back(random.uniform(-2, 2));
+    const auto tip = [&](int arm, double t) {
+      const double q = motion.positions[arm] + t * (motion.positions[2 + arm] - motion.positions[arm]) + arm * turn;
+      return Vec3d{std::cos(q), std::sin(q), 0} + (arm ? options.base.translation : Vec3d{0, 0, 0});
+    };
+    double least = 10;
+    for (int k = 0; k <= 2000; ++k) least = std::min(least, norm(tip(0, k / 2000.0) - tip(1, k / 2000.0)) - 0.2);
+    if (least < 0.1) continue;
+    QueryView query = motion.view(Reduce::kAny);
+    query.fields = kFieldVerdict;
+    query.margin = least + 1e-7;
+    EXPECT_NE(static_cast<Status>(evaluate(engine, query).view.verdict[0]), Status::kBeyond) << i;
+    query.margin = least - 0.05;
+    const Answer answer = evaluate(engine, query);
+    ++apart;
+    free += answer.info.pairs_evaluated == 0 && static_cast<Status>(answer.view.verdict[0]) == Status::kBeyond;
+  }
+  EXPECT_GT(apart, 100);
+  EXPECT_GT(free, apart / 2) << "covers decide most of them";
 }
 
 TEST(Meanwhile, WrongGrowthsAndTurnsAreRejectedByName) {

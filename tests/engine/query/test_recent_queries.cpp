@@ -49,7 +49,8 @@ std::vector<std::pair<std::string, std::function<void(QueryView&)>>> changes() {
           {"other margins", [](QueryView& q) { q.margins = kOtherMargins; }},
           {"pair_margins", [](QueryView& q) { q.pair_margins = kNumbers; }},
           {"other pair_margins", [](QueryView& q) { q.pair_margins = kOtherNumbers; }},
-          {"weights", [](QueryView& q) { q.weights = kNumbers; }}};
+          {"weights", [](QueryView& q) { q.weights = kNumbers; }},
+          {"growths", [](QueryView& q) { q.growths = kNumbers; }}};
 }
 
 TEST(RecentQueries, AQueryIsKnownAgainByAllButItsConfigurations) {
