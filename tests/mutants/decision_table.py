@@ -36,7 +36,12 @@ DECISION_MUTANTS = [
         ("box_grow", "decision/cover_pairs.cpp", "up((root.outer + @grow@ + boxed", "0.0"),
         ("box_half", "decision/cover_pairs.cpp", "up(@sum@ * (1 + 0x1p-20))", "0.9 * sum"),
         ("box_axes", "decision/cover_pairs.cpp", "o.axes[@3 * k + i@]", "3 * i + k"),
-        ("box_planes", "decision/cover_pairs.cpp", "{box, @double{o.outer_radius}@ + o.radius}", "0.9 * o.outer_radius"),
+        (
+            "box_planes",
+            "decision/cover_pairs.cpp",
+            "{box, @double{o.outer_radius}@ + o.radius}",
+            "0.9 * o.outer_radius",
+        ),
         ("decision_root_inner", "decision/cover_pairs.cpp", "down(@root.inner@ + shrink)", "1.01 * root.inner"),
         (
             "decision_moved_reach",
