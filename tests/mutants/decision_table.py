@@ -306,7 +306,12 @@ DECISION_MUTANTS = [
     ),
     *mutants_of(
         "decisions StillPairs.Distances*",
-        ("still_lower", "evaluate/still_pairs.cpp", "bounds_[i].lower = @answers_[i].lower@", "answers_[i].upper + 0.01"),
+        (
+            "still_lower",
+            "evaluate/still_pairs.cpp",
+            "bounds_[i].lower = @answers_[i].lower@",
+            "answers_[i].upper + 0.01",
+        ),
         ("still_upper", "query/distance/cover_bounds.cpp", "@-down(-pair.upper)@", "0.99f * -down(-pair.upper)"),
     ),
     *mutants_of(
