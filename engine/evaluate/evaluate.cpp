@@ -16,17 +16,15 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 // of the nearest, and a wide tolerance would cost more than a narrow one; it only ends the search sooner (gather()).
 // Besides, no distance becomes a contact because of a wide tolerance.
 constexpr double kMostAbsTol = 1e-6, kMostRelTol = 0x1p-6;
-// The same where bodies are convex parts: GJK's last steps save nothing, but the nearest pair would leave fewer out.
-constexpr double kMostAbsTolOfParts = 1e-4, kMostRelTolOfParts = 0x1p-10;
 
 }  // namespace
 
 // Computes points whenever there are surfaces: normals guide their search, and bounds must not depend on the columns.
 NarrowOptions Evaluator::narrow_options(const engine::Scene& scene, NarrowOptions options) {
-  if (!scene.has_surfaces() && options.limits.signed_distance) return options;
-  options.want_points = options.want_points || scene.has_surfaces();
-  options.limits.abs_tol = std::min(options.limits.abs_tol, scene.has_surfaces() ? kMostAbsTol : kMostAbsTolOfParts);
-  options.limits.rel_tol = std::min(options.limits.rel_tol, scene.has_surfaces() ? kMostRelTol : kMostRelTolOfParts);
+  if (!scene.has_surfaces()) return options;
+  options.want_points = true;
+  options.limits.abs_tol = std::min(options.limits.abs_tol, kMostAbsTol);
+  options.limits.rel_tol = std::min(options.limits.rel_tol, kMostRelTol);
   return options;
 }
 

@@ -66,9 +66,11 @@ CLEARANCE_INLINE PairFrame<S> pair_frame(const HullA& a, const Mat3d& R_wa, cons
 /// \param rounded,bounded whether any pair has a radius, or a cut-off below kUnbounded
 template <class T>
 CLEARANCE_INLINE GjkLimits<T> run_limits(double abs_tol, double rel_tol, bool rounded, bool bounded) {
+  // A run's last steps take little time, and a nearest pair with wide bounds leaves fewer others out.
+  constexpr double kMostAbsTol = 1e-4, kMostRelTol = 0x1p-10;
   GjkLimits<T> limits;
-  limits.rel_tol = T(rel_tol / 2);
-  limits.abs_tol = T(abs_tol / 2);
+  limits.rel_tol = T((rel_tol < kMostRelTol ? rel_tol : kMostRelTol) / 2);
+  limits.abs_tol = T((abs_tol < kMostAbsTol ? abs_tol : kMostAbsTol) / 2);
   limits.contact_tol = T(contact_tolerance(abs_tol) / 2);
   limits.radius = limits.max_distance = T(0.0);
   limits.squared = !rounded && abs_tol == 0;

@@ -157,10 +157,9 @@ void Reduction::begin_answers(std::uint64_t begin, std::uint64_t end, std::uint6
 void Reduction::collect_pairs(WorkerState& w, const BodyPoses& placement, std::vector<PlacedBodies>& to_evaluate) {
   const auto& positions = stage_ == kSeeds ? seeds_ : candidates_;
   auto& pairs = stage_ == kSeeds ? seed_pairs_ : candidate_pairs_;
-  // At wide tolerances a far pair that is evaluated may lower the interval. It is left out, so that a wider tolerance
-  // needs no more work.
+  // A far pair of meshes evaluated to a wide tolerance may lower the interval, which then depends on the order of pairs.
   const bool is_narrow = options_.limits.abs_tol < kNarrowAbsTol && options_.limits.rel_tol < kNarrowRelTol;
-  const double far = is_narrow ? loser_beyond(w.cut_off, options_.limits) : w.cut_off;
+  const double far = scene_.has_surfaces() && !is_narrow ? w.cut_off : loser_beyond(w.cut_off, options_.limits);
   if (!candidate_gaps_.empty()) leave_out_far(w);
   for (std::uint64_t i = w.first; i < std::min(w.end, w.first + w.step); ++i) {
     pairs[i] = plan_.pairs.at(positions[i]);

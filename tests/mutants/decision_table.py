@@ -312,15 +312,17 @@ DECISION_MUTANTS = [
     *mutants_of(
         "decisions StillPairs.Rows*",
         ("still_box", "evaluate/still_pairs.cpp", "(@gap > plan.margins.of(p)@)", "true"),
-        ("still_box_of_distances", "evaluate/still_pairs.cpp", "{p, @gap@,", "gap + 0.01"),
+        ("still_answer", "evaluate/still_pairs.cpp", "decides_ && @answers_[i].status == Status::kBeyond@", "true"),
+    ),
+    *mutants_of(
+        "decisions StillPairs.Distances*",
         (
             "still_lower",
             "evaluate/still_pairs.cpp",
             "bounds_[i].lower = @answers_[i].lower@",
             "answers_[i].upper + 0.01",
         ),
-        ("still_upper", "query/distance/cover_bounds.cpp", "@-down(-pair.upper)@", "0.99 * pair.upper"),
-        ("still_answer", "evaluate/still_pairs.cpp", "decides_ && @answers_[i].status == Status::kBeyond@", "true"),
+        ("still_upper", "query/distance/cover_bounds.cpp", "@-down(-pair.upper)@", "0.99f * -down(-pair.upper)"),
     ),
     *mutants_of(
         "clouds",

@@ -15,8 +15,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 // Most packets of balls of a group, and of a pair alone. Beyond them the exact engine is faster.
 constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
-// DistanceLimits::divided if only the next level may follow: two moved bodies have many pairs of balls, and where the
-// exact engine is_fast(), one body has too many.
+// DistanceLimits::pairs_divided if only the next level may follow: two moved bodies have many pairs of balls.
 constexpr float kNextLevel = 3.5f;
 // Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
 constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
@@ -75,10 +74,7 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
   if (light || plan.query.reduce == Reduce::kNearest) limits_.pairs_divided[1] = kNextLevel;
-  if (is_fast(plan, light)) {
-    std::ranges::fill(limits_.divided, kNextLevel);
-    std::ranges::fill(limits_.pairs_divided, kNextLevel);
-  }
+  if (is_fast(plan, light)) std::ranges::fill(limits_.pairs_divided, kNextLevel);
   set_limits();
 }
 

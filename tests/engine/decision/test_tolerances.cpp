@@ -64,7 +64,7 @@ void judge(const engine::Engine& engine, const Answer& exact, const QueryView& q
               static_cast<double>(work[0]) / static_cast<double>(work[5]));
 }
 
-/// The crowded scene, in which the palm carries a scan of a held object.
+/// The crowded scene, in which the palm carries a scanned box.
 engine::Scene with_carried_cloud() {
   engine::Scene scene = crowded_scene();
   Random random(78);

@@ -90,7 +90,7 @@ class PairQuery {
     plan_.query.abs_tol = abs_tol;
     plan_.size.fields = kDefaultFields;
     CoverBounds bounds(plan_, scene_, false);
-    bounds.take(*covers_);
+    bounds.take(*covers_, {});
     const std::uint8_t usable = 1;
     const std::vector<Pose> at = poses();
     CoverBounds::Room room;

@@ -56,6 +56,38 @@ TEST(StillPairs, RowsHaveTheBitsThatTheyHaveWithout) {
   EXPECT_GT(all[static_cast<std::size_t>(Status::kOk)], 100u);
 }
 
+// In many states the pair that stays is the nearest.
+TEST(StillPairs, DistancesHaveTheBitsThatTheyHaveWithout) {
+  const Scene scene = made_shelves();
+  const Engines engines(scene);
+  Random random(3);
+  PoseStates states(scene);
+  for (const double margin : {0.003, 0.02}) states.add(engines.without, 0, "rock", "box", margin, 0.002, 100, random);
+  const std::vector<BodyPair> pairs = pairs_of(
+      scene,
+      {{"rock", "box"}, {"crate", "wall"}, {"shelf", "wall"}, {"rock", "stone"}, {"bar", "wedge"}, {"wedge", "wall"}});
+  QueryView query = states.of();
+  query.all_pairs = false;
+  query.pairs = pairs;
+  query.fields = kDefaultFields | kFieldPair;
+  for (const Reduce reduce : {Reduce::kMin, Reduce::kNearest}) {
+    query.reduce = reduce;
+    query.abs_tol = 0, query.rel_tol = 1e-6;
+    const Answer exact = test::evaluate(engines.without, query), narrow = test::evaluate(engines.with, query);
+    test::expect_same_rows(exact, 0, narrow, exact.size.rows);
+    EXPECT_LT(narrow.info.pairs_evaluated, exact.info.pairs_evaluated + pairs.size());
+    query.abs_tol = 0.01;
+    const Answer wide = test::evaluate(engines.with, query);
+    int still = 0, others = 0;
+    for (std::uint64_t k = 0; k < exact.size.rows; ++k) {
+      EXPECT_LE(wide.view.lower[k], exact.view.upper[k]) << k;
+      EXPECT_GE(wide.view.upper[k], exact.view.lower[k]) << k;
+      ++(exact.view.pair[k] == pairs[2] ? still : others);
+    }
+    EXPECT_GT(std::min(still, others), 30);
+  }
+}
+
 TEST(StillPairs, MotionsHaveTheVerdictsThatTheyHaveWithout) {
   Random random(2);
   BallScene made({{{{{0, 0, 0}, 0.125}}}, {{{{0.25, 0, 0}, 0.0625}}, 0, turning({0, 0, 0.25}, {0, 0.25, 1})}});
