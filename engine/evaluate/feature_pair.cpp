@@ -73,15 +73,17 @@ double FeaturePair::Side::cone_radius(const Vec3d& n, const Vec3d& point, double
   Vec3d axes[2];
   for (std::size_t k = 0; k < spanned.size(); ++k) axes[k] = pose.R_wb.transpose_times(spanned[k]);
   double gap_squared = 1, arm_squared = 0;  // of the vertex with the least quotient
+  double least_gap = __builtin_inf();
   for (const Vec3d& v : part.vertices) {
     Vec3d arm = from - v;
     const double gap = dot(outward, arm);
     if (gap <= tolerance) continue;
+    least_gap = std::min(least_gap, gap);
     for (std::size_t k = 0; k < spanned.size(); ++k) arm = arm - axes[k] * dot(arm, axes[k]);
     const double square = squared_norm(arm);
     if (gap * gap * arm_squared < gap_squared * square) gap_squared = gap * gap, arm_squared = square;
   }
-  return distance * std::sqrt(gap_squared / arm_squared);
+  return std::min(distance * std::sqrt(gap_squared / arm_squared), least_gap / 2);
 }
 
 void FeaturePair::take_points(const Vec3d& a, const Vec3d& b) {

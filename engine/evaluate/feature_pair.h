@@ -33,7 +33,8 @@ class FeaturePair {
   const Vec3d& normal() const { return normal_; }    ///< unit, from a towards b
   const Vec3d& point_a() const { return point_a_; }  ///< on a's core, world axes from a's origin
   const Vec3d& point_b() const { return point_b_; }  ///< on b's core, world axes from a's origin
-  /// Translation of one part, in metres, over which the features stay the nearest; 0 if they change within rounding.
+  /// Lower bound on the translation of one part, in metres, over which the features stay the nearest; 0 if they change
+  /// within rounding. For parts that turn, an estimate of how far their points may move.
   double smooth_radius() const { return smooth_radius_; }
 
   /// A motion, reduced to the numbers that curvature() combines.

@@ -38,8 +38,8 @@ Feature on_ellipsoid(const Primitive& core, const Vec3d& point, const Vec3d& n) 
 }
 
 // Distance over which the direction stays within the normals of an edge that these two tangents lead away from.
-double wedge(const Vec3d& n, const Vec3d& first, const Vec3d& second, double distance) {
-  return -distance * std::max(dot(n, first), dot(n, second));
+double wedge(const Vec3d& n, const Vec3d& first, const Vec3d& second, double arm) {
+  return -arm * std::max(dot(n, first), dot(n, second));
 }
 
 }  // namespace
@@ -102,10 +102,10 @@ Feature feature_on(const Primitive& core, const RoundPatch& patch, const Vec3d& 
       f.size = 1;
       f.tangent[0] = round;
       f.bend[0] = dot(n, e) / size.x;
-      f.interior = wedge(n, -e, along * -double(patch.end), distance);
+      f.interior = wedge(n, -e, along * -double(patch.end), std::min(distance, size.x));
       break;
     case Kind::kApex:
-      f.interior = wedge(n, -along, -along, distance);
+      f.interior = wedge(n, -along, -along, std::min(distance, size.x));
       break;
     case Kind::kSide: {
       const double radius = std::hypot(point.x, point.y), length = 2 * size.z / along.z;

@@ -220,7 +220,7 @@ TEST(SecondOrder, IsTheSecondDerivativeOfTheExactDistance) {
   test::RobotRandom random(47);
   std::map<std::string, int> met;
   double worst = 0;
-  for (int i = 0; i < 60; ++i) {
+  for (int i = 0; i < 40; ++i) {
     const ShapeScene scene(random);
     const std::size_t J = scene.joints().size();
     const std::vector<double> row = scene.row();
@@ -278,8 +278,8 @@ TEST(SecondOrder, IsTheSecondDerivativeOfTheExactDistance) {
   EXPECT_LT(worst, 1e-9);
   EXPECT_GT(met["11"], 20) << "vertex and vertex";
   EXPECT_GT(met["12"], 50) << "vertex and edge";
-  EXPECT_GT(met["13"], 50) << "vertex and face";
-  EXPECT_GT(met["22"], 20) << "edge and edge";
+  EXPECT_GT(met["13"], 20) << "vertex and face";
+  EXPECT_GT(met["22"], 10) << "edge and edge";
 }
 
 // Three sliding joints along the world's axes, which carry a body.

@@ -90,8 +90,8 @@ class Result:
         "float64, m/s^2: second derivative by time while the velocities stay constant; NaN where there is none"
     )  # type: ignore[assignment]
     smooth_radius: np.ndarray = _ColumnAttribute(
-        "float64, metres: relative translation over which the same features stay the nearest; 0 where these change"
-        " within rounding, NaN where there is no second derivative; an estimate if bodies turn"
+        "float64, metres of relative motion over which the same features stay the nearest: a lower bound for"
+        " translations, an estimate if bodies turn; 0 where these change within rounding, NaN if undefined"
     )  # type: ignore[assignment]
     pair_lower: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
     pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
