@@ -19,6 +19,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
       view.configuration_count = view.max_evaluations ? view.control_points : 1;
     translated([&] { engine->engine()->size(view); });
     view.configuration_count = 0;
+    jobs = engine->jobs_of(view);
   }
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
@@ -76,7 +77,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   OwnedQuery owned;
   QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
   QueryNames names;
-  const std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
+  std::shared_ptr<JobPool> jobs;
   std::shared_ptr<ResultMemory> memory;
   std::string why;  ///< what changed, if the query is stale
 };
