@@ -1,8 +1,6 @@
 #include "planner/rrt_connect.h"
 
 #include <algorithm>
-#include <cmath>
-#include <limits>
 #include <utility>
 #include <vector>
 
@@ -12,29 +10,6 @@
 
 namespace clearance {
 namespace {
-
-/// Distances up to which states of a tree are extended (Yershova, Jaillet, Simeon, LaValle 2005). Most motions from a
-/// state near obstacles hit, if they aim at far samples.
-class Domain {
- public:
-  /// Whether a sample is near enough to its nearest state. If not, the state's distance grows, so that no state is left
-  /// for good.
-  bool takes(std::size_t node, double distance) {
-    if (node >= most_.size() || distance <= most_[node]) return true;
-    most_[node] *= kGrowth;
-    return false;
-  }
-  /// Called if the motion from a state is not free.
-  void limit(std::size_t node, double most) {
-    if (node >= most_.size()) most_.resize(node + 1, std::numeric_limits<double>::infinity());
-    most_[node] = most;
-  }
-
- private:
-  static constexpr double kGrowth = 1.05;
-
-  std::vector<double> most_;  ///< by node; infinite for those beyond
-};
 
 class RrtConnect {
  public:
@@ -56,9 +31,9 @@ class RrtConnect {
       ++found_.iterations;
       sampler.sample(sample);
       const std::size_t nearest = grows->states.nearest(sample);
-      if (!grows->domain.takes(nearest, distance(grows->states.state(nearest), sample))) continue;
+      if (is_too_far(*grows, nearest, sample)) continue;
       if (!extend(*grows, nearest, sample)) {
-        grows->domain.limit(nearest, kDomain * range_);
+        grows->has_failed[nearest] = true;
       } else {
         const std::size_t added = grows->states.size() - 1;
         const std::size_t met = connect(*connects, grows->states.state(added));
@@ -75,13 +50,27 @@ class RrtConnect {
  private:
   static constexpr std::size_t kNone = ~std::size_t{0};
 
-  static constexpr double kDomain = 3;  ///< radius of a domain in units of the range
+  static constexpr double kDomain = 3.5;               ///< radius of a domain in units of the range
+  static constexpr std::uint32_t kMostRejected = 256;  ///< samples in a row
 
   struct Tree {
     StateTree states;
-    bool drives_to_root;  ///< the direction in which its motions are driven, and so proved
-    Domain domain{};
+    bool drives_to_root;                  ///< the direction in which its motions are driven, and so proved
+    std::vector<bool> has_failed{false};  ///< by node: whether a motion from it was not free
   };
+
+  /// Whether a sample is beyond the domain of its nearest state, if a motion from there has failed (Yershova, Jaillet,
+  /// Simeon, LaValle 2005): most motions from a state near obstacles hit, if they aim at far samples. In spaces in
+  /// which all samples are far, one of many is taken.
+  bool is_too_far(const Tree& tree, std::size_t node, std::span<const double> sample) {
+    if (tree.has_failed[node] && rejected_ < kMostRejected &&
+        distance(tree.states.state(node), sample) > kDomain * range_) {
+      ++rejected_;
+      return true;
+    }
+    rejected_ = 0;
+    return false;
+  }
 
   bool is_free(std::span<const double> a, std::span<const double> b) {
     std::copy(a.begin(), a.end(), ends_.begin());
@@ -100,6 +89,7 @@ class RrtConnect {
       for (std::size_t j = 0; j < to.size(); ++j) next_[j] = begin[j] + range_ / length * (to[j] - begin[j]);
     if (!(tree.drives_to_root ? is_free(next_, begin) : is_free(begin, next_))) return false;
     tree.states.add(next_, from);
+    tree.has_failed.push_back(false);
     return true;
   }
 
@@ -130,9 +120,10 @@ class RrtConnect {
   EdgeProver& prover_;
   const double range_;
   PathFound& found_;
-  std::vector<double> next_;  ///< (J,) the state that an extension tries to add
-  std::vector<double> ends_;  ///< (2, J) of the motion that is tried
-  bool reached_ = false;      ///< whether the last extension reached its aim
+  std::vector<double> next_;    ///< (J,) the state that an extension tries to add
+  std::vector<double> ends_;    ///< (2, J) of the motion that is tried
+  bool reached_ = false;        ///< whether the last extension reached its aim
+  std::uint32_t rejected_ = 0;  ///< samples since the last one that was taken
 };
 
 }  // namespace

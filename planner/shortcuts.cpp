@@ -31,13 +31,13 @@ class Path {
         }
   }
 
-  /// Replaces the path between two of its points by a straight motion, if that is free and shorter.
+  /// Replaces the path between two of its points by a straight motion, if that is free and shorter by kLeastGain.
   /// \param from, to shares of the path's length, 0 to 1
   void cut(double from, double to) {
     const double whole = length(0, size() - 1);
     const Place a = place(std::min(from, to) * whole), b = place(std::max(from, to) * whole);
     if (a.motion == b.motion) return;
-    if (!(distance(a.state, b.state) < whole * std::abs(to - from) * (1 - 1e-9))) return;
+    if (!(distance(a.state, b.state) < whole * (std::abs(to - from) - kLeastGain))) return;
     if (!is_free(a.state, b.state)) return;
     // The points lie on motions that are free, but rounding moves them off: each rest is proved again.
     if (!is_free(at(a.motion), a.state) || !is_free(b.state, at(b.motion + 1))) return;
@@ -48,6 +48,8 @@ class Path {
   }
 
  private:
+  static constexpr double kLeastGain = 0.02;  // of the path's length: smaller ones take more time than they save
+
   struct Place {
     std::size_t motion;  ///< from waypoint `motion` to the next
     std::vector<double> state;

@@ -1,8 +1,11 @@
 // A tree of states of a robot, with the state nearest to another.
 #pragma once
 
+#include <algorithm>
 #include <cmath>
 #include <cstddef>
+#include <cstdint>
+#include <cstring>
 #include <limits>
 #include <span>
 #include <vector>
@@ -38,34 +41,47 @@ class StateTree {
   }
 
   /// Returns the state of least Euclidean distance, in float32; of equal ones the first.
-  std::size_t nearest(std::span<const double> to) const {
-    std::size_t best = 0;
-    float least = std::numeric_limits<float>::infinity();
-    for (std::size_t node = 0; node < size(); node += kLanes) {
-      const float* const block = &blocks_[node * joints_];
-      float squares[kLanes] = {};
-      for (std::size_t j = 0; j < joints_; ++j) {
-        const float at = static_cast<float>(to[j]);
-        for (std::size_t lane = 0; lane < kLanes; ++lane) {
-          const float difference = block[j * kLanes + lane] - at;
-          squares[lane] += difference * difference;
+  std::size_t nearest(std::span<const double> to) {
+    to_.assign(to.begin(), to.end());
+    Floats least[kParts];
+    Ints best[kParts] = {};  // blocks
+    for (Floats& part : least) part = Floats{} + std::numeric_limits<float>::infinity();
+    const float* from = blocks_.data();
+    for (std::int32_t block = 0; static_cast<std::size_t>(block) * kLanes < size(); ++block) {
+      Floats squares[kParts] = {};
+      for (const float at : to_)
+        for (Floats& square : squares) {
+          Floats difference;
+          std::memcpy(&difference, from, sizeof difference);
+          from += kLanes / kParts;
+          difference -= at;
+          square += difference * difference;
         }
+      for (std::size_t i = 0; i < kParts; ++i) {
+        const Ints is_nearer = squares[i] < least[i];
+        best[i] = is_nearer ? Ints{} + block : best[i];
+        least[i] = is_nearer ? squares[i] : least[i];
       }
-      for (std::size_t lane = 0; lane < kLanes; ++lane)
-        if (squares[lane] < least) {
-          least = squares[lane];
-          best = node + lane;
-        }
     }
-    return best;
+    std::size_t node = 0;
+    float nearest = std::numeric_limits<float>::infinity();
+    for (std::size_t lane = 0; lane < kLanes; ++lane) {
+      const float here = least[lane / 4][lane % 4];
+      const std::size_t other = static_cast<std::size_t>(best[lane / 4][lane % 4]) * kLanes + lane;
+      if (here < nearest || (here == nearest && other < node)) nearest = here, node = other;
+    }
+    return node;
   }
 
  private:
-  static constexpr std::size_t kLanes = 16;
+  static constexpr std::size_t kLanes = 16, kParts = 4;
+  using Floats = float __attribute__((vector_size(16)));
+  using Ints = std::int32_t __attribute__((vector_size(16)));
 
   std::size_t joints_;
   std::vector<double> states_;  ///< (n, J)
   std::vector<std::size_t> parents_;
+  std::vector<float> to_;
   std::vector<float> blocks_;  ///< (n / 16, J, 16): the same states, infinite where there is none yet
 };
 

@@ -102,10 +102,10 @@ def rrt():
 def plans():
     """Problems planned by plan()."""
     remark, rows = results("plans")
-    header = ["", "margin [mm]", "ends free", "solved", "proved", "median [us]", "mean [us]", "95 % [us]", "motions",
-              "with shortcuts: median", "mean"]  # fmt: skip
-    keys = ("margin_mm", "free", "solved", "proved", "median_us", "mean_us", "p95_us", "motions", "shortened_median_us",
-            "shortened_mean_us")  # fmt: skip
+    header = ["", "margin [mm]", "ends free", "solved", "proved", "first: median [us]", "mean", "again: median", "mean",
+              "95 %", "motions", "length", "with shortcuts: median [us]", "mean", "length"]  # fmt: skip
+    keys = ("margin_mm", "free", "solved", "proved", "first_median_us", "first_mean_us", "median_us", "mean_us",
+            "p95_us", "motions", "length", "shortened_median_us", "shortened_mean_us", "shortened_length")  # fmt: skip
     lines = [[ROBOTS[row["robot"]], *(row[key] for key in keys)] for row in rows]
     return f"{markdown(header, lines)}\n\nFrom `docs/results/plans.csv` ({remark})."
 

@@ -1,13 +1,14 @@
-// clearance-plans SCENE PROBLEMS MARGIN ROUNDS: plans a robot's problems with one engine, whose obstacles change from
+// clearance-plans SCENE PROBLEMS MARGIN ROUNDS SEEDS: plans a robot's problems with one engine, whose obstacles change from
 // problem to problem, and prints a line of CSV for each.
 //
 // PROBLEMS has a line `robot joint...`, and for each problem `problem NAME`, `start` and `goal` with positions, and lines
 // `box NAME x y z POSE` or `cylinder NAME radius length POSE`. Times are processor time of this thread, in microseconds,
-// the least of the rounds: of the whole call (check of start and goal, preparation, search) and of the search with
-// shortcuts, too.
+// the least of the rounds, each of a whole call (preparation, check of start and goal, search): of the first one after
+// the obstacles have changed, of the next one, and of another with shortcuts.
 #include <time.h>
 
 #include <algorithm>
+#include <cmath>
 #include <cstdio>
 #include <exception>
 #include <fstream>
@@ -107,19 +108,41 @@ const char* word_of(PlanOutcome outcome) {
   return "";
 }
 
-void solve(Engine& engine, const std::vector<std::string>& names, const Problem& problem, double margin, int rounds) {
+/// Sum of the lengths of a path's motions, Euclidean in joint space.
+double length_of(const std::vector<double>& path, std::size_t joints) {
+  double sum = 0;
+  for (std::size_t i = joints; i < path.size(); i += joints) {
+    double square = 0;
+    for (std::size_t j = i; j < i + joints; ++j) square += (path[j] - path[j - joints]) * (path[j] - path[j - joints]);
+    sum += std::sqrt(square);
+  }
+  return sum;
+}
+
+void add_obstacles(Engine& engine, const Problem& problem) {
   for (const NewBody& body : problem.obstacles) engine.add_body(body);
+}
+void remove_obstacles(Engine& engine, const Problem& problem) {
+  for (auto body = problem.obstacles.rbegin(); body != problem.obstacles.rend(); ++body) engine.remove_body(body->name);
+}
+
+void solve(Engine& engine, const std::vector<std::string>& names, const Problem& problem, double margin, int rounds,
+           std::uint64_t seed) {
+  add_obstacles(engine, problem);
   const Joints joints = joints_named(engine, names);
   const Query query{.margin = margin};
-  double search = std::numeric_limits<double>::infinity(), shortened = search;
   PathPlan plan, shorter;
+  const auto timed = [&](PathPlan& made, std::uint32_t shortcuts, double& least) {
+    const double begin = now_us();
+    made = clearance::plan(engine, joints, problem.start, problem.goal, query, {.shortcuts = shortcuts, .seed = seed});
+    least = std::min(least, now_us() - begin);
+  };
+  double first = std::numeric_limits<double>::infinity(), search = first, shortened = first;
   for (int round = 0; round < rounds; ++round) {
-    double begin = now_us();
-    plan = clearance::plan(engine, joints, problem.start, problem.goal, query, {.shortcuts = 0});
-    search = std::min(search, now_us() - begin);
-    begin = now_us();
-    shorter = clearance::plan(engine, joints, problem.start, problem.goal, query, {});
-    shortened = std::min(shortened, now_us() - begin);
+    if (round > 0) remove_obstacles(engine, problem), add_obstacles(engine, problem);
+    timed(plan, 0, first);
+    timed(plan, 0, search);
+    timed(shorter, PlanOptions().shortcuts, shortened);
   }
   bool is_free = false;
   if (shorter.found()) {
@@ -128,10 +151,10 @@ void solve(Engine& engine, const std::vector<std::string>& names, const Problem&
     path.positions = shorter.path;
     is_free = engine.check_path(path).ok();
   }
-  std::printf("%s,%s,%.2f,%.2f,%lu,%lu,%zu,%zu,%d\n", problem.name.c_str(), word_of(plan.outcome), search, shortened,
-              plan.iterations, plan.edges, plan.path.size() / joints.size(), shorter.path.size() / joints.size(),
-              is_free);
-  for (auto body = problem.obstacles.rbegin(); body != problem.obstacles.rend(); ++body) engine.remove_body(body->name);
+  std::printf("%s,%lu,%s,%.2f,%.2f,%.2f,%lu,%lu,%.3f,%.3f,%d\n", problem.name.c_str(), seed, word_of(plan.outcome),
+              first, search, shortened, plan.iterations, plan.edges, length_of(plan.path, joints.size()),
+              length_of(shorter.path, joints.size()), is_free);
+  remove_obstacles(engine, problem);
 }
 
 int run(char** arguments) {
@@ -139,9 +162,11 @@ int run(char** arguments) {
   const std::vector<Problem> problems = read(arguments[2], joints);
   Engine engine(Scene::load(arguments[1]), {.backend = "cpu", .threads = 1});
   engine.wait_covers();
-  std::printf("problem,outcome,search_us,shortened_us,iterations,motions,waypoints,shortened_waypoints,proved\n");
+  std::printf(
+      "problem,seed,outcome,first_us,search_us,shortened_us,iterations,motions,length,shortened_length,proved\n");
   for (const Problem& problem : problems)
-    solve(engine, joints, problem, std::stod(arguments[3]), std::stoi(arguments[4]));
+    for (std::uint64_t seed = 0; seed < std::stoull(arguments[5]); ++seed)
+      solve(engine, joints, problem, std::stod(arguments[3]), std::stoi(arguments[4]), seed);
   return 0;
 }
 
@@ -150,8 +175,8 @@ int run(char** arguments) {
 
 int main(int count, char** arguments) {
   try {
-    if (count == 5) return clearance::run(arguments);
-    std::fprintf(stderr, "usage: clearance-plans SCENE PROBLEMS MARGIN ROUNDS\n");
+    if (count == 6) return clearance::run(arguments);
+    std::fprintf(stderr, "usage: clearance-plans SCENE PROBLEMS MARGIN ROUNDS SEEDS\n");
   } catch (const std::exception& error) {
     std::fprintf(stderr, "clearance-plans: %s\n", error.what());
   }

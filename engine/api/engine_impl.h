@@ -9,6 +9,7 @@
 #include "engine/api/engine.h"
 #include "engine/editor/scene_editor.h"
 #include "engine/engine.h"
+#include "engine/query/recent_queries.h"
 
 namespace clearance {
 
@@ -31,6 +32,11 @@ struct Engine::Impl {
   /// Opens a device query.
   /// \param query with the number of its configurations
   static DeviceQuery on_device(const std::shared_ptr<Impl>& self, const QueryView& query);
+  /// Jobs of a query, which all who prepare it share.
+  std::shared_ptr<JobPool> jobs_of(const QueryView& query) const {
+    const std::lock_guard lock(recent_mutex);
+    return recent.pool_of(query, engine()->scene().bodies().size());
+  }
   /// The joints, of which only the limits are valid.
   std::shared_ptr<const JointsInfo> joint_limits() const;
 
@@ -38,6 +44,8 @@ struct Engine::Impl {
   mutable std::mutex limits_mutex;
   mutable std::shared_ptr<const JointsInfo> limits;
   Background background;
+  mutable std::mutex recent_mutex;
+  mutable RecentQueries recent{8};  // jobs of concurrent runs of each prepared query
 
   struct Request;
   struct Prepared;

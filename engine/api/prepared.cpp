@@ -19,6 +19,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
       view.configuration_count = view.max_evaluations ? view.control_points : 1;
     translated([&] { engine->engine()->size(view); });
     view.configuration_count = 0;
+    last.jobs = engine->jobs_of(view);
   }
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
@@ -81,7 +82,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   OwnedQuery owned;
   QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
   QueryNames names;
-  LastRun last{.memory = nullptr, .jobs = std::make_shared<JobPool>(), .engine = {}};
+  LastRun last{.memory = nullptr, .jobs = nullptr, .engine = {}};
   std::string why;  ///< what changed, if the query is stale
 };
 

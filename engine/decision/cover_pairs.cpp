@@ -76,7 +76,7 @@ std::uint32_t CoverPlanBuilder::obstacles_of(std::uint32_t b) {
     return kNone;
   const Pose X = in_frame(placed.pose.X_wb);
   if (check(X) == PoseQuality::kBad) return kNone;
-  const Mat3d rotation = rotation_of(X);
+  const Mat3d rotation = in_frame(placed.pose.R_wb);
   const double world_error = kWorldUnit * (norm(frame_inverse_.translation) + norm(placed.pose.t_w));
   std::vector<Obstacle> obstacles;
   for (const ConvexPartPtr& part : body.parts) {

@@ -78,7 +78,10 @@ bool CoverPlanBuilder::take_frame() {
   while (frame_body_ != kNone && moves(frame_body_)) frame_body_ = snapshot_.parent[frame_body_];
   if (frame_body_ == kNone) return true;
   if (snapshot_.placed[frame_body_].status != Status::kOk) return false;
-  frame_inverse_ = inverse(snapshot_.placed[frame_body_].pose.X_wb);
+  const PoseMatrix& frame = snapshot_.placed[frame_body_].pose;
+  frame_inverse_ = inverse(frame.X_wb);
+  frame_inverse_rotation_ = rotation_of(frame_inverse_);
+  R_wf_ = frame.R_wb;
   return true;
 }
 

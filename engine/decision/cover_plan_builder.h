@@ -69,7 +69,10 @@ class CoverPlanBuilder {
   void take_still_meshes();
   void take_still_mesh(std::uint32_t body);
   void add(DecidedBody& decided);
-  Pose in_frame(const Pose& X_w) const { return frame_body_ == kNone ? X_w : compose(frame_inverse_, X_w); }
+  Pose in_frame(const Pose& X_w) const {
+    return frame_body_ == kNone ? X_w : compose(frame_inverse_, frame_inverse_rotation_, X_w);
+  }
+  Mat3d in_frame(const Mat3d& R_w) const { return frame_body_ == kNone ? R_w : R_wf_.transpose_times(R_w); }
   void find_reach();
   bool take_sources();
   void take_errors();
@@ -102,6 +105,7 @@ class CoverPlanBuilder {
   std::vector<ObstaclePair> obstacle_pairs_;
   double reach_ = 0;      // of all moved bodies in the common frame
   Pose frame_inverse_{};  // the world in the common frame
+  Mat3d frame_inverse_rotation_ = Mat3d::identity(), R_wf_ = Mat3d::identity();
 };
 
 }  // namespace clearance

@@ -104,7 +104,7 @@ Verdict MotionDecider::decide(std::uint64_t motion) {
   return verdict == Verdict::kUnresolved && is_hit_at_first() ? Verdict::kHit : verdict;
 }
 
-// Lists the first spans and places their middles. Returns half their length.
+// Lists the first spans, and places their middles and some states more. Returns half the length of the spans.
 double MotionDecider::begin_spans() {
   std::size_t count = 1;
   double half = 0.5;
@@ -113,7 +113,10 @@ double MotionDecider::begin_spans() {
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
   if (!curves_.empty()) cut_curves();
-  place(spans_);
+  first_ = spans_;
+  for (std::size_t i = 1; curves_.empty() && i <= count && first_.size() < kTogether; ++i)
+    first_.push_back({static_cast<double>(i) / static_cast<double>(count), 0, 0});
+  place(first_);
   return half;
 }
 

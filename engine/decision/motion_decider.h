@@ -107,6 +107,7 @@ class MotionDecider {
   double half_ = 0;  // of the span under way
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
+  std::vector<Span> first_;  // placed at first: spans_ and instants between
   std::vector<OpenPair> left_;
   std::vector<BallHit> hits_;          // of the last motions, the latest first
   std::vector<std::uint32_t> tables_;  // likewise: DecisionView::tabled

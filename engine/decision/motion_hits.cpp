@@ -41,7 +41,7 @@ void MotionDecider::take_poses(std::size_t k) {
 
 // Whether a table or ball that hit in an earlier motion hits in the middle of one of the first spans.
 bool MotionDecider::hits_again() {
-  const std::size_t count = spans_.size();
+  const std::size_t count = first_.size();
   for (const std::uint32_t table : tables_)
     for (std::size_t k = 0; k < count; ++k)
       if (is_in_table(table, k)) {
@@ -63,7 +63,7 @@ bool MotionDecider::hits_again() {
 bool MotionDecider::is_hit_at_first() {
   begin_spans();
   state_open_.resize(open_.size());
-  for (std::size_t k = 0; k < spans_.size(); ++k) {
+  for (std::size_t k = 0; k < first_.size(); ++k) {
     take_poses(k);
     const std::uint8_t usable = 1;
     Decision decision;

@@ -53,13 +53,14 @@ void verdicts_and_pairs_are_those_of_the_rows(const CoverEngines& engines) {
 
 /// Straight motions between states, a tenth of the way to the next one.
 struct Edges : ArmStates {
-  explicit Edges(const engine::Scene& scene) : ArmStates(scene, 600) {
+  /// \param share of the way from a state to another
+  explicit Edges(const engine::Scene& scene, double share = 0.1) : ArmStates(scene, 600) {
     const std::size_t each = joints.size();
     for (std::size_t k = 1; k < 600; k += 2)
       for (std::size_t j = 0; j < each; ++j) {
         double& end = positions[k * each + j];
         const double start = positions[(k - 1) * each + j];
-        end = start + 0.1 * (end - start);
+        end = start + share * (end - start);
       }
     query.max_evaluations = 256;
   }
@@ -129,7 +130,7 @@ void motions_have_the_rows_that_they_have_without(const CoverEngines& engines) {
 void motions_leave_the_pairs_that_are_near(const CoverEngines& engines) {
   constexpr double kMargin = 0.02;
   constexpr std::size_t kMotions = 300, kTimes = 17;
-  Edges c(engines.with.scene());
+  Edges c(engines.with.scene(), 0.25);
   const std::size_t each = c.joints.size();
   std::vector<double> samples;
   for (std::size_t m = 0; m < kMotions; ++m)

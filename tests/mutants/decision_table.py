@@ -324,6 +324,18 @@ DECISION_MUTANTS = [
         ),
         ("still_upper", "query/distance/cover_bounds.cpp", "@-down(-pair.upper)@", "0.99f * -down(-pair.upper)"),
     ),
+    # Hits by balls that hit in earlier motions.
+    *mutants_of(
+        "hit_guess",
+        (
+            "guess_inner",
+            "decision/kernel/hit_guess.h",
+            "inner(@packet.inner[hit.ball]@ + view",
+            "packet.outer[hit.ball]",
+        ),
+        ("guess_obstacle", "decision/kernel/hit_guess.h", "view.obstacles[@hit.obstacle@]", "0"),
+        ("guess_body", "decision/kernel/hit_guess.h", "guess.frames[@hit.body@]", "0"),
+    ),
     *mutants_of(
         "clouds",
         ("cloud_half", "cover/obstacle_shape.cpp", "half = @0.5@ * double{cloud->edge()}", "0.499"),

@@ -106,6 +106,24 @@ TEST(Planner, TriesFewMotionsThatHit) {
   EXPECT_LT(found.edges, 150u);
 }
 
+/// Proves all motions but the first two: the straight one and the first extension.
+class FreeFromTheThirdOn final : public EdgeProver {
+ public:
+  bool is_free(std::span<const double>) override { return ++calls_ > 2; }
+
+ private:
+  int calls_ = 0;
+};
+
+TEST(Planner, TakesFarSamplesIfAllAreFar) {
+  const std::vector<JointLimits> limits(14, {-2, 2});
+  FreeFromTheThirdOn prover;
+  const PathFound found = find_path(prover, limits, States(14, -1.5), States(14, 1.5),
+                                    {.range = 0.1, .max_iterations = 5000, .shortcuts = 0});
+  EXPECT_FALSE(found.path.empty());
+  EXPECT_GT(found.iterations, 100u);  // most samples were left out
+}
+
 TEST(Planner, SamplesJointsWithoutLimits) {
   const double none = std::numeric_limits<double>::infinity();
   WallWithGap prover(0.3);

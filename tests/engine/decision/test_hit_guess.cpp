@@ -82,8 +82,8 @@ TEST(HitGuess, EarlierMotionsChangeNoVerdict) {
   EXPECT_GT(backwards.guessed(), 20u);
 }
 
-TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
-  constexpr std::uint32_t kStates = 64, kTogether = 8;
+TEST(HitGuess, IsTheSameInEveryInstructionSetAndTrue) {
+  constexpr std::uint32_t kStates = 512, kTogether = 8;
   Crowded crowded(kStates);
   const Plan& plan = crowded.make();
   const auto covers = CoverPlan::make(crowded.scene, plan, crowded.covers, nullptr);
@@ -96,6 +96,12 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
   std::vector<std::uint64_t> open(kStates * std::size_t{plan.pairs.size()});
   decision_kernels()[0].run({&view, block.poses.data(), plan.bodies.size(), kStates, usable.data(), true},
                             {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
+  const engine::Engine by_parts(crowded_scene(), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+  QueryView all = crowded.arm.query;
+  all.reduce = Reduce::kNone;
+  all.fields = kFieldLower;
+  const Answer exact = evaluate(by_parts, all);
+  ASSERT_EQ(exact.size.rows, kStates * plan.pairs.size());
   std::size_t guessed = 0;
   for (std::uint32_t first = 0; first < kStates; first += kTogether) {
     const StatesInLanes lanes(view, block.poses.subspan(first * plan.bodies.size()), plan.bodies.size());
@@ -112,7 +118,10 @@ TEST(HitGuess, IsTheSameInEveryInstructionSetAndHits) {
           }
           if (!found.hit) continue;
           ++guessed;
-          EXPECT_EQ(decisions[first + found.state].verdict, Verdict::kHit);
+          const std::size_t state = first + found.state;
+          EXPECT_EQ(decisions[state].verdict, Verdict::kHit);
+          const std::uint64_t position = view.position[std::size_t{o} * view.columns + b];
+          EXPECT_LE(exact.view.lower[state * plan.pairs.size() + position], plan.margins.of(position));
         }
   }
   EXPECT_GT(guessed, 20u);
