@@ -1,9 +1,9 @@
-// clearance-prepared [SCENE [ROBOT [ROUNDS]]]: time that the C++ interface adds to the engine's own work, in calls of one state.
+// clearance-prepared [SCENE [ROBOT [ROUNDS]]]: time that the C++ interface adds to the engine's own work in one call.
 // clearance-prepared SCENE ROBOT STATES ROUNDS: time of prepared queries of one state, without and with covers.
 //
-// The first prints a row of CSV for each call, the fastest of rounds that alternate, in microseconds a call: of a state in
-// a batch (the engine's own work alone, empty without a batch), of the engine's internal interface for one state
-// a call, of Prepared::run(), and of the call that is not prepared. ROBOT "-" leaves out calls of joints.
+// The first prints a row of CSV for each call, the fastest of rounds that alternate, in microseconds: of a state in a
+// batch (the engine's own work alone; empty without a batch), of a call of the engine's internal interface, of
+// Prepared::run(), and of the call that is not prepared. ROBOT "-" leaves out calls of joints.
 // STATES is a file of float64, a row of joint positions for each state; prints a line for each query, with each round's
 // processor time for all of them, in seconds.
 #include <time.h>

@@ -72,7 +72,7 @@ class CLEARANCE_API Engine {
   /// the query are the ends of motion k; as_motions() has the defaults. Throws as distances().
   Result motions(const Query& query) const;
   /// Returns whether a path is free: every pair is proved farther than its margin along the whole path. The query's
-  /// configurations are its waypoints, in order; with `control_points` above 2 they are the control points of its segments,
+  /// configurations are its waypoints, in order; with `control_points` above 2, the control points of its segments,
   /// Bezier curves of joints, each with its own ends. Stops at the first motion that is not proved free. Throws as
   /// distances(), and std::invalid_argument for fewer than two waypoints or an incomplete segment.
   PathCheck check_path(const Query& query) const;

@@ -104,6 +104,24 @@ def test_one_row_at_a_time_is_a_row_of_the_batch(front):
         assert np.concatenate([one.columns[name] for one in ones]).tobytes() == column.tobytes(), name
 
 
+def test_paths_of_one_motion_are_those_of_the_call(front):
+    arm = front.joints("arm")
+    prepared = front.prepare("check_path", joints=arm, pairs=[("arm", "table"), ("arm", "cup")])
+    Q = rows_of(arm, 12)
+    Q[9] += 9.0
+    seen = []
+    for a, b in zip(Q, np.roll(Q, 1, axis=0)):
+        for path in ([a, b], [a, a + 0.01 * (b - a)], [a, b, a], [a, b, a, b]):
+            expected = front.check_path(path, joints=arm, pairs=[("arm", "table"), ("arm", "cup")])
+            found = prepared.run(np.array(path))
+            assert found == expected and prepared.run(path) == expected
+            seen.append((found.free, found.ok))
+    assert set(seen) == {(True, True), (True, False), (False, False)}
+    for wrong in (Q[:1], Q[0], np.zeros((2, 3)), np.zeros(()), [Q[0]]):
+        with pytest.raises(ValueError, match=r"^path: expected"):
+            prepared.run(wrong)
+
+
 def test_poses_joints_and_the_current_state(front):
     arm = front.joints("arm")
     X, Q = poses(5), rows_of(arm, 5)

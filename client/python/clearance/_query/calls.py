@@ -154,6 +154,10 @@ class Paths(Call):
     #: Columns of the first motion without a proof. They cost more than the verdict, above all `first_contact`.
     details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
+    def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> Optional[PathCheck]:
+        """Returns the result for a path of one motion, or None if steps() must find it."""
+        return _FREE if answer.all_free() and not answer.beyond_limits else None
+
     def steps(self, path: Any = None) -> Steps:
         points, count, each, growths = self._points(path)
         positions, are_curves = points[1], points[1] is not None and points[1].ndim == 3

@@ -56,7 +56,7 @@ class Prepared:
         self._call = kind(self._query)
         self._name = call
         self._in_steps = kind.steps is not Call.steps
-        self._takes_rows = not self._in_steps and self._query.joints is not None and self._query.bodies is None
+        self._takes_rows = self._query.joints is not None and self._query.bodies is None
         self._by_rows: Optional[tuple[Run, AskRows]] = None  # for arrays of the usual type
         if isinstance(self._call, Checks):
             self._call.current_limits = runner._beyond_now
@@ -88,6 +88,8 @@ class Prepared:
         by_rows, call = self._by_rows, self._call
         if by_rows is not None and len(inputs) == call.row_inputs and inputs[-1] is not None:
             run, ask = by_rows
+            if self._in_steps and not _is_motion(inputs[0]):
+                return self._run(*inputs)
             if run.names is self._runner._names_cache:
                 try:
                     answer = ask(run.raw, *inputs)
@@ -95,8 +97,9 @@ class Prepared:
                     if error.code != _WRONG_SCENE:
                         raise
                     answer = None
-                if answer is not None:
-                    return call.result(run, answer, inputs[0])
+                result = None if answer is None else call.result(run, answer, inputs[0])
+                if result is not None:
+                    return result
         result = self._run(*inputs)
         if self._takes_rows:
             ask_rows = self._runner._ask_rows(self._query)
@@ -199,6 +202,11 @@ class Prepared:
             return query.growing(run.mask, run.points, run.growths)
         now = query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
         return now if run.speeds is None else now.at_speeds(*run.speeds)
+
+
+def _is_motion(path: Any) -> bool:
+    """Whether a path has two waypoints, which one query answers."""
+    return type(path) is np.ndarray and path.shape[:1] == (2,)
 
 
 def check_arguments(
