@@ -95,9 +95,8 @@ def test_a_drive_without_a_new_command_stops():
 def test_a_planner_of_prepared_motions_finds_a_proved_path(start_daemon, kinds, language, where):
     built = BUILD / "examples/rrt"
     program = [sys.executable, "client/examples/rrt.py"] if language == "python" else [str(built)]
-    if language == "c++":
-        if where == "engine" or not built.exists():
-            pytest.skip("a client, built with the daemon")
+    if language == "c++" and (where == "engine" or not built.exists()):
+        pytest.skip("a client, built with the daemon")
     scene = ROOT / "scenes/cell/robot.yaml"
     if where not in ("engine", *kinds):
         pytest.skip(f"no {where} here")
