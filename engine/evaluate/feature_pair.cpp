@@ -11,6 +11,7 @@ namespace clearance {
 namespace {
 
 constexpr double kEpsilon = 0x1p-52;
+constexpr double kSame = 1024;        // tolerances within which features count as equally near
 constexpr double kDependent = 1e-14;  // squared sine of an angle below which tangents count as dependent
 
 std::uint32_t farthest_along(std::span<const Vec3d> points, const Vec3d& n) {
@@ -203,6 +204,7 @@ void FeaturePair::set_radius(const Side& a, const Side& b, double tolerance) {
   const std::span<const Vec3d> spanned(axes, count);
   smooth_radius_ = std::min({interior, a.cone_radius(normal_, point_a_, distance_, spanned, tolerance),
                              b.cone_radius(-normal_, point_b_, distance_, spanned, tolerance)});
+  if (smooth_radius_ <= kSame * tolerance) smooth_radius_ = 0;
 }
 
 FeaturePair::Term FeaturePair::term(const FeatureMotion& motion) const {
