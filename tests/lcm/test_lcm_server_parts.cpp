@@ -120,8 +120,7 @@ TEST(LcmTranslate, WaitsAndDeadlinesAreCarried) {
 
 TEST(LcmTranslate, RepliesOfAllSizesFitTheirMessages) {
   for (const std::uint64_t rows : {0ull, 1ull, 100ull, 1000ull, 5000ull}) {
-    for (const std::uint32_t fields :
-         {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields & ~kJointFields}) {
+    for (const std::uint32_t fields : {std::uint32_t{kFieldStatus}, kDefaultFields, kKnownFields & ~kJointFields}) {
       wire::ReplyHeader reply;
       reply.rows = rows;
       reply.fields = fields;
