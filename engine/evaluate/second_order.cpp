@@ -10,6 +10,28 @@
 
 namespace clearance {
 
+namespace second_order {
+
+// A joint, or the motion of a body that the query gives, as it moves a witness point. World axes.
+struct Mover {
+  std::uint32_t at;  // column of the query's joints, or kNone
+  double scale;      // of a mimic joint
+  double speed;      // its share of the query's velocities, per second
+  Vec3d spin;        // angular velocity by its variable
+  Vec3d shift;       // velocity of the witness point
+};
+
+// The movers from a body down to the nearest one that carries the other body as well.
+struct Chain {
+  std::vector<Mover> movers;
+  double sign;  // 1 of b, -1 of a
+};
+
+}  // namespace second_order
+
+using second_order::Chain;
+using second_order::Mover;
+
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -35,21 +57,6 @@ double radius_among_parts(const Body& a, const PoseMatrix& pose_a, const Body& b
     }
   return radius;
 }
-
-// A joint, or the motion of a body that the query gives, as it moves a witness point. World axes.
-struct Mover {
-  std::uint32_t at;  // column of the query's joints, or kNone
-  double scale;      // of a mimic joint
-  double speed;      // its share of the query's velocities, per second
-  Vec3d spin;        // angular velocity by its variable
-  Vec3d shift;       // velocity of the witness point
-};
-
-// The movers from a body down to the nearest one that carries the other body as well.
-struct Chain {
-  std::vector<Mover> movers;
-  double sign;  // 1 of b, -1 of a
-};
 
 void add_joint(const JointMover& joint, const BodyPoses& placement, const Vec3d& point, const double* velocities,
                std::vector<Mover>& out) {
