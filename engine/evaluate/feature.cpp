@@ -11,7 +11,7 @@ struct Point2 {
   double x, y;
 };
 
-double turn(const Point2& o, const Point2& p, const Point2& q) {
+double side_of(const Point2& o, const Point2& p, const Point2& q) {
   return (p.x - o.x) * (q.y - o.y) - (p.y - o.y) * (q.x - o.x);
 }
 
@@ -23,12 +23,12 @@ double interior_of(std::vector<Point2> points) {
   for (int side = 0; side < 2; ++side) {  // the lower, then the upper chain
     std::vector<Point2> chain;
     for (const Point2& p : points) {
-      while (chain.size() > 1 && turn(chain[chain.size() - 2], chain.back(), p) <= 0) chain.pop_back();
+      while (chain.size() > 1 && side_of(chain[chain.size() - 2], chain.back(), p) <= 0) chain.pop_back();
       chain.push_back(p);
     }
     for (std::size_t i = 1; i < chain.size(); ++i) {
       const double length = std::hypot(chain[i].x - chain[i - 1].x, chain[i].y - chain[i - 1].y);
-      if (length > 0) least = std::min(least, turn(chain[i - 1], chain[i], {0, 0}) / length);
+      if (length > 0) least = std::min(least, side_of(chain[i - 1], chain[i], {0, 0}) / length);
     }
     std::reverse(points.begin(), points.end());
   }
@@ -36,7 +36,7 @@ double interior_of(std::vector<Point2> points) {
 }
 
 // The part of v normal to a unit vector.
-Vec3d across(const Vec3d& v, const Vec3d& unit) {
+Vec3d flattened(const Vec3d& v, const Vec3d& unit) {
   return v - unit * dot(v, unit);
 }
 
@@ -54,7 +54,7 @@ std::vector<Vec3d> placed_vertices(const ConvexPart& part, const PoseMatrix& pos
 Feature plane_feature(const Vec3d& normal) {
   Feature plane;
   const bool is_x = std::abs(normal.x) < 0.6;
-  const Vec3d first = across(is_x ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0}, normal);
+  const Vec3d first = flattened(is_x ? Vec3d{1, 0, 0} : Vec3d{0, 1, 0}, normal);
   plane.size = 2;
   plane.tangent[0] = first * (1 / norm(first));
   plane.tangent[1] = cross(normal, plane.tangent[0]);
@@ -69,14 +69,14 @@ Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const 
   for (const Vec3d& v : vertices) {
     const Vec3d arm = v - point;
     if (dot(outward, arm) < -tolerance) continue;
-    arms.push_back(across(arm, outward));
+    arms.push_back(flattened(arm, outward));
   }
   for (const Vec3d& arm : arms)
     if (const double length = norm(arm - arms[0]); length > longest) longest = length, first = arm - arms[0];
   if (longest <= tolerance) return feature;
   feature.tangent[0] = first * (1 / longest);
   for (const Vec3d& arm : arms)
-    if (const Vec3d rest = across(arm - arms[0], feature.tangent[0]); norm(rest) > widest)
+    if (const Vec3d rest = flattened(arm - arms[0], feature.tangent[0]); norm(rest) > widest)
       widest = norm(rest), farthest = rest;
   if (widest <= tolerance) {
     feature.size = 1;

@@ -10,7 +10,7 @@ namespace clearance {
 
 namespace {
 
-constexpr double kEpsilon = 0x1p-52;
+constexpr double kSame = 1024;        // tolerances within which features count as equally near
 constexpr double kDependent = 1e-14;  // squared sine of an angle below which tangents count as dependent
 
 std::uint32_t farthest_along(std::span<const Vec3d> points, const Vec3d& n) {
@@ -128,11 +128,11 @@ std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, 
   const double reach =
       2 * std::max(is_half_space(a.part) ? 0 : a.part.spread, is_half_space(b.part) ? 0 : b.part.spread);
   const double scale = reach + norm(points->a) + norm(points->b) + norm(b.shift);
-  if (!(pair.distance_ > 64 * kEpsilon * scale)) return {};
+  if (!(pair.distance_ > 64 * kFeatureEpsilon * scale)) return {};
   // A vertex below a plane is no feature of separated cores.
   if (is_half_space(a.part) && dot(a.outward(), pair.normal_) < 0) return {};
   if (is_half_space(b.part) && dot(b.outward(), pair.normal_) > 0) return {};
-  const double tolerance = 32 * kEpsilon * scale * (1 + reach / pair.distance_);
+  const double tolerance = 32 * kFeatureEpsilon * scale * (1 + reach / pair.distance_);
   pair.a_ = a.flat_feature(pair.normal_, points->a, tolerance);
   pair.b_ = b.flat_feature(-pair.normal_, points->b, tolerance);
   pair.factorise();
@@ -203,6 +203,7 @@ void FeaturePair::set_radius(const Side& a, const Side& b, double tolerance) {
   const std::span<const Vec3d> spanned(axes, count);
   smooth_radius_ = std::min({interior, a.cone_radius(normal_, point_a_, distance_, spanned, tolerance),
                              b.cone_radius(-normal_, point_b_, distance_, spanned, tolerance)});
+  if (smooth_radius_ <= kSame * tolerance) smooth_radius_ = 0;
 }
 
 FeaturePair::Term FeaturePair::term(const FeatureMotion& motion) const {

@@ -10,6 +10,8 @@
 
 namespace clearance {
 
+inline constexpr double kFeatureEpsilon = 0x1p-52;  ///< relative rounding of witness points
+
 /// Nearest points of two hulls, in float64. Nothing if they overlap.
 /// \param toward direction from a towards b: where the search begins
 std::optional<WitnessPoints> nearest_points(std::span<const Vec3d> a, std::span<const Vec3d> b, const Vec3d& toward);

@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-using Kind = RoundPatch::Kind;
+using Patch = RoundPatch::Kind;
 
 constexpr double kNear = 1e-3;  // angle within which a start may be on the wrong patch
 
@@ -53,7 +53,7 @@ std::span<const RoundPatch> patches_along(const Primitive& core, const Vec3d& n,
   const Vec3d e = outward_at(n);
   const double side = dot(n, along_side(core, e));  // 0 on the side
   const int end = is_cone || n.z < 0 ? -1 : 1;
-  const RoundPatch disc{Kind::kDisc, end}, rim{Kind::kRim, end}, flank{Kind::kSide, 1}, apex{Kind::kApex, 1};
+  const RoundPatch disc{Patch::kDisc, end}, rim{Patch::kRim, end}, flank{Patch::kSide, 1}, apex{Patch::kApex, 1};
   const bool is_flat = std::hypot(n.x, n.y) < kNear && (!is_cone || n.z < 0);
   if (is_cone && side > kNear) {
     out[0] = apex, out[1] = flank, out[2] = rim, out[3] = disc;
@@ -70,17 +70,17 @@ Vec3d onto_patch(const Primitive& core, const RoundPatch& patch, const Vec3d& po
   const Vec3d& size = core.size;
   const Vec3d e = outward_at(point);
   switch (patch.kind) {
-    case Kind::kDisc:
+    case Patch::kDisc:
       return {point.x, point.y, patch.end * size.z};
-    case Kind::kRim:
+    case Patch::kRim:
       return e * size.x + Vec3d{0, 0, patch.end * size.z};
-    case Kind::kApex:
+    case Patch::kApex:
       return {0, 0, size.z};
-    case Kind::kSide: {
+    case Patch::kSide: {
       const Vec3d foot = e * size.x - Vec3d{0, 0, size.z}, along = along_side(core, e);
       return foot + along * dot(along, point - foot);
     }
-    case Kind::kWhole:
+    case Patch::kWhole:
       break;
   }
   return point * (1 / std::sqrt(dot(point, over(point, size))));
@@ -89,25 +89,25 @@ Vec3d onto_patch(const Primitive& core, const RoundPatch& patch, const Vec3d& po
 Feature feature_on(const Primitive& core, const RoundPatch& patch, const Vec3d& point, const Vec3d& n,
                    double distance) {
   const Vec3d& size = core.size;
-  const Vec3d e = outward_at(patch.kind == Kind::kApex ? n : point), round{-e.y, e.x, 0};
+  const Vec3d e = outward_at(patch.kind == Patch::kApex ? n : point), round{-e.y, e.x, 0};
   const Vec3d along = along_side(core, e);
   Feature f;
   switch (patch.kind) {
-    case Kind::kDisc:
+    case Patch::kDisc:
       f.size = 2;
       f.tangent[0] = {1, 0, 0}, f.tangent[1] = {0, 1, 0};
       f.interior = n.z * patch.end > 0 ? size.x - std::hypot(point.x, point.y) : -1;
       break;
-    case Kind::kRim:
+    case Patch::kRim:
       f.size = 1;
       f.tangent[0] = round;
       f.bend[0] = dot(n, e) / size.x;
       f.interior = wedge(n, -e, along * -double(patch.end), std::min(distance, size.x));
       break;
-    case Kind::kApex:
+    case Patch::kApex:
       f.interior = wedge(n, -along, -along, std::min(distance, size.x));
       break;
-    case Kind::kSide: {
+    case Patch::kSide: {
       const double radius = std::hypot(point.x, point.y), length = 2 * size.z / along.z;
       const double at = dot(along, point - (e * size.x - Vec3d{0, 0, size.z}));
       f.size = 2;
@@ -116,7 +116,7 @@ Feature feature_on(const Primitive& core, const RoundPatch& patch, const Vec3d& 
       f.interior = dot(n, e) > 0 ? std::min(at, length - at) : -1;
       break;
     }
-    case Kind::kWhole:
+    case Patch::kWhole:
       return on_ellipsoid(core, point, n);
   }
   return f;

@@ -9,10 +9,9 @@ namespace clearance {
 
 namespace {
 
-constexpr double kEpsilon = 0x1p-52;
 constexpr int kMostSteps = 20;
 
-double size_of(const ConvexPart& part) {
+double core_size(const ConvexPart& part) {
   return is_half_space(part) ? 0 : part.rho;
 }
 
@@ -36,7 +35,7 @@ Vec3d FeaturePair::Side::nearest(const Vec3d& point) const {
 // Solves for the nearest points of two patches, or of a patch and the feature of a flat core. Returns whether they are
 // the cores' nearest.
 bool FeaturePair::meet_round(const Side& a, const Side& b) {
-  const double scale = size_of(a.part) + size_of(b.part) + norm(b.shift);
+  const double scale = core_size(a.part) + core_size(b.part) + norm(b.shift);
   double tolerance = 0;
   const auto take_features = [&](const Side& side, const Vec3d& n, const Vec3d& point) {
     return is_round(side.part) ? side.round_feature(n, point, distance_) : side.flat_feature(n, point, tolerance);
@@ -48,12 +47,12 @@ bool FeaturePair::meet_round(const Side& a, const Side& b) {
           at_b = b.nearest(is_round(b.part) ? point_b_ : at_a);
     if (!is_round(a.part)) at_a = a.nearest(at_b);
     take_points(at_a, at_b);
-    if (!(distance_ > 64 * kEpsilon * scale)) return false;
-    tolerance = 64 * kEpsilon * scale * (1 + scale / distance_);
+    if (!(distance_ > 64 * kFeatureEpsilon * scale)) return false;
+    tolerance = 64 * kFeatureEpsilon * scale * (1 + scale / distance_);
     a_ = take_features(a, normal_, point_a_);
     b_ = take_features(b, -normal_, point_b_);
     factorise();
-    if (move <= 16 * kEpsilon * scale) break;
+    if (move <= 16 * kFeatureEpsilon * scale) break;
     move = polish();
   }
   set_radius(a, b, tolerance);

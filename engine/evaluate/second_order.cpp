@@ -10,6 +10,21 @@
 
 namespace clearance {
 
+// A joint, or the motion of a body that the query gives, as it moves a witness point. World axes.
+struct PairMover {
+  std::uint32_t at;  // column of the query's joints, or kNone
+  double scale;      // of a mimic joint
+  double speed;      // its share of the query's velocities, per second
+  Vec3d spin;        // angular velocity by its variable
+  Vec3d shift;       // velocity of the witness point
+};
+
+// The movers from a body down to the nearest one that carries the other body as well.
+struct MoverChain {
+  std::vector<PairMover> movers;
+  double sign;  // 1 of b, -1 of a
+};
+
 namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
@@ -36,23 +51,8 @@ double radius_among_parts(const Body& a, const PoseMatrix& pose_a, const Body& b
   return radius;
 }
 
-// A joint, or the motion of a body that the query gives, as it moves a witness point. World axes.
-struct Mover {
-  std::uint32_t at;  // column of the query's joints, or kNone
-  double scale;      // of a mimic joint
-  double speed;      // its share of the query's velocities, per second
-  Vec3d spin;        // angular velocity by its variable
-  Vec3d shift;       // velocity of the witness point
-};
-
-// The movers from a body down to the nearest one that carries the other body as well.
-struct Chain {
-  std::vector<Mover> movers;
-  double sign;  // 1 of b, -1 of a
-};
-
 void add_joint(const JointMover& joint, const BodyPoses& placement, const Vec3d& point, const double* velocities,
-               std::vector<Mover>& out) {
+               std::vector<PairMover>& out) {
   const auto speed = [&](std::uint32_t at) { return velocities && at != kNone ? joint.scale * velocities[at] : 0; };
   if (const std::uint32_t at = joint.turns ? joint.at[joint.slides] : kNone; at != kNone) {
     const PoseMatrix& link = placement[joint.link].pose;  // its origin is on the axis
@@ -67,17 +67,17 @@ void add_joint(const JointMover& joint, const BodyPoses& placement, const Vec3d&
   }
 }
 
-void add_twist(const double* twist, const Vec3d& origin, const Vec3d& point, std::vector<Mover>& out) {
+void add_twist(const double* twist, const Vec3d& origin, const Vec3d& point, std::vector<PairMover>& out) {
   const Vec3d spin{twist[0], twist[1], twist[2]}, shift{twist[3], twist[4], twist[5]};
   out.push_back({kNone, 1, 1, spin, cross(spin, point - origin)});
   out.push_back({kNone, 1, 1, {0, 0, 0}, shift});
 }
 
 // First derivative of the distance at the query's velocities.
-double rate_of(const Chain (&chains)[2], const Vec3d& normal) {
+double rate_of(const MoverChain (&chains)[2], const Vec3d& normal) {
   double rate = 0;
-  for (const Chain& chain : chains)
-    for (const Mover& m : chain.movers) rate += chain.sign * m.speed * dot(normal, m.shift);
+  for (const MoverChain& chain : chains)
+    for (const PairMover& m : chain.movers) rate += chain.sign * m.speed * dot(normal, m.shift);
   return rate;
 }
 
@@ -95,7 +95,7 @@ void SecondOrder::find_way(std::uint32_t body, std::vector<std::uint32_t>& way) 
 }
 
 struct SecondOrder::Chains {
-  Chain side[2];
+  MoverChain side[2];
 };
 
 // Movers of both bodies at their witness points. What carries both changes nothing.
@@ -114,7 +114,7 @@ void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::ui
   const double* const twists =
       plan_.twists.empty() ? nullptr : plan_.twists.data() + configuration * plan_.given_bodies * 6;
   for (int side = 0; side < 2; ++side) {
-    Chain& chain = chains.side[side];
+    MoverChain& chain = chains.side[side];
     chain.sign = side ? 1 : -1;
     chain.movers.clear();
     for (const std::uint32_t body : ways[side]) {
@@ -131,12 +131,12 @@ void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::ui
 void SecondOrder::combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row) const {
   struct Term {
     FeaturePair::Term term;
-    const Mover* mover;
+    const PairMover* mover;
     int side;
   };
   std::vector<Term> terms;
   for (int side = 0; side < 2; ++side)
-    for (const Mover& m : chains.side[side].movers) {
+    for (const PairMover& m : chains.side[side].movers) {
       const Vec3d still{0, 0, 0};
       const FeatureMotion motion{side ? still : m.spin, side ? m.spin : still, m.shift * chains.side[side].sign};
       terms.push_back({features.term(motion), &m, side});
@@ -146,7 +146,7 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
   double curvature = 0;
   for (std::size_t x = 0; x < terms.size(); ++x)
     for (std::size_t y = x; y < terms.size(); ++y) {
-      const Mover &carried = *terms[x].mover, &carrier = *terms[y].mover;  // if of one chain
+      const PairMover &carried = *terms[x].mover, &carrier = *terms[y].mover;  // if of one chain
       double value = FeaturePair::curvature(terms[x].term, terms[y].term);
       if (terms[x].side == terms[y].side)
         value += chains.side[terms[x].side].sign * dot(features.normal(), cross(carrier.spin, carried.shift));

@@ -224,7 +224,7 @@ void write_frames(std::ostream& out) {
   query.header.fields = kFieldVerdict | kFieldPair;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kAny);
   write_exchange(out, arm, "arm_check", query.frame(63));
-  query.pairs = {{0, 9}, {2, 10}};
+  query.pairs = {{3, 10}, {6, 9}};
   query.header.fields = kFieldLower | kSecondOrderFields;
   query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
   const std::uint32_t k = 2;

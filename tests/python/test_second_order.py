@@ -59,7 +59,7 @@ def test_twists_of_bodies_and_of_joints_add_up(engine):
         ).distance
 
     before, now, after = (moved(s * step) for s in (-1, 0, 1))
-    smooth = r.smooth_radius > 0.01
+    smooth = r.smooth_radius > 0.001
     assert smooth.sum() > 3
     assert np.abs(r.rate - (after - before) / (2 * step))[smooth].max() < 1e-5
     assert np.abs(r.curvature - (after - 2 * now + before) / step**2)[smooth].max() < 1e-4
