@@ -155,14 +155,14 @@ DECISION_MUTANTS = [
         (
             "decision_table_free",
             "decision/kernel/table_lookup.h",
-            "is_free_[t] = cell_[t] && @cell_[t]->low@ > pair.free_above",
-            "cell_[t]->high",
+            "is_free_[t] = cell && @cell->low@ > pair.free_above",
+            "cell->high",
         ),
         (
             "decision_table_hit_above",
             "decision/kernel/table_lookup.h",
-            "if (cell_[t] && @cell_[t]->high@ < pair.hit_below) hit",
-            "cell_[t]->low",
+            "if (cell && @cell->high@ < pair.hit_below) hit",
+            "cell->low",
         ),
         # Pairs that the exact engine decides.
         (

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 
+#include "engine/cover/point_gaps.h"
 #include "engine/decision/kernel/decision_view.h"
 #include "engine/decision/kernel/eight.h"
 
@@ -80,12 +81,12 @@ class BodyInStates {
  public:
   /// \param frame (7, 8) of the body
   explicit BodyInStates(const double* frame) {
-    alignas(32) float parts[7][kBalls];
-    for (int i = 0; i < 7; ++i)
-      for (int k = 0; k < kBalls; ++k) parts[i][k] = static_cast<float>(frame[i * kBalls + k]);
-    rotations(Eight::load(parts[0]), Eight::load(parts[1]), Eight::load(parts[2]), Eight::load(parts[3]),
-              [&](int i, const Eight& value) { R_[i] = value; });
-    for (int i = 0; i < 3; ++i) t_[i] = Eight::load(parts[4 + i]);
+    alignas(32) float parts[7 * kBalls];
+    CLEARANCE_LANES
+    for (int i = 0; i < 7 * kBalls; ++i) parts[i] = static_cast<float>(frame[i]);
+    const auto part = [&](int i) { return Eight::load(parts + i * kBalls); };
+    rotations(part(0), part(1), part(2), part(3), [&](int i, const Eight& value) { R_[i] = value; });
+    for (int i = 0; i < 3; ++i) t_[i] = part(4 + i);
   }
 
   HWY_INLINE void place(const std::array<float, 3>& p, Centres& c) const {

@@ -24,13 +24,16 @@ class Decider {
   explicit Decider(const DecisionView& view) : v_(view), placed_(view), tables_(view) {}
 
   /// Places bodies for states of a batch with frames.
-  void place(const DecisionBatch& batch) { usable_ = placed_.place(batch.frames, batch.states); }
+  void place(const DecisionBatch& batch) {
+    for (std::size_t k = 0; k < batch.states; ++k) tables_.find(k, positions(batch, k));
+    usable_ = placed_.place(batch.frames, batch.states);
+  }
   /// Decides state k of a batch.
   /// \param open receives at most `capacity` positions
   Decision decide(const DecisionBatch& batch, std::size_t k, std::uint64_t* open, std::uint32_t capacity) {
     Decision result;
-    tables_.find(batch.positions ? batch.positions + k * batch.position_stride : nullptr);
     if (!batch.frames) {
+      tables_.find(0, positions(batch, k));
       if (!placed_.place(batch.poses + k * batch.stride)) return result;
     } else if (usable_ >> k & 1) {
       placed_.take_state(k);
@@ -39,7 +42,7 @@ class Decider {
     }
     begin(batch.any_hit, capacity);
     open_ = open;
-    tables_.look_up([&](std::uint64_t position) { record(position, {}, kHit); });
+    tables_.look_up(batch.frames ? k : 0, [&](std::uint64_t position) { record(position, {}, kHit); });
     if (!is_over()) decide_obstacles();
     if (!is_over()) decide_moved_pairs();
     if (overflow_) return result;
@@ -70,6 +73,9 @@ class Decider {
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr int kMostPackets = 160;  // of one body against one obstacle
 
+  static const double* positions(const DecisionBatch& batch, std::size_t k) {
+    return batch.positions ? batch.positions + k * batch.position_stride : nullptr;
+  }
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit, capacity_ = capacity;
     hit_ = kNoHit, count_ = 0, overflow_ = false;
@@ -99,7 +105,7 @@ class Decider {
   void decide_obstacles() {
     for (std::uint32_t n = 0; n < v_.node_count && !is_over();) {
       const ObstacleNode& node = v_.nodes[n];
-      const bool is_beyond = v_.node_count > 1 && placed_.template are_roots_beyond<kMoves>(n);
+      const bool is_beyond = placed_.template are_roots_beyond<kMoves>(n);
       for (std::uint32_t o = node.first; !is_beyond && o < node.last && !is_over(); ++o) decide_obstacle(o);
       n = is_beyond ? node.skip : n + 1;
     }

@@ -1,6 +1,7 @@
 // Decides pairs of one robot's links by their joint tables, for the kernel of decisions (decide_kernel.h).
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 #include "engine/decision/kernel/decision_view.h"
@@ -20,25 +21,28 @@ class TableLookup {
   }
 
   /// Finds the cells of all pairs in a state, which then take time to arrive from memory.
+  /// \param k number of the state, less than 8
   /// \param positions of the state; null to prove nothing
-  void find(const double* positions) {
+  void find(std::size_t k, const double* positions) {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
-      cell_[t] = nullptr;
+      const TableCell*& cell = cells_[k][t];
+      cell = nullptr;
       if (!positions) continue;
       const TabledPair& pair = v_.tabled[t];
       const double at[2] = {middle(pair, 0, positions), middle(pair, 1, positions)};
-      cell_[t] = pair.table.find(at);
-      __builtin_prefetch(cell_[t]);
+      cell = pair.table.find(at);
+      __builtin_prefetch(cell);
     }
   }
-  /// Decides the pairs whose cells were found.
+  /// Decides the pairs whose cells were found in state k.
   /// \param hit called with the position of each pair that is within its margin
   template <class Hit>
-  void look_up(const Hit& hit) {
+  void look_up(std::size_t k, const Hit& hit) {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
       const TabledPair& pair = v_.tabled[t];
-      is_free_[t] = cell_[t] && cell_[t]->low > pair.free_above;
-      if (cell_[t] && cell_[t]->high < pair.hit_below) hit(pair.position);
+      const TableCell* const cell = cells_[k][t];
+      is_free_[t] = cell && cell->low > pair.free_above;
+      if (cell && cell->high < pair.hit_below) hit(pair.position);
     }
   }
   /// Whether the pair of a table was found free.
@@ -75,7 +79,7 @@ class TableLookup {
   }
 
   const DecisionView& v_;
-  const TableCell* cell_[kMostTabledPairs];  // null outside the table
+  const TableCell* cells_[8][kMostTabledPairs];  // by state; null outside the table
   bool is_free_[kMostTabledPairs];
 };
 
