@@ -1,4 +1,4 @@
-"""Clouds that bodies on a link carry: they have no covers, and must not disturb those that have."""
+"""Clouds that bodies on a link carry: their covers, or empty clouds without one, must not disturb those of others."""
 
 from pathlib import Path
 
