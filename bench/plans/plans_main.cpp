@@ -141,6 +141,7 @@ void solve(Engine& engine, const std::vector<std::string>& names, const Problem&
   for (int round = 0; round < rounds; ++round) {
     if (round > 0) remove_obstacles(engine, problem), add_obstacles(engine, problem);
     timed(plan, 0, first);
+    if (!plan.found()) break;
     timed(plan, 0, search);
     timed(shorter, PlanOptions().shortcuts, shortened);
   }

@@ -64,6 +64,23 @@ TEST(EngineApi, PreparedAnswersAsDistancesDoes) {
   EXPECT_NEAR(prepared.run(std::vector<Pose7>{at(3)}).distance()[0], 2, 1e-6);
 }
 
+TEST(EngineApi, PreparedQueriesOfOneKindShareTheirJobs) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses{at(2)};
+  const auto reused = [&] {
+    std::uint64_t jobs = 0;
+    for (const auto& [name, value] : engine.stats())
+      if (name == "engine.jobs_reused") jobs = value;
+    return jobs;
+  };
+  const double distance = engine.prepare({.bodies = moved}).run(poses).distance()[0];
+  engine.prepare({.bodies = moved, .abs_tol = 0.5}).run(poses);
+  EXPECT_EQ(reused(), 0u);
+  EXPECT_EQ(engine.prepare({.bodies = moved}).run(poses).distance()[0], distance);
+  EXPECT_EQ(reused(), 1u);
+}
+
 TEST(EngineApi, PreparedCallsOfEachKindAnswerAsTheCalls) {
   const Engine engine(cell(), {.threads = 1});
   test::expect_prepared_calls_answer_as_calls(engine, engine.joints("arm"));
