@@ -103,7 +103,9 @@ class HostMotions {
       }
       launch(300, [&] { is_first ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
-      launch(300, [&] { m_.finds_least ? evaluate_span_pairs<true>(m_) : evaluate_span_pairs<false>(m_); });
+      launch(
+          600, [&] { m_.finds_least ? evaluate_span_pairs<true>(m_) : evaluate_span_pairs<false>(m_); },
+          kEvaluateThreads);
       if (!m_.finds_least) launch(300, [&] { keep_hits(m_); });
       if (at_ends)
         launch(m_.motions, [&] { begin_whole_motions(m_); });
@@ -141,8 +143,8 @@ class HostMotions {
     return reinterpret_cast<T*>((at + 15) / 16 * 16);
   }
   template <class Kernel>
-  static void launch(std::size_t threads, const Kernel& kernel) {
-    EmulatedGrid::one().launch(static_cast<unsigned>(threads / kMotionThreads + 1), kMotionThreads, kernel);
+  static void launch(std::size_t threads, const Kernel& kernel, unsigned of_block = kMotionThreads) {
+    EmulatedGrid::one().launch(static_cast<unsigned>(threads / of_block + 1), of_block, kernel);
   }
   void set_up_query(const QueryView& q, std::uint32_t pairs) {
     ChunkView& c = m_.chunk;
