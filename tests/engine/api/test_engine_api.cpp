@@ -158,7 +158,7 @@ TEST(EngineApi, PrepareRejectsInputsAndBadQueries) {
   const std::vector<std::uint32_t> moved{1};
   const std::vector<Pose7> poses{at(2)};
   EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.prepare({.bodies = moved, .configurations = poses}); }),
-            "prepare: configurations and positions are inputs of run(), not of the query");
+            "prepare: configurations, positions, growths and velocities are inputs of run(), not of the query");
   EXPECT_NE(text_of<QueryError>([&] { engine.prepare({.rel_tol = NAN}); }), "nothing was thrown");
   EXPECT_EQ(text_of<std::invalid_argument>([&] { engine.prepare({.deadline_ns = 1}); }),
             "query: deadline_ns is for a daemon's client");
