@@ -160,7 +160,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         arms = [plus(o, turned(R, centre))]  # less the point of the next turn: wherever sliding joints lead
         for axis, point, turns, curve in reversed(self.path(seer, id, time)):
             reach, (ends, fast, bend) = size(axis), extent(curve, begin, end)
-            angles.append(reach * fast if turns else 0)
+            angles.append(require(len(arms) <= 4096, "too many joints slide", reach * fast if turns else 0))
             if turns:
                 arms = [plus(v, point, -1) for v in arms]
                 reach = reach * rest + max(size(cross(axis, v)) for v in arms)

@@ -32,10 +32,10 @@ struct Engine::Impl {
   /// Opens a device query.
   /// \param query with the number of its configurations
   static DeviceQuery on_device(const std::shared_ptr<Impl>& self, const QueryView& query);
-  /// Jobs of a query, which all who prepare it share.
+  /// Jobs of a query, which all who prepare it share; null if it may not repeat.
   std::shared_ptr<JobPool> jobs_of(const QueryView& query) const {
     const std::lock_guard lock(recent_mutex);
-    return recent.pool_of(query, engine()->scene().bodies().size());
+    return JobPool::allows(query) ? recent.pool_of(query, engine()->scene().bodies().size()) : nullptr;
   }
   /// The joints, of which only the limits are valid.
   std::shared_ptr<const JointsInfo> joint_limits() const;

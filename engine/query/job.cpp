@@ -43,7 +43,7 @@ void PreparedQuery::copy_pairs(std::uint64_t begin, std::uint64_t count, BodyPai
 std::uint64_t PreparedQuery::bytes() const {
   const Plan& p = plan();
   return p.pairs.list().size_bytes() + p.configurations.size_bytes() + p.positions.size_bytes() +
-         p.velocities.size_bytes() + p.twists.size_bytes();
+         p.velocities.size_bytes() + p.twists.size_bytes() + p.growths.size_bytes();
 }
 void PreparedQuery::keep_on_cpu() {
   keep_on_cpu_ = true;

@@ -19,6 +19,12 @@ namespace {
   throw engine::QueryError(QueryErrorCode::kBadQuery, what);
 }
 
+void reject_contradictions(const QueryView& q) {
+  if (const Contradiction wrong = contradiction_in(q); wrong.text)
+    throw engine::QueryError(wrong.is_unsupported ? QueryErrorCode::kNotSupported : QueryErrorCode::kBadQuery,
+                             wrong.text);
+}
+
 void check_numbers(const QueryView& q) {
   if (!(q.max_distance >= 0)) reject("max_distance: expected metres >= 0, got " + std::to_string(q.max_distance));
   if (!(q.abs_tol >= 0) || std::isinf(q.abs_tol))
@@ -33,9 +39,7 @@ void check_numbers(const QueryView& q) {
   if (q.control_points < 2 || q.control_points > kMostControlPoints)
     reject("control_points: expected 2 to " + std::to_string(kMostControlPoints) + ", got " +
            std::to_string(q.control_points));
-  if (const Contradiction wrong = contradiction_in(q); wrong.text)
-    throw engine::QueryError(wrong.is_unsupported ? QueryErrorCode::kNotSupported : QueryErrorCode::kBadQuery,
-                             wrong.text);
+  reject_contradictions(q);
   if (q.max_evaluations > 0 && (q.configuration_count == 0 || q.configuration_count % q.control_points != 0))
     reject("configurations: motions have " + (q.control_points == 2 ? "two" : std::to_string(q.control_points)) +
            " each, got " + std::to_string(q.configuration_count));
@@ -244,6 +248,8 @@ void Plan::take_configurations(const QueryView& requested) {
     check_growths(requested.growths);
   }
   if (query.control_points > 2) reject_turns(requested);
+  if (!(requested.growths.empty() && requested.velocities.empty() && requested.twists.empty()))
+    reject_contradictions(requested);  // a kept job has other inputs each time
   configurations = requested.configurations;
   positions = requested.positions;
   growths = requested.growths;

@@ -428,7 +428,7 @@ MUTANTS = [
     ),
     # Bodies that move or grow meanwhile.
     *mutants_of(
-        "motions Meanwhile.*:MotionOracleOfCovers.*:*MotionOracleTest.*meanwhile",
+        "motions Meanwhile.*:*MotionOracleTest.*meanwhile",
         ("growth_speed", "motion/motion_bounds.cpp", "rates.speed += @grown.change@", "0.0"),
         ("growth_bend", "motion/motion_bounds.cpp", "(rates.acceleration + @grown.bend@)", "0.0"),
         ("growth_most", "motion/motion_bounds.cpp", "sum.most += @at + rounding@", "0.99 * at"),
@@ -448,6 +448,9 @@ MUTANTS = [
             "0.0",
         ),
         ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),
+    ),
+    *mutants_of(
+        "motions Meanwhile.*:MotionOracleOfCovers.*",
         ("covered_shift", "decision/span_rates.cpp", "(@by.shift@ + path.reach * by.turn) * kUp", "0.5 * by.shift"),
         ("covered_turn", "decision/span_rates.cpp", "(@path.reach * by.turn * by.turn@ + by.bend)", "0.0"),
         ("covered_bend", "decision/span_rates.cpp", "path.reach * by.turn * by.turn + @by.bend@", "0.0"),

@@ -58,14 +58,33 @@ def test_a_growing_ball_touches_at_one_time(rail):
 
 def test_a_trajectory_takes_lines_to_its_own_times(rail):
     slow = clearance.Trajectory.quintic([0, 1, 4], [[0.0], [0.5], [2.0]])
-    crossing = clearance.BodyPath([pose(1, 1), pose(1, -1)], [0, 4])
+    crossing = clearance.BodyPath([pose(1, 1.5), pose(1, -0.5)], [0, 4])
     engine_says = rail.check_path(slow, "r", pairs=[CART], meanwhile={"crate": crossing})
     t = np.linspace(0, 4, 8001)
     at = np.array([slow.at(s)[0] for s in t])
-    d = np.hypot(at - 1, 1 - t / 2).min() - 0.2
-    assert engine_says.free == (d > 0) and abs(d) > 0.01
-    for margin, free in ((d - 1e-4, True), (d + 1e-4, False)) if d > 0 else ():
-        assert rail.check_path(slow, "r", pairs=[CART], margin=margin, meanwhile={"crate": crossing}).free == free
+    d = np.hypot(at - 1, 1.5 - t / 2).min() - 0.2
+    assert engine_says.free and d > 0.01
+    for margin, free in ((d - 1e-4, True), (d + 1e-4, False)):
+        options = {"joints": "r", "pairs": [CART], "margin": margin, "meanwhile": {"crate": crossing}}
+        assert rail.check_path(slow, **options).free == free
+        verdicts = rail.motions(slow, reduce="any", fields="verdict", **options).verdict
+        assert (verdicts == clearance.Status.BEYOND).all() == free
+
+
+def test_growth_takes_the_seconds_of_a_trajectory(rail):
+    slow = clearance.Trajectory.linear([0, 4], [[0.0], [2.0]])
+    person = clearance.BodyPath(pose(1, 2), growth=0.4)  # 1.8 m away, and grown by 1.6 m at the end
+    options = {"joints": "r", "pairs": [("r/cart", "person")], "meanwhile": {"person": person}}
+    for margin, free in ((0.1, True), (0.3, False)):
+        assert rail.check_path(slow, margin=margin, **options).free == free
+        assert (rail.motions(slow, margin=margin, reduce="any", **options).verdict[0] == clearance.Status.BEYOND) == free
+
+
+def test_limits_of_waypoints_are_named_by_waypoint(rail):
+    crate = {"crate": pose(9, 9)}
+    plain = rail.check_path([[0.0], [5.0]], "r", pairs=[CART])
+    done = rail.check_path([[0.0], [5.0]], "r", pairs=[CART], meanwhile=crate)
+    assert [v.configuration for v in done.limit_violations] == [v.configuration for v in plain.limit_violations] == [1]
 
 
 def test_a_second_robot_moves_in_the_same_query(tmp_path, rail):

@@ -41,6 +41,9 @@ inline std::size_t motion_count(const Query& path) {
   if (points > 2 && (rows == 0 || rows % points != 0))
     throw std::invalid_argument("check_path: expected " + std::to_string(points) +
                                 " control points for each segment, got " + std::to_string(rows) + " rows");
+  if (!path.growths.empty() && path.growths.size() != rows * path.bodies.size())
+    throw std::invalid_argument("check_path: growths: expected " + std::to_string(rows * path.bodies.size()) +
+                                ", for each body in each row, got " + std::to_string(path.growths.size()));
   if (points == 2 && rows < 2)
     throw std::invalid_argument("check_path: expected two waypoints or more, got " + std::to_string(rows));
   return points > 2 ? rows / points : rows - 1;
@@ -180,6 +183,8 @@ class PreparedPath {
 
   /// Returns the result of check_path() for these waypoints, or control points. Throws as it does, and StaleQuery.
   PathCheck run(const Prepared::Inputs& path) {
+    if (!path.velocities.empty() || !path.twists.empty())
+      throw std::invalid_argument("check_path: velocities and twists are for distances");
     Query query;
     query.bodies = bodies_;
     query.joints = joints_;

@@ -153,6 +153,33 @@ TEST(EngineApi, PreparedSurvivesChangesThatKeepItsIds) {
   EXPECT_EQ(prepared.run(poses).rows(), 1u);
 }
 
+TEST(EngineApi, APreparedQueryRejectsInputsOfOthersInEachRun) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses{at(2)};
+  const std::vector<double> one(1), six(6);
+  Prepared prepared = engine.prepare({.bodies = moved});
+  for (int run = 0; run < 3; ++run) {
+    EXPECT_EQ(prepared.run({.configurations = poses}).status()[0], Status::kOk);
+    const auto text = [&](const Prepared::Inputs& inputs) {
+      return text_of<QueryError>([&] { prepared.run(inputs); });
+    };
+    EXPECT_EQ(text({.configurations = poses, .twists = six}), "twists: only for the columns rate and curvature") << run;
+    EXPECT_EQ(text({.configurations = poses, .growths = one}), "growths: only for motions (max_evaluations)") << run;
+  }
+}
+
+TEST(EngineApi, APathHasAGrowthForEachBodyAndRow) {
+  const Engine engine(boxes());
+  const std::vector<std::uint32_t> moved{1};
+  const std::vector<Pose7> poses{at(2), at(3), at(3.5)};
+  const std::vector<double> one(1), three(3);
+  EXPECT_EQ(text_of<std::invalid_argument>(
+                [&] { engine.check_path({.bodies = moved, .configurations = poses, .growths = one}); }),
+            "check_path: growths: expected 3, for each body in each row, got 1");
+  EXPECT_TRUE(engine.check_path({.bodies = moved, .configurations = poses, .growths = three}).free);
+}
+
 TEST(EngineApi, PrepareRejectsInputsAndBadQueries) {
   const Engine engine(boxes());
   const std::vector<std::uint32_t> moved{1};

@@ -133,7 +133,7 @@ class Motions(Call):
         return query.run(True, count_of(poses, positions) // 2), poses, positions
 
     def _read_meanwhile(self, start: Any, end: Any) -> Request:
-        """Bodies move over the time of each motion, from 0 to 1; control poses may be those of each motion."""
+        """Bodies move over the time of a Trajectory, else over a second of each motion."""
         query = self.query
         assert query.meanwhile is not None
         if end is None and is_curved(query, start):
@@ -143,7 +143,10 @@ class Motions(Call):
             ends = interleave(first, positions_of(end, query.joint_count, "end"))
             assert ends is not None
             curves = ends.reshape(-1, 2, query.joint_count)
-        poses, growths = meanwhile_of_each(query.meanwhile, len(curves), curves.shape[1])
+        if isinstance(start, Trajectory):
+            poses, growths = meanwhile_of(query.meanwhile, start.times, curves.shape[1])
+        else:
+            poses, growths = meanwhile_of_each(query.meanwhile, len(curves), curves.shape[1])
         run = query.run_growing(len(curves), curves.shape[1], growths)
         return run, poses.reshape(-1, *poses.shape[2:]), curves.reshape(-1, curves.shape[2])
 
@@ -166,7 +169,7 @@ class Paths(Call):
         violations: tuple[LimitViolation, ...] = ()
         is_short = count <= _FIRST_MOTIONS
         if positions is not None and not is_short:
-            violations = self._violations(positions)
+            violations = self._violations(path, positions)
         first, room = 0, _FIRST_MOTIONS
         while first < count:
             last = min(first + room, count)
@@ -174,7 +177,7 @@ class Paths(Call):
             run = self.query.run_growing(last - first, each, ends_of(growths, first, last, True))
             answer = yield run, poses, rows
             if is_short and positions is not None and answer.beyond_limits:  # of all waypoints
-                violations = self._violations(positions)
+                violations = self._violations(path, positions)
             if answer.all_free():
                 first, room = last, min(2 * room, _MOST_MOTIONS)
                 continue
@@ -207,11 +210,12 @@ class Paths(Call):
             poses, growths = meanwhile_of(query.meanwhile, knots, curves.shape[1])
         return (poses, curves), len(curves), curves.shape[1], growths
 
-    def _violations(self, positions: np.ndarray) -> tuple[LimitViolation, ...]:
+    def _violations(self, path: Any, positions: np.ndarray) -> tuple[LimitViolation, ...]:
         joints = self.query.joints
-        if joints is not None and positions.ndim == 3:
+        if joints is not None and isinstance(path, Trajectory):
             return curves_beyond_limits(positions, joints)
-        beyond = None if joints is None else beyond_limits(positions, joints, "path")
+        waypoints = positions if positions.ndim == 2 else positions_of(path, self.query.joint_count, "path")
+        beyond = None if joints is None else beyond_limits(waypoints, joints, "path")
         return () if beyond is None else beyond.first_of_each_joint()
 
 

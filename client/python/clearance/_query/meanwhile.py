@@ -23,6 +23,8 @@ class BodyPath:
     def __init__(self, poses: Any, times: Any = None, radius: float = 0.0, growth: float = 0.0):
         """The body moves straight from pose to pose and turns the shorter way; before and after `times` it stays.
 
+        Seconds are those of a Trajectory. Other paths take a second for each motion, and in motions() each begins at 0.
+
         poses: one pose of a body that stays; or (P, 7) or (P, 4, 4); or (K, D + 1, 7) Bezier control poses.
         times: (P,) seconds, ascending; those between must be times at which segments of the path begin. By default,
             two poses are those at the beginning and the end of the path, and more are those at its waypoints.

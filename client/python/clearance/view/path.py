@@ -52,7 +52,7 @@ def read_path(file: Path) -> Trajectory:
         if len(rows) < 2:
             raise ValueError(f"expected a line of joint names and two waypoints or more, got {len(rows)}")
         return Trajectory.linear(np.arange(float(len(rows))), np.array(rows, dtype=np.float64), names)
-    except (ValueError, AttributeError) as error:
+    except (ValueError, AttributeError, TypeError, LookupError) as error:
         raise ValueError(f"{file}: {error}") from error
 
 
