@@ -202,11 +202,27 @@ void CoverPlanBuilder::add_to_row(std::uint32_t k) {
 }
 
 // Columns of the kernel.
+// Leaves pairs that the query lists before to the exact engine: a body and an obstacle have one cell.
+void CoverPlanBuilder::leave_repeats(std::size_t columns) {
+  std::vector<std::uint8_t> is_taken(columns * out_->obstacles_.size());
+  std::vector<std::uint64_t>& unknown = out_->unknown_;
+  const std::size_t before = unknown.size();
+  std::erase_if(obstacle_pairs_, [&](const ObstaclePair& p) {
+    std::uint8_t& taken = is_taken[p.obstacle * columns + p.body];
+    if (taken) unknown.push_back(p.position);
+    return std::exchange(taken, 1) != 0;
+  });
+  if (unknown.size() == before) return;
+  std::ranges::sort(unknown);
+  unknown.erase(std::unique(unknown.begin(), unknown.end()), unknown.end());
+}
+
 void CoverPlanBuilder::finish() {
   CoverPlan& out = *out_;
   sort_obstacles();
   const std::size_t columns = (out.bodies_.size() + kColumns - 1) / kColumns * kColumns,
                     cells = columns * out.obstacles_.size();
+  leave_repeats(columns);
   for (auto* of_columns : {&out.root_x_, &out.root_y_, &out.root_z_}) of_columns->assign(columns, 0);
   for (auto* radii : {&out.moved_root_outer_, &out.moved_root_inner_}) radii->assign(columns, -kNever);
   for (std::size_t i = 0; i < out.bodies_.size(); ++i)

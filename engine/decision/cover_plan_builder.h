@@ -84,6 +84,7 @@ class CoverPlanBuilder {
   void divide_obstacles(std::span<std::uint32_t> order, std::uint32_t first);
   void bound_nodes();
   void add_to_row(std::uint32_t pair);
+  void leave_repeats(std::size_t columns);
   void finish();
   const Cover* cover(std::uint32_t slot) const { return out_->covers_[slot].get(); }
 

@@ -1,6 +1,7 @@
 #include "engine/evaluate/still_pairs.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 
 namespace clearance {
@@ -28,7 +29,10 @@ std::unique_ptr<StillPairs> StillPairs::find(const engine::Scene& scene, const P
 
 StillPairs::StillPairs(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options,
                        std::span<const Aabb> boxes, std::span<const std::uint64_t> positions)
-    : decides_(plan.query.reduce == Reduce::kAny), placement_(scene, plan, boxes), evaluator_(scene, options) {
+    : decides_(plan.query.reduce == Reduce::kAny),
+      finds_least_(plan.query.reduce == Reduce::kMin),
+      placement_(scene, plan, boxes),
+      evaluator_(scene, options) {
   find_near(scene, plan, positions);
   for (const std::uint64_t p : near_) {
     const double margin = plan.margins.of(p), most = plan.query.max_distance;
@@ -68,6 +72,7 @@ bool StillPairs::advance(WorkMeter& meter) {
     const bool overlaps = answers_[i].status == Status::kOverlap;
     bounds_[i].upper = overlaps ? 0 : std::max(answers_[i].upper, std::numeric_limits<double>::min());
   }
+  if (!finds_least_) std::erase_if(bounds_, [](const StillBounds& b) { return std::isinf(b.upper); });
   const auto before = [](const StillBounds& a, const StillBounds& b) { return a.position < b.position; };
   std::sort(bounds_.begin(), bounds_.end(), before);
   for (const StillBounds& b : bounds_) known_.push_back(b.position);

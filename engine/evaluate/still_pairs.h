@@ -32,7 +32,7 @@ class StillPairs {
   bool advance(WorkMeter& meter);
   bool is_done() const { return is_done_; }
   /// Positions of the pairs that need no further evaluation, ascending, once all are evaluated: of a decision those
-  /// beyond their margins, of distances those of bounds().
+  /// beyond their margins, of distances those of bounds(): without an upper bound only for the least distance of all.
   std::span<const std::uint64_t> known() const { return known_; }
   /// Bounds for distances, in the order of known().
   std::span<const StillBounds> bounds() const { return bounds_; }
@@ -44,7 +44,7 @@ class StillPairs {
              std::span<const std::uint64_t> positions);
   void find_near(const engine::Scene& scene, const Plan& plan, std::span<const std::uint64_t> positions);
 
-  const bool decides_;
+  const bool decides_, finds_least_;
   const BodyPoses placement_;
   Evaluator evaluator_;
   std::vector<std::uint64_t> near_, known_;  // positions

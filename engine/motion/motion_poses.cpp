@@ -59,8 +59,9 @@ void MotionPoses::take_given(std::size_t k) {
     Pose& X = poses_[k * plan_.bodies.size() + i];
     X = moving.given[i].at(instants_[k].time());
     if (moving.curves.empty() || !moving.given[i].is_good()) continue;
-    const JointSpan* const at = &span_.joints()[plan_.joints.size() + 3 * i];
-    X.translation = {at[0].middle, at[1].middle, at[2].middle};
+    const JointCurve* const by = &moving.curves[plan_.joints.size() + 3 * i];
+    const double time = instants_[k].time();
+    X.translation = {by[0].at(time), by[1].at(time), by[2].at(time)};
   }
 }
 

@@ -157,7 +157,7 @@ bool CoverBounds::answers(const DistanceBounds& bounds, PairAnswer& answer) cons
 
 void CoverBounds::to_tolerance(PairAnswer& answer) const {
   if (std::isnan(answer.distance)) return;
-  if (answer.status == Status::kBeyond && !(answer.lower > plan_.query.max_distance)) {
+  if (answer.status == Status::kBeyond && answer.lower < kInf && !(answer.lower > plan_.query.max_distance)) {
     answer.status = Status::kUnconverged;
     answer.distance = answer.upper;
   }

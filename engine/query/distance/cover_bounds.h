@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 #include <span>
 #include <vector>
 
@@ -41,6 +42,8 @@ class CoverBounds {
   const PairGroups& groups() const { return groups_; }
   /// Whether the exact engine has a narrower tolerance than the query, so that its rows need to_tolerance().
   bool is_wide() const { return wide_; }
+  /// Whether all requested columns follow from bounds that are wide enough.
+  bool writes_rows() const { return writes_rows_; }
   /// Tolerance of the exact engine.
   Tolerance exact_tolerance() const;
   /// Takes the covers of the plan, which must outlive their use, and bounds of pairs that stay.
@@ -61,7 +64,8 @@ class CoverBounds {
 
  private:
   bool is_narrow_enough(double lower, double upper) const {
-    return is_narrow(upper - lower, upper, plan_.query.abs_tol, plan_.query.rel_tol);
+    return upper < std::numeric_limits<double>::infinity() &&
+           is_narrow(upper - lower, upper, plan_.query.abs_tol, plan_.query.rel_tol);
   }
   void set_limits();
 

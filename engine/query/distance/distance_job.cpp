@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 #include <limits>
 #include <utility>
@@ -56,6 +57,8 @@ class DistanceJob final : public CoveredJob {
     double lower;            // of the pairs laid aside
     std::uint64_t lower_at;  // position
     bool is_left;
+    double upper = kInf;         // by covers, if their bounds are enough for all columns
+    std::uint64_t upper_at = 0;  // position
   };
   struct Room {
     CoverBounds::Room bounds{};
@@ -144,8 +147,11 @@ class DistanceJob final : public CoveredJob {
       return {kInf, 0, true};
     }
     for (std::uint32_t i = bounds.left_begin; i < bounds.left_end; ++i) pairs.push_back(room.bounds.left[i].position);
+    assert(bounds.upper_at < plan_.pairs.size());
     pairs.push_back(bounds.upper_at);
-    return {bounds_.is_wide() ? bounds.lower : kInf, bounds.lower_at, true};
+    LeftGroup left{bounds_.is_wide() ? bounds.lower : kInf, bounds.lower_at, true};
+    if (bounds_.writes_rows()) left.upper = bounds.upper, left.upper_at = bounds.upper_at;
+    return left;
   }
 
   void write_exact(const ExactState& state, int worker) override {
@@ -159,6 +165,10 @@ class DistanceJob final : public CoveredJob {
         if (bounds_.is_wide() && group.lower < row.answer.lower && !std::isnan(row.answer.distance)) {
           row.answer.lower = group.lower;
           row.pair_lower = plan_.pairs.at(group.lower_at);
+          if (group.upper < row.answer.upper && std::isinf(row.answer.upper)) {  // of pairs beyond max_distance
+            row.answer.upper = group.upper;
+            row.pair = plan_.pairs.at(group.upper_at);
+          }
         }
       }
       if (bounds_.is_wide()) bounds_.to_tolerance(row.answer);
