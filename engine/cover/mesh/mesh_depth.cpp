@@ -51,8 +51,8 @@ std::array<double, 3> nearest_weights(const std::array<Vec3d, 3>& t, const Vec3d
   return {std::max(1 - v - w, 0.0), v, w};
 }
 
-/// Search for the triangle, or the point of a cloud, nearest to a point. Any point of a triangle gives a valid upper bound, and any direction to it
-/// a lower one.
+/// Search for the triangle, or the point of a cloud, nearest to a point. Any point of a triangle gives a valid upper
+/// bound, and any direction to it a lower one.
 class DepthSearch {
  public:
   DepthSearch(const Surface& surface, const Vec3d& p, std::uint32_t& near)

@@ -73,8 +73,8 @@ struct ObstacleBox {
   std::array<float, 3> at, half;
 };
 
-/// Constants of a query. Bodies are in columns of a multiple of kColumns; `grow` and `shrink`, by (obstacle, body), are added
-/// to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
+/// Constants of a query. Bodies are in columns of a multiple of kColumns; `grow` and `shrink`, by (obstacle, body), are
+/// added to a ball's outer and inner radius: a pair is beyond its margin if an obstacle's gap exceeds outer + grow for every
 /// ball of a complete cut, and within its margin if a gap is below inner + shrink for one ball.
 struct DecisionView {
   const DecidedBody* bodies;
