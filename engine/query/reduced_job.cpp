@@ -106,12 +106,12 @@ class ReducedJob final : public ParallelJob {
     return true;
   }
 
-  // Counts rows, and lists those that the reply has room for. They must stay where they are until write_listed().
+  // Counts rows, and lists those that fit into the reply. They must stay where they are until write_listed().
   void list(const std::vector<Row>& rows) {
     is_listed_ = true;
     info.total += rows.size();
-    const std::uint64_t room = plan_.size.rows - written_ - listed_.size();
-    for (std::size_t i = 0; i < rows.size() && i < room; ++i) listed_.push_back(&rows[i]);
+    const std::uint64_t most = plan_.size.rows - written_ - listed_.size();
+    for (std::size_t i = 0; i < rows.size() && i < most; ++i) listed_.push_back(&rows[i]);
   }
 
   // Writes the listed rows. Second derivatives are computed here, so that no row is kept with them. Returns false if
