@@ -333,6 +333,11 @@ TEST(Wire, APlansPartsLieInItsMemory) {
             "plan: columns[1] is none of 8 bytes a row of the field " + std::to_string(kFieldUpper));
   EXPECT_EQ(rejection([](auto& h, auto&) { h.fields = kFieldLower; }), "plan: 2 columns, and fields of 1");
   EXPECT_EQ(rejection([](auto& h, auto&) { h.fields |= 1u << 31; }), "plan: fields has unknown bits: 2147483648");
+  const auto wide = [](auto& h, auto&) {
+    h.fields = kFieldHessianJoints;
+    h.joint_count = 1u << 31;
+  };
+  EXPECT_EQ(rejection(wide), "plan: a row of 2147483648 x 2147483648 numbers is too large");
 }
 
 TEST(Wire, TooLargeQueriesAreRefusedBeforeTheyAreBuilt) {
