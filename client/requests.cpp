@@ -46,14 +46,10 @@ std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const I
     const bool selectors =
         std::any_of(pairs.begin(), pairs.end(), [](const IdPair& p) { return (p[0] | p[1]) & kGroupBit; });
     if (!scene && (q.all_pairs || selectors || reduce == Reduce::kNearest)) return 0;
-    if (reduce == Reduce::kNearest)
-      rows *= k ? std::uint64_t{k} : scene->bodies.size();
-    else if (q.all_pairs)
-      rows *= scene->pair_count;
-    else if (!selectors)
-      rows *= pairs.size();
-    else
-      rows *= Wide(scene->pair_count) * pairs.size();  // each selector pair expands to enabled pairs
+    Wide each = q.all_pairs ? scene->pair_count : pairs.size();
+    if (selectors) each *= scene->pair_count;  // each selector pair expands to enabled pairs
+    if (reduce == Reduce::kNearest) each = k ? std::min<Wide>(k, each) : scene->bodies.size();
+    rows *= each;
     if (reduce == Reduce::kWithin) rows = std::min<Wide>(rows, q.max_results);
   }
   std::uint32_t fields = q.fields;

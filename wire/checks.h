@@ -76,6 +76,12 @@ void expect_name(const char (&name)[N], const char* what, std::uint64_t index) {
   if (strnlen(name, N) == N) bad_frame(std::string(what) + "[" + str(index) + "]: the name does not end");
 }
 
+/// Checks that a row by pairs of joints fits into the largest payload; the sizes of larger ones do not fit 64 bits.
+inline void expect_width(const char* what, std::uint32_t fields, std::uint32_t joints) {
+  if ((fields & kFieldHessianJoints) && Wide(joints) * joints > kMaxPayloadBytes / 8)
+    bad_frame(std::string(what) + ": a row of " + str(joints) + " x " + str(joints) + " numbers is too large");
+}
+
 /// Consecutive sections of a payload whose size has been checked.
 class Cursor {
  public:

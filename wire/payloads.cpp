@@ -58,6 +58,7 @@ ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std:
   });
   if (!(header.fields & kJointFields) != !width)
     bad_frame("reply: columns by joints and the record of how many joints they have come together");
+  expect_width("reply", header.fields, width);
   expect_size(
       "reply", [&] { return str(header.rows) + " rows"; },
       sizeof(ReplyHeader) + columns_wide(header.rows, header.fields, width), payload.size());

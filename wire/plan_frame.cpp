@@ -26,6 +26,7 @@ PlanParts parse_plan(std::span<const std::byte> payload) {
   expect_zero(h.reserved, "plan");
   if (h.plan == 0) bad_frame("plan: its number is 0");
   if (h.fields & ~kKnownFields) bad_frame("plan: fields has unknown bits: " + str(h.fields & ~kKnownFields));
+  expect_width("plan", h.fields, h.joint_count);
   std::uint64_t end = 0;
   if (h.body_count)
     expect_inside("poses", h.poses_offset, Wide(h.configurations) * h.body_count * sizeof(ConfigurationRecord),

@@ -41,7 +41,7 @@ enum class Precision : std::uint8_t { kF64 = 0, kF32 = 1 };
 enum class Reduce : std::uint8_t {
   kNone = 0,     ///< one row per configuration and pair
   kWithin = 1,   ///< sparse: only pairs not proved farther than max_distance, up to max_results, with the total
-  kNearest = 2,  ///< one row per configuration and body
+  kNearest = 2,  ///< one row per configuration and body; with k, one for each of the k nearest pairs, or of all
   kMin = 3,      ///< one row per configuration
   kAny = 4,      ///< one row per configuration: kBeyond if every pair is proved farther than its margin, otherwise a
                  ///< pair proved within its margin (kOk, kContact, kOverlap) or, failing that, an undecided pair
@@ -94,7 +94,7 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1,  2, 24, 24, 24, 8, 96, 8, 4, 24,
                                                            8, 8, 8, 16, 4, 8,  8,  1,  8, 8,  8, 8};
 /// Bytes of one row of a column.
-/// \param joints number of the query's joints
+/// \param joints number of the query's joints; from a frame, only if wire::expect_width() has passed
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {
   const bool by_joint = (1u << bit) == kFieldGradientJoints, by_two = (1u << bit) == kFieldHessianJoints;
   return kFieldBytes[bit] * (by_two ? joints * joints : by_joint ? joints : 1);

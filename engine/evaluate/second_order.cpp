@@ -29,6 +29,14 @@ namespace {
 
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
+// For units of work.
+constexpr std::uint64_t kScans = 16;  // of the vertices of two parts, until their features are found
+constexpr std::uint64_t kVerticesPerUnit = 64, kTermsPerUnit = 64, kBallsPerUnit = 16;
+
+std::uint64_t units_of_features(const ConvexPart& a, const ConvexPart& b) {
+  return kScans * (1 + (a.vertices.size() + b.vertices.size()) / kVerticesPerUnit);
+}
+
 // Lower bound on the distance of two placed parts from balls around their vertices.
 double ball_gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
   if (a.primitive || b.primitive) return 0;
@@ -38,16 +46,19 @@ double ball_gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart&
 
 // Lowers the radius to that over which no other two parts of the bodies become the nearest.
 double radius_among_parts(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
-                          const PairAnswer& answer, double distance, double radius) {
+                          const PairAnswer& answer, double distance, double radius, WorkMeter& meter) {
   NarrowLimits limits;
+  WorkMeter narrow;
+  meter.count(std::uint64_t{a.parts.size()} * b.parts.size() / kBallsPerUnit);
   for (std::uint32_t i = 0; i < a.parts.size(); ++i)
     for (std::uint32_t j = 0; j < b.parts.size(); ++j) {
       if (i == answer.part_a && j == answer.part_b) continue;
       if (ball_gap(*a.parts[i], pose_a, *b.parts[j], pose_b) - distance >= 2 * radius) continue;
       limits.max_distance = distance + 2 * radius;
-      const NarrowAnswer other = narrow_phase(*a.parts[i], pose_a, *b.parts[j], pose_b, limits);
+      const NarrowAnswer other = narrow_phase(*a.parts[i], pose_a, *b.parts[j], pose_b, limits, nullptr, &narrow);
       if (!other.beyond) radius = std::clamp((other.bounds.lower - distance) / 2, 0.0, radius);
     }
+  meter.count(narrow.spent());
   return radius;
 }
 
@@ -128,7 +139,8 @@ void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::ui
 }
 
 // Adds the second derivatives by all pairs of movers.
-void SecondOrder::combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row) const {
+void SecondOrder::combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row,
+                          WorkMeter& meter) const {
   struct Term {
     FeaturePair::Term term;
     const PairMover* mover;
@@ -141,6 +153,7 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
       const FeatureMotion motion{side ? still : m.spin, side ? m.spin : still, m.shift * chains.side[side].sign};
       terms.push_back({features.term(motion), &m, side});
     }
+  meter.count(terms.size() * terms.size() / kTermsPerUnit);
   const std::size_t joints = plan_.joints.size();
   double* const hessian = row.hessian_joints.empty() ? nullptr : row.hessian_joints.data();
   double curvature = 0;
@@ -160,11 +173,12 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
 }
 
 SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
-                                const PairAnswer& answer) const {
+                                const PairAnswer& answer, WorkMeter& meter) const {
   SecondOrderRow row;
   const std::size_t n = scene_.bodies().size(), joints = plan_.joints.size();
   const bool wants_hessian = (plan_.size.fields & kFieldHessianJoints) != 0;
   if (wants_hessian) row.hessian_joints.assign(joints * joints, kNan);
+  meter.count(1 + row.hessian_joints.size() / kTermsPerUnit);
   if (pair.a >= n || pair.b >= n || std::isnan(answer.point_a.x) || std::isnan(answer.normal.x)) return row;
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
   const PoseMatrix &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
@@ -179,16 +193,18 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
   const WitnessPoints start{answer.point_a - answer.normal * part_a.radius,
                             answer.point_b + answer.normal * part_b.radius + (pose_b.t_w - pose_a.t_w)};
   const bool wants_radius = (plan_.size.fields & kFieldSmoothRadius) != 0;
+  meter.count(units_of_features(part_a, part_b));
   const auto features = FeaturePair::find(part_a, pose_a, part_b, pose_b, start, answer.normal, wants_radius);
   if (!features) return row;
   find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
               chains);
   row.rate = rate_of(chains.side, features->normal());
   if (wants_hessian) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
-  combine(*features, chains, row);
+  combine(*features, chains, row, meter);
   if (!wants_radius) return row;
-  row.smooth_radius = radius_among_parts(
-      a, pose_a, b, pose_b, answer, features->distance() - part_a.radius - part_b.radius, features->smooth_radius());
+  row.smooth_radius =
+      radius_among_parts(a, pose_a, b, pose_b, answer, features->distance() - part_a.radius - part_b.radius,
+                         features->smooth_radius(), meter);
   return row;
 }
 

@@ -5,6 +5,7 @@
 #include <vector>
 
 #include "engine/evaluate/joint_gradient.h"
+#include "engine/narrow/work_meter.h"
 #include "engine/selection/columns.h"
 
 namespace clearance {
@@ -18,15 +19,16 @@ class SecondOrder {
   /// \param scene, plan outlive this.
   SecondOrder(const engine::Scene& scene, const Plan& plan);
 
-  SecondOrderRow row(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
-                     const PairAnswer& answer) const;
+  /// \param meter counts the row's work, which is not divided
+  SecondOrderRow row(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration, const PairAnswer& answer,
+                     WorkMeter& meter) const;
 
  private:
   struct Chains;
   void find_way(std::uint32_t body, std::vector<std::uint32_t>& way) const;
   void find_chains(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration, const Vec3d& point_a,
                    const Vec3d& point_b, Chains& chains) const;
-  void combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row) const;
+  void combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row, WorkMeter& meter) const;
 
   const engine::Scene& scene_;
   const Plan& plan_;

@@ -109,7 +109,8 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
       meter.count(1 + count / kStatesPerUnit);
       if (!share.block.has_begun()) return true;
     } else {
-      share.block.begin(placements(worker, begin, count), begin);
+      share.placed = placements(worker, begin, count);
+      share.block.begin(share.placed, begin);
       share.all.resize(count);
       std::iota(share.all.begin(), share.all.end(), begin);
     }
@@ -121,9 +122,9 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
   const auto pairs = share.left.pairs();
   for (std::size_t i = 0; i < left.size(); ++i) {
     if (covers_)
-      write_exact({left[i], i, pairs[i], share.rows[i]}, worker);
+      write_exact({left[i], i, pairs[i], share.rows[i], share.placed[i], meter}, worker);
     else
-      write_exact({left[i], kNone, {}, share.rows[i]}, worker);
+      write_exact({left[i], kNone, {}, share.rows[i], share.placed[i], meter}, worker);
   }
   return true;
 }
@@ -135,7 +136,8 @@ void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64
   const std::span<const std::uint64_t> left = share.left.configurations();
   if (left.empty()) return;
   const auto pairs = share.left.pairs();
-  share.block.begin(worker_poses(worker).at(left, pairs), left, pairs);
+  share.placed = worker_poses(worker).at(left, pairs);
+  share.block.begin(share.placed, left, pairs);
 }
 
 void CoveredJob::answer_by_poses(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,

@@ -68,6 +68,8 @@ class CoveredJob : public ParallelJob {
     std::size_t index;                     ///< in `left`, or kNone without covers
     std::span<const std::uint64_t> pairs;  ///< positions of the pairs left; empty without covers
     std::vector<Row>& rows;                ///< of its reduction
+    const BodyPoses& placement;
+    WorkMeter& meter;
   };
   /// Writes its rows; by default there is one.
   virtual void write_exact(const ExactState& state, int worker);
@@ -89,6 +91,7 @@ class CoveredJob : public ParallelJob {
     explicit Worker(ConfigurationBlock&& of) : block(std::move(of)) {}
 
     ConfigurationBlock block;
+    std::span<const BodyPoses> placed;  // that the block reduces
     std::vector<std::uint8_t> usable;
     std::vector<Pose> poses;  // of a block, if the query gives some
     LeftStates left;

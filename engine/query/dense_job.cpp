@@ -108,7 +108,7 @@ class DenseJob final : public ParallelJob {
         evaluator.begin(scratch.to_evaluate, scratch.answers);
       }
       if (!evaluator.advance(meter)) return false;
-      write_block(scratch, first);
+      write_block(scratch, first, meter);
       scratch.is_evaluating = false;
       scratch.next += step;
       if (scratch.next < end && meter.is_over()) return false;
@@ -118,12 +118,12 @@ class DenseJob final : public ParallelJob {
   }
 
   // Writes the rows of a block.
-  void write_block(const WorkerScratch& scratch, std::uint64_t first) {
+  void write_block(const WorkerScratch& scratch, std::uint64_t first, WorkMeter& meter) {
     std::uint64_t evaluated = 0;
     for (std::size_t i = 0; i < scratch.to_evaluate.size(); ++i) {
       const auto [k, at] = scratch.places[i];
       write((first + k) * plan_.size.pairs + scratch.next + at, static_cast<std::uint32_t>(first + k),
-            scratch.to_evaluate[i], scratch.answers[i]);
+            scratch.to_evaluate[i], scratch.answers[i], meter);
       evaluated += reached_narrow_phase(scratch.answers[i]);
     }
     evaluated_.fetch_add(evaluated, std::memory_order_relaxed);

@@ -20,8 +20,7 @@ class NearestPairsJob final : public ParallelJob {
   bool go_on(WorkMeter& slice) override {
     const bool done =
         run_units(next_, plan_.size.configurations, slice, [&](std::uint64_t k, int worker, WorkMeter& meter) {
-          answer(k, scratch_[static_cast<std::size_t>(worker)], placement(worker, k), meter);
-          return true;
+          return answer(k, scratch_[static_cast<std::size_t>(worker)], placement(worker, k), meter);
         });
     if (done) {
       info.rows = info.total = plan_.size.rows;
@@ -46,16 +45,22 @@ class NearestPairsJob final : public ParallelJob {
     Scratch(const engine::Scene& scene, const EvaluateOptions& options) : evaluator(scene, options) {}
 
     Evaluator evaluator;
-    std::vector<BodyPair> pairs;
+    bool has_begun = false, is_evaluating = false;
+    std::size_t next = 0;       // in `order`
+    std::uint64_t written = 0;  // rows
+    std::vector<BodyPair> storage;
+    std::span<const BodyPair> pairs;                      // all
     std::vector<std::pair<double, std::uint64_t>> order;  // gap of the boxes, place
     std::vector<PlacedBodies> to_evaluate;
     std::vector<PairAnswer> answers;
     std::vector<Candidate> nearest;
   };
-  static constexpr std::size_t kAtATime = 32;  // pairs, which fill the lanes
+  static constexpr std::size_t kAtATime = 32;        // pairs, which fill the lanes
+  static constexpr std::size_t kSortedPerUnit = 16;  // of work
 
   // Orders all pairs by the gaps of their boxes, those without usable poses first.
-  void order_pairs(Scratch& s, std::span<const BodyPair> pairs, const BodyPoses& here) {
+  void order_pairs(Scratch& s, const BodyPoses& here, WorkMeter& meter) {
+    const std::span<const BodyPair> pairs = s.pairs;
     s.order.clear();
     const auto is_placed = [&](std::uint32_t body) {
       return body < scene().bodies().size() && here[body].status == Status::kOk;
@@ -64,6 +69,7 @@ class NearestPairsJob final : public ParallelJob {
       s.order.emplace_back(
           is_placed(pairs[i].a) && is_placed(pairs[i].b) ? box_gap(scene(), here, pairs[i]) : -__builtin_inf(), i);
     std::sort(s.order.begin(), s.order.end());
+    meter.count(pairs.size() / kSortedPerUnit);
   }
 
   // Upper bound that a further pair must beat: that of the last row so far.
@@ -72,40 +78,65 @@ class NearestPairsJob final : public ParallelJob {
     return s.nearest.size() < rows_ ? most : std::min(most, s.nearest.back().rank.upper);
   }
 
-  void evaluate(Scratch& s, std::span<const std::pair<double, std::uint64_t>> some, std::span<const BodyPair> pairs,
-                const BodyPoses& here) {
-    s.to_evaluate.clear();
+  bool is_left(const Scratch& s) const {
+    return s.next < s.order.size() && (s.order[s.next].first <= cut_off(s) || s.nearest.size() < rows_);
+  }
+
+  // Begins to evaluate the next pairs.
+  void begin_some(Scratch& s, const BodyPoses& here) {
+    const std::size_t some = std::min({s.order.size() - s.next, kAtATime, std::max<std::size_t>(rows_, 8)});
     const double most = cut_off(s);
-    for (const auto& [gap, place] : some) s.to_evaluate.push_back({pairs[place], &here, most});
-    s.answers.resize(some.size());
-    s.evaluator.run(s.to_evaluate, s.answers);
-    for (std::size_t i = 0; i < some.size(); ++i) {
+    s.to_evaluate.clear();
+    for (std::size_t i = 0; i < some; ++i) s.to_evaluate.push_back({s.pairs[s.order[s.next + i].second], &here, most});
+    s.answers.resize(some);
+    s.evaluator.begin(s.to_evaluate, s.answers);
+    s.is_evaluating = true;
+  }
+
+  // Takes in their answers.
+  void take_some(Scratch& s, WorkMeter& meter) {
+    const double most = cut_off(s);
+    for (std::size_t i = 0; i < s.answers.size(); ++i) {
       const PairAnswer& answer = s.answers[i];
+      const std::uint64_t place = s.order[s.next + i].second;
       evaluated_.fetch_add(reached_narrow_phase(answer), std::memory_order_relaxed);
       if (answer.status == Status::kBeyond && most < plan_.query.max_distance) continue;
       const double upper = std::isnan(answer.distance) ? -__builtin_inf() : answer.upper;
-      s.nearest.push_back({rank_of(answer.lower, upper, some[i].second), answer, pairs[some[i].second]});
+      s.nearest.push_back({rank_of(answer.lower, upper, place), answer, s.pairs[place]});
     }
     std::sort(s.nearest.begin(), s.nearest.end(),
               [](const Candidate& p, const Candidate& q) { return p.rank < q.rank; });
+    meter.count(s.nearest.size() / kSortedPerUnit);
     if (s.nearest.size() > rows_) s.nearest.resize(rows_);
+    s.next += s.answers.size();
+    s.is_evaluating = false;
   }
 
-  void answer(std::uint64_t k, Scratch& s, const BodyPoses& here, WorkMeter& meter) {
-    const std::span<const BodyPair> pairs = plan_.pairs.slice(0, plan_.size.pairs, s.pairs);
-    order_pairs(s, pairs, here);
-    s.nearest.clear();
-    const std::span<const std::pair<double, std::uint64_t>> order = s.order;
-    for (std::size_t i = 0; i < order.size() && (order[i].first <= cut_off(s) || s.nearest.size() < rows_);) {
-      const std::size_t some = std::min({order.size() - i, kAtATime, std::max<std::size_t>(rows_, 8)});
-      evaluate(s, order.subspan(i, some), pairs, here);
-      meter.count(some);
-      i += some;
+  // Returns false if the slice ended before the rows of configuration k were written.
+  bool answer(std::uint64_t k, Scratch& s, const BodyPoses& here, WorkMeter& meter) {
+    if (!s.has_begun) {
+      s.has_begun = true;
+      s.next = s.written = 0;
+      s.nearest.clear();
+      s.pairs = plan_.pairs.slice(0, plan_.size.pairs, s.storage);
+      order_pairs(s, here, meter);
     }
-    std::sort(s.nearest.begin(), s.nearest.end(),
-              [](const Candidate& p, const Candidate& q) { return p.rank.place < q.rank.place; });
-    for (std::uint64_t r = 0; r < rows_; ++r)
-      write(k * rows_ + r, static_cast<std::uint32_t>(k), {s.nearest[r].pair, &here, 0}, s.nearest[r].answer);
+    while (s.is_evaluating || is_left(s)) {
+      if (!s.is_evaluating) begin_some(s, here);
+      if (!s.evaluator.advance(meter)) return false;
+      take_some(s, meter);
+      if (meter.is_over()) return false;
+    }
+    if (s.written == 0)
+      std::sort(s.nearest.begin(), s.nearest.end(),
+                [](const Candidate& p, const Candidate& q) { return p.rank.place < q.rank.place; });
+    while (s.written < rows_) {
+      const Candidate& row = s.nearest[s.written];
+      write(k * rows_ + s.written, static_cast<std::uint32_t>(k), {row.pair, &here, 0}, row.answer, meter);
+      if (++s.written < rows_ && meter.is_over()) return false;
+    }
+    s.has_begun = false;
+    return true;
   }
 
   std::uint64_t rows_;            // of a configuration

@@ -58,7 +58,8 @@ class ParallelJob : public Job::State {
   }
 
   /// Writes the answer of a pair in one configuration into row `index`.
-  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& bodies, const PairAnswer& answer) {
+  void write(std::uint64_t index, std::uint32_t configuration, const PlacedBodies& bodies, const PairAnswer& answer,
+             WorkMeter& meter) {
     assert(index < plan_.size.rows);
     static constexpr Vec3d kNoOrigin{0, 0, 0};
     const BodyPair pair = bodies.pair;
@@ -68,7 +69,7 @@ class ParallelJob : public Job::State {
               pair.b < n ? here[pair.b].pose.t_w : kNoOrigin);
     if (reply_.gradient_joints)
       joint_gradient_->write(here, pair, answer, reply_.gradient_joints + index * reply_.joints);
-    if (second_order_) write_second_order(reply_, index, second_order_->row(here, pair, configuration, answer));
+    if (second_order_) write_second_order(reply_, index, second_order_->row(here, pair, configuration, answer, meter));
   }
 
   /// UnitRunner::run().

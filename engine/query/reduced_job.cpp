@@ -53,14 +53,17 @@ class ReducedJob final : public ParallelJob {
     const std::uint64_t most = std::max<std::uint64_t>(block_, 64) / block_ * block_ * blocks_.size();
     while (true) {
       if (batch_rows_.empty()) batch_rows_.resize(std::min<std::uint64_t>(count - first_, most));
-      const bool batch_done =
-          run_units(next_, (batch_rows_.size() + block_ - 1) / block_, slice,
-                    [&](std::uint64_t i, int worker, WorkMeter& meter) { return reduce(i, worker, meter); });
-      if (!batch_done) return false;
-      for (const auto& rows : batch_rows_) write(rows);
+      if (!is_listed_) {
+        const bool batch_done =
+            run_units(next_, (batch_rows_.size() + block_ - 1) / block_, slice,
+                      [&](std::uint64_t i, int worker, WorkMeter& meter) { return reduce(i, worker, meter); });
+        if (!batch_done) return false;
+        next_ = 0;
+        for (const auto& rows : batch_rows_) list(rows);
+      }
+      if (!write_listed(slice)) return false;
       first_ += batch_rows_.size();
       batch_rows_.clear();
-      next_ = 0;
       info.pairs_evaluated = evaluated_;
       if (first_ == count) return true;
       if (slice.is_over()) return false;
@@ -91,8 +94,11 @@ class ReducedJob final : public ParallelJob {
             !r.worth_threads(context_.light));
         if (!stage_done) return false;
       }
-      r.take_rows(static_cast<std::uint32_t>(first_), placement(0, first_), rows_);
-      write(rows_);
+      if (!is_listed_) {
+        r.take_rows(static_cast<std::uint32_t>(first_), placement(0, first_), rows_);
+        list(rows_);
+      }
+      if (!write_listed(slice)) return false;
       info.pairs_evaluated += r.evaluated();
       begun_ = false;
       if (++first_ < plan_.size.configurations && slice.is_over()) return false;
@@ -100,11 +106,36 @@ class ReducedJob final : public ParallelJob {
     return true;
   }
 
-  void write(const std::vector<Row>& rows) {
-    for (const Row& row : rows) {
-      ++info.total;
-      if (written_ < plan_.size.rows) write_row(reply_, written_++, row);
+  // Counts rows, and lists those that fit into the reply. They must stay where they are until write_listed().
+  void list(const std::vector<Row>& rows) {
+    is_listed_ = true;
+    info.total += rows.size();
+    const std::uint64_t most = plan_.size.rows - written_ - listed_.size();
+    for (std::size_t i = 0; i < rows.size() && i < most; ++i) listed_.push_back(&rows[i]);
+  }
+
+  // Writes the listed rows. Second derivatives are computed here, so that no row is kept with them. Returns false if
+  // the slice ended before.
+  bool write_listed(WorkMeter& slice) {
+    const auto write = [&](std::uint64_t i, int worker, WorkMeter& meter) {
+      const Row& row = *listed_[i];
+      write_row(reply_, written_ + i, row);
+      if (options_.second_order)
+        write_second_order(reply_, written_ + i,
+                           options_.second_order->row(placement(worker, row.configuration), row.pair, row.configuration,
+                                                      row.answer, meter));
+      return true;
+    };
+    if (options_.second_order) {
+      if (!run_units(next_, listed_.size(), slice, write)) return false;
+      next_ = 0;
+    } else {
+      for (std::size_t i = 0; i < listed_.size(); ++i) write(i, 0, slice);
     }
+    written_ += listed_.size();
+    listed_.clear();
+    is_listed_ = false;
+    return true;
   }
 
   bool whole_;
@@ -115,9 +146,10 @@ class ReducedJob final : public ParallelJob {
   std::optional<Reduction> reduction_;      // if not whole_
   std::vector<std::vector<Row>> batch_rows_;
   std::vector<Row> rows_;
+  std::vector<const Row*> listed_;  // rows to write
   std::uint64_t first_ = 0, next_ = 0, written_ = 0;
   std::atomic<std::uint64_t> evaluated_{0};
-  bool begun_ = false;
+  bool begun_ = false, is_listed_ = false;
 };
 
 }  // namespace

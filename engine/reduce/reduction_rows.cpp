@@ -5,7 +5,6 @@
 #include <limits>
 
 #include "engine/evaluate/joint_gradient.h"
-#include "engine/evaluate/second_order.h"
 #include "engine/narrow/group.h"
 #include "engine/reduce/reduction.h"
 
@@ -31,7 +30,6 @@ Row Reduction::row_of(BodyPair pair, const PairAnswer& answer, std::uint32_t con
     row.gradient_joints.resize(plan_.joints.size());
     options_.joint_gradient->write(placement, pair, answer, row.gradient_joints.data());
   }
-  if (options_.second_order) row.second = options_.second_order->row(placement, pair, configuration, answer);
   return row;
 }
 

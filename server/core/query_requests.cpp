@@ -19,6 +19,13 @@ constexpr std::uint32_t kMotionEvaluations = 16;
 /// Pairs times moved links of a motion, whose bounds are made before its slice.
 constexpr std::uint64_t kSmallPairLinks = 8192;
 
+/// Queries whose work the numbers of pairs and parts do not bound: the free scale tests for each pair beforehand which
+/// joints move it, the nearest pairs are ordered at once, and a row of second order is not divided.
+bool is_for_workers(const QueryOptions& options) {
+  constexpr std::uint32_t kDear = kFieldFreeScale | (kSecondOrderFields & ~kFieldRate);
+  return options.k > 0 || (options.fields & kDear);
+}
+
 QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {
   return begun + kPairCost * std::min<std::uint64_t>(pairs, 1u << 30);
 }
@@ -64,9 +71,8 @@ void QueryRequests::start(Request& request) {
 /// Begins a query whose poses have arrived.
 void QueryRequests::begin(Request& request, const ClientQuery& query) {
   const auto& [parts, cost, jobs] = query;
-  // The free scale tests for each pair beforehand which joints move it, which is not bounded by the pairs' number.
   const bool is_here = is_small(cost, parts.options) && !context_.has_pose_updates(request.sink->client()) &&
-                       !(parts.options.fields & kFieldFreeScale);
+                       !is_for_workers(parts.options);
   // Counted from now for queries on a worker, so that one ends before the next one of the client.
   auto task = new_query(request, context_.class_for(*request.sink, request.header),
                         due(is_here ? request.received : Clock::now(), cost.pairs));

@@ -165,7 +165,9 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
   std::uint16_t last = 0;
   int in_header = 0;
   for_each_query_option([&](const QueryOption& option, auto member) {
-    const bool has_place = requires(QueryHeader& header) { member(header); };
+    const bool has_place = requires(QueryHeader & header) {
+      member(header);
+    };
     EXPECT_EQ(option.tag == 0, has_place) << option.name;
     in_header += has_place;
     if (!option.tag) return;
@@ -331,6 +333,11 @@ TEST(Wire, APlansPartsLieInItsMemory) {
             "plan: columns[1] is none of 8 bytes a row of the field " + std::to_string(kFieldUpper));
   EXPECT_EQ(rejection([](auto& h, auto&) { h.fields = kFieldLower; }), "plan: 2 columns, and fields of 1");
   EXPECT_EQ(rejection([](auto& h, auto&) { h.fields |= 1u << 31; }), "plan: fields has unknown bits: 2147483648");
+  const auto wide = [](auto& h, auto&) {
+    h.fields = kFieldHessianJoints;
+    h.joint_count = 1u << 31;
+  };
+  EXPECT_EQ(rejection(wide), "plan: a row of 2147483648 x 2147483648 numbers is too large");
 }
 
 TEST(Wire, TooLargeQueriesAreRefusedBeforeTheyAreBuilt) {
@@ -374,6 +381,19 @@ TEST(Wire, AColumnThatDependsOnTheQuerySaysHowWideItIs) {
   const std::uint16_t tag = static_cast<std::uint16_t>(ReplyRecord::kJoints);
   append_record(half, tag, 0, std::as_bytes(std::span(&tag, 1)));
   EXPECT_THROW(parse_reply(payload, half), WireError);
+}
+
+TEST(Wire, ARowByPairsOfJointsFitsAFrame) {
+  // 8 * 2^31 * 2^31 is 0 in 64 bits.
+  for (const std::uint64_t rows : {5, 0}) {
+    Bytes payload = reply_payload(0, kFieldHessianJoints);
+    overwrite(payload, offsetof(ReplyHeader, rows), rows);
+    for (const std::uint32_t joints : {1u << 31, ~0u, 1u << 14})
+      EXPECT_NE(error_of([&] { parse_reply(payload, joints_record(joints)); }, ErrorCode::kBadFrame).find("too large"),
+                std::string::npos)
+          << joints;
+  }
+  EXPECT_EQ(parse_reply(reply_payload(0, kFieldHessianJoints), joints_record(1u << 13)).rows, 0u);
 }
 
 }  // namespace

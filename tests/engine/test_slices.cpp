@@ -31,6 +31,15 @@ engine::Scene heaps(int bodies, int parts) {
   return scene;
 }
 
+/// All columns, from where they are aligned.
+std::vector<std::byte> columns_of(Answer& a) {
+  void* begin = a.memory.data();
+  std::size_t room = a.memory.size();
+  std::align(64, a.memory.size() - 64, begin, room);
+  const auto* const first = static_cast<const std::byte*>(begin);
+  return {first, first + a.memory.size() - 64};
+}
+
 /// The answer in slices of kSlice units.
 /// \param slices receives their number
 /// \param longest receives the units of the longest
@@ -91,6 +100,102 @@ TEST(Slices, GiveEveryReductionTheSameBits) {
       EXPECT_EQ(whole.info.pairs_evaluated, sliced.info.pairs_evaluated);
       EXPECT_EQ(std::memcmp(whole.view.lower, sliced.view.lower, 8 * whole.info.rows), 0) << int(reduce);
       EXPECT_EQ(std::memcmp(whole.view.upper, sliced.view.upper, 8 * whole.info.rows), 0) << int(reduce);
+    }
+  }
+}
+
+TEST(Slices, EndWithinAPairThatIsTheNearest) {
+  const engine::Engine engine(heaps(2, 60), {.threads = 1});
+  QueryView query;
+  query.reduce = Reduce::kNearest;
+  query.k = 1;
+  query.signed_distance = true;
+  query.fields = kAllFields;
+  Answer whole = evaluate(engine, query);
+  ASSERT_EQ(whole.info.rows, 1u);
+  int slices = 0;
+  std::uint64_t longest = 0;
+  Answer sliced = in_slices(engine, query, slices, longest);
+  EXPECT_GT(slices, 10);
+  EXPECT_LT(longest, 5000u);
+  EXPECT_EQ(columns_of(whole), columns_of(sliced));
+}
+
+TEST(Slices, OfTheNearestPairsEndBetweenPairs) {
+  for (const int threads : {1, 3}) {
+    const engine::Engine engine(heaps(12, 6), {.threads = threads});
+    QueryView query;
+    query.reduce = Reduce::kNearest;
+    query.k = 5;
+    query.signed_distance = true;
+    query.fields = kAllFields | kFieldSmoothRadius;
+    const std::vector<std::uint32_t> bodies{3};
+    std::vector<Pose> configurations;
+    for (int k = 0; k < 9; ++k) configurations.push_back(Pose{{0.5 * k, 0, 0}});
+    query.bodies = bodies;
+    query.configurations = configurations;
+    query.configuration_count = 9;
+    Answer whole = evaluate(engine, query);
+    ASSERT_EQ(whole.info.rows, 9 * 5u);
+    int slices = 0;
+    std::uint64_t longest = 0;
+    Answer sliced = in_slices(engine, query, slices, longest);
+    EXPECT_GT(slices, 9) << "more than one a configuration";
+    EXPECT_EQ(whole.info.pairs_evaluated, sliced.info.pairs_evaluated);
+    EXPECT_EQ(columns_of(whole), columns_of(sliced)) << threads;
+  }
+}
+
+TEST(Slices, CountTheOrderOfTheNearestPairs) {
+  engine::Scene scene;
+  for (int i = 0; i < 400; ++i) scene.add_sphere("ball" + std::to_string(i), 0.1, {.pose = Pose{{1.0 * i, 0, 0}}});
+  const engine::Engine engine(std::move(scene), {.threads = 1});
+  QueryView query;
+  query.reduce = Reduce::kNearest;
+  query.k = 1;
+  Answer a = empty_answer(engine, query);
+  Job job = engine.start(query, a.view);
+  ASSERT_TRUE(job.advance());
+  EXPECT_LT(job.info().pairs_evaluated, 1000u);
+  EXPECT_GT(job.units(), 400u * 399 / 2 / 16);
+}
+
+TEST(Slices, CountSecondDerivativesAndEndBetweenTheirRows) {
+  for (const int threads : {1, 3}) {
+    const engine::Engine engine(heaps(2, 60), {.threads = threads});
+    const std::vector<std::uint32_t> bodies{1};
+    std::vector<Pose> configurations;
+    for (int k = 0; k < 9; ++k) configurations.push_back(Pose{{8 + 0.5 * k, 0, 0}});
+    for (const Reduce reduce : {Reduce::kNone, Reduce::kWithin, Reduce::kNearest, Reduce::kMin}) {
+      for (const std::uint32_t k : {0u, 1u}) {
+        if (k && reduce != Reduce::kNearest) continue;
+        QueryView query;
+        query.reduce = reduce;
+        query.k = k;
+        query.bodies = bodies;
+        query.configurations = configurations;
+        query.configuration_count = 9;
+        const auto units = [&](std::uint32_t fields) {
+          query.fields = fields;
+          Answer a = empty_answer(engine, query);
+          Job job = engine.start(query, a.view);
+          EXPECT_TRUE(job.advance());
+          return job.units();
+        };
+        const std::uint64_t without = units(kFieldPointA), with = units(kFieldPointA | kFieldSmoothRadius);
+        const std::uint64_t rows = reduce == Reduce::kNearest && k == 0 ? 18 : 9;
+        EXPECT_GT(with, without + rows * 60 * 60 / 16) << "the balls of all parts of each row, " << int(reduce);
+        Answer whole = evaluate(engine, query);
+        ASSERT_EQ(whole.info.rows, rows);
+        for (std::uint64_t i = 0; i < rows; ++i) ASSERT_TRUE(whole.view.smooth_radius[i] >= 0);
+        int slices = 0;
+        std::uint64_t longest = 0;
+        Answer sliced = in_slices(engine, query, slices, longest);
+        EXPECT_EQ(columns_of(whole), columns_of(sliced)) << int(reduce) << ", k " << k;
+        const int least =
+            reduce == Reduce::kWithin || k == 1 ? int(rows) : 1;  // others write a block of rows at a time
+        EXPECT_GE(slices, least);
+      }
     }
   }
 }

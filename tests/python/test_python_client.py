@@ -56,3 +56,48 @@ def test_a_star_takes_all_that_there_is():
     assert done.returncode == 0, done.stderr
     absent = {"DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio"}
     assert set(clearance.__all__) - set(done.stdout.split()) == absent
+
+
+#: The reply and request sizes of the client in Python alone, without a daemon.
+_SIZES = """
+import types
+import numpy as np
+from clearance_client import _words, wire
+from clearance_client._client import answers, frames, query_requests
+
+def reply(joints, rows):
+    header = np.zeros(1, wire._wire.ReplyHeader)
+    header["rows"], header["fields"], header["backend"] = rows, _words.Field.HESSIAN_JOINTS, b"cpu"
+    records = frames.record(2, joints.to_bytes(4, "little"))
+    payload = header.tobytes() + records
+    return frames.Frame(frames.header_bytes(1, 1, len(payload), records=len(records)), payload, "url")
+
+assert answers.answer_of(reply(1 << 13, 0), True, "url").joints == 1 << 13
+for joints in (1 << 14, 1 << 31, (1 << 32) - 1):
+    try:
+        answers.answer_of(reply(joints, 0), True, "url")
+    except Exception as error:
+        assert "more than a frame may have" in str(error), error
+    else:
+        raise AssertionError(joints)
+
+scene = types.SimpleNamespace(bodies=range(9), pair_count=36)
+requests = types.SimpleNamespace(_scene=scene)
+def expected(k, pairs=None):
+    q = wire.query_header(reduce=_words.Reduce.NEAREST, fields=int(_words.Field.LOWER), configuration_count=4)
+    return query_requests.QueryRequests._expected_reply_bytes(requests, q, pairs, 0, k)
+assert expected(36) == expected(60000) > expected(9) == expected(0) > expected(2)
+listed = np.array([[0, 1]] * 9, np.uint32)
+assert expected(60000, listed) == expected(9)
+scene, requests._scene = None, None
+assert expected(60000) == 0
+"""
+
+
+@pytest.mark.skipif(INSTALLED, reason="the build's")
+def test_sizes_of_replies():
+    done = subprocess.run(
+        [sys.executable, "-c", _SIZES], env={**os.environ, "PYTHONPATH": str(BUILD / "python")}, capture_output=True,
+        text=True, timeout=PATIENCE_S,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr

@@ -1,9 +1,15 @@
 """Rates, second derivatives and the k nearest pairs: in process and through a daemon."""
 
+import pickle
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
 import clearance
+from clearance._words import DEFAULT_POINTS_ROWS
+from patience import PATIENCE_S
 from robots import arm_scene, rows_of
 from scenes import at
 
@@ -119,6 +125,62 @@ def test_wrong_arguments_are_named(arm_front):
         arm_front.distances(fields="hessian_joints")
     with pytest.raises(AttributeError, match="neighbours: only for reduce='nearest' without k"):
         answer(arm_front, rows, reduce="nearest", k=3).neighbours
+
+
+def test_neighbours_are_not_of_the_nearest_pair():
+    scene = clearance.Scene()
+    for i in range(2):
+        scene.add_sphere(f"ball{i}", 0.1, pose=at(i, 0, 0))
+    engine = clearance.Engine(scene, threads=1)
+    r = engine.prepare(reduce="nearest", k=1).run()
+    assert r.pairs.tolist() == [[[0, 1]]]  # has body 0, whose row it would be without k
+    for result in (r, pickle.loads(pickle.dumps(r))):
+        with pytest.raises(AttributeError, match="neighbours: only for reduce='nearest' without k"):
+            result.neighbours
+    each = engine.distances(reduce="nearest")
+    assert pickle.loads(pickle.dumps(each)).neighbours.tolist() == [[1, 0]]
+
+
+def test_points_by_default_depend_on_the_pairs_that_there_are(arm_front):
+    rows = rows_of(arm_front.joints("arm"), 2)
+    r = answer(arm_front, rows, reduce="nearest", k=60000)
+    assert len(rows) * 60000 > DEFAULT_POINTS_ROWS > r.lower.size > 0
+    assert r.point_a.shape == (*r.lower.shape, 3)
+
+
+#: A chain of sliding balls among others: few rows are kept of many that are found.
+_MANY_FOUND = """
+import resource, clearance, numpy as np
+from pathlib import Path
+import sys
+links = "".join(f"<link name='l{i}'/>" for i in range(64))
+ball = "<link name='l64'><collision><geometry><sphere radius='0.1'/></geometry></collision></link>"
+joints = "".join(
+    f"<joint name='j{i}' type='prismatic'><parent link='l{i}'/><child link='l{i + 1}'/><axis xyz='1 0 0'/>"
+    "<limit lower='-9' upper='9' velocity='1' effort='1'/></joint>" for i in range(64))
+Path(sys.argv[1]).write_text(f"<robot name='s'>{links}{ball}{joints}</robot>")
+scene = clearance.Scene()
+scene.add_robot("arm", urdf=sys.argv[1])
+for i in range(100):
+    scene.add_sphere(f"ball{i}", 0.1, pose=(i, 5, 0, 1, 0, 0, 0), static=True)
+engine = clearance.Engine(scene, threads=1)
+rows = np.random.default_rng(3).uniform(-0.1, 0.1, (64, 64))
+ask = engine.prepare(joints="arm", reduce="within", max_distance=np.inf, max_results=1, fields=FIELDS)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+r = ask.run(rows)
+assert r.total == 6400 and len(r.distance) == 1, r
+print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
+"""
+
+
+def test_rows_that_are_dropped_take_no_memory_for_second_derivatives(tmp_path):
+    code = _MANY_FOUND.replace("FIELDS", repr(["distance", "hessian_joints"]))
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path / "s.urdf")], capture_output=True, text=True, timeout=PATIENCE_S
+    )
+    assert done.returncode == 0, done.stderr
+    all_rows = 6400 * 64 * 64 * 8 // 1024
+    assert int(done.stdout) < all_rows / 4
 
 
 def smooth_pairs(engine, rows):

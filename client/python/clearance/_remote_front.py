@@ -72,8 +72,12 @@ class RemoteFront(Front):
         return DEFAULT_FIELDS | (FIELD_MASKS["points"] | FIELD_MASKS["normal"] if few else 0)
 
     def _rows_each(self, query: Query, moves: bool) -> int:
-        if query.reduce == Reduce.NEAREST:
-            return query.k or len(self._names.bodies)
+        if query.reduce == Reduce.NEAREST and not query.k:
+            return len(self._names.bodies)
+        pairs = self._pairs_each(query, moves)
+        return min(query.k, pairs) if query.reduce == Reduce.NEAREST else pairs
+
+    def _pairs_each(self, query: Query, moves: bool) -> int:
         if query.pairs is None and not moves:
             return self._pair_count
         if query.pairs is not None and not query.selects:

@@ -50,7 +50,7 @@ class Reduce(enum.IntEnum):
 
     NONE = 0  #: one row per configuration and pair
     WITHIN = 1  #: sparse: only pairs not proved farther than max_distance, up to max_results, with the total
-    NEAREST = 2  #: one row per configuration and body
+    NEAREST = 2  #: one row per configuration and body; with k, one for each of the k nearest pairs, or of all
     MIN = 3  #: one row per configuration
     ANY = 4  #: one row per configuration: BEYOND if every pair is proved beyond its margin, otherwise another pair
 

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
 
 from .. import wire
-from .._words import COLUMNS, KNOWN_FIELDS, Status, row_shape
-from .frames import Frame, malformed
+from .._words import COLUMNS, KNOWN_FIELDS, Field, Status, row_shape
+from .frames import HEADER, Frame, malformed
 from .zmq_channel import aligned_bytes
 
 _ALIGNMENT = wire.COLUMN_ALIGNMENT
@@ -92,10 +93,12 @@ def _parse(frame: Frame, joints: int, url: str) -> tuple[np.ndarray, dict[int, t
     fields, rows = int(header["fields"]), int(header["rows"])
     if fields & ~KNOWN_FIELDS:
         raise malformed(url, f"fields has unknown bits: {fields:#x}")
+    if fields & Field.HESSIAN_JOINTS and 8 * joints * joints > wire.MAX_FRAME_BYTES - HEADER.size:
+        raise malformed(url, f"joints: a row of {joints} x {joints} numbers is more than a frame may have")
     columns, at = {}, size
     for name, column in COLUMNS.items():
         if fields >> column.bit & 1:
-            bytes_of_it = rows * column.dtype.itemsize * int(np.prod(column_shape(name, joints), dtype=np.int64))
+            bytes_of_it = rows * column.dtype.itemsize * math.prod(column_shape(name, joints))
             columns[column.bit] = at, bytes_of_it
             at = _padded(at + bytes_of_it)
     if at != len(frame.payload):

@@ -127,12 +127,13 @@ class QueryRequests(SceneRequests):
             selects = pairs is not None and bool((pairs & GROUP_BIT).any())
             if scene is None and (pairs is None or selects or reduce == Reduce.NEAREST):
                 return 0
-            if reduce == Reduce.NEAREST:
-                rows *= k or (len(scene.bodies) if scene else 0)
-            elif pairs is not None and not selects:
-                rows *= len(pairs)
+            if pairs is not None and not selects:
+                each = len(pairs)
             else:
-                rows *= (scene.pair_count if scene else 0) * (len(pairs) if pairs is not None else 1)
+                each = (scene.pair_count if scene else 0) * (len(pairs) if pairs is not None else 1)
+            if reduce == Reduce.NEAREST:
+                each = min(k, each) if k else len(scene.bodies) if scene else 0
+            rows *= each
             if reduce == Reduce.WITHIN:
                 rows = min(rows, int(q["max_results"]))
         fields = int(q["fields"])

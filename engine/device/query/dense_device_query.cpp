@@ -71,6 +71,7 @@ class DenseDeviceQuery final : public DeviceQuery {
     for (std::uint32_t k = 0; k < c.configurations; ++k)
       for (const std::uint32_t p : c.part->on_cpu) cpu_rows_.push_back(k * c.part->count + p);
     std::sort(cpu_rows_.begin(), cpu_rows_.end());
+    WorkMeter unused;  // for second order, which the device has not
     answer_on_cpu(
         cpu_rows_.size(),
         [&](std::size_t i) {
@@ -79,7 +80,8 @@ class DenseDeviceQuery final : public DeviceQuery {
         },
         [&](std::size_t i, const PlacedBodies& bodies, const PairAnswer& answer) {
           const auto k = static_cast<std::uint32_t>(c.first_configuration + cpu_rows_[i] / c.part->count);
-          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, bodies, answer);
+          write(std::uint64_t{k} * plan_.size.pairs + c.part->first + cpu_rows_[i] % c.part->count, k, bodies, answer,
+                unused);
         });
   }
 

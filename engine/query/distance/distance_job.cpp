@@ -171,6 +171,8 @@ class DistanceJob final : public CoveredJob {
           }
         }
       }
+      if (options_.second_order)
+        row.second = options_.second_order->row(state.placement, row.pair, row.configuration, row.answer, state.meter);
       if (bounds_.is_wide()) bounds_.to_tolerance(row.answer);
       write_row(reply_, state.configuration * groups() + g, row);
     }

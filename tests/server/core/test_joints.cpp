@@ -157,6 +157,27 @@ TEST_F(FreeScaleTest, IsNoWorkForTheLoop) {
   EXPECT_TRUE(is_elsewhere(scale_query()));
 }
 
+TEST_F(JointsTest, SecondOrderAndTheNearestPairsAreNoWorkForTheLoop) {
+  start(arm_scene(), short_slices());
+  const auto is_elsewhere = [&](std::uint32_t fields, std::uint32_t k) {
+    TestQuery query = joint_query();
+    query.header.fields = fields;
+    if (k) query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
+    if (k) wire::append_record(query.records, 17, wire::kRecordRequired, std::as_bytes(std::span(&k, 1)));
+    transport_->send(a_, query.frame(1));
+    loop_->turn();
+    const bool found = loop_->is_working();
+    turn_until_idle();
+    EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+    return found;
+  };
+  EXPECT_FALSE(is_elsewhere(kFieldLower, 0)) << "small";
+  EXPECT_FALSE(is_elsewhere(kFieldRate, 0)) << "by the normal alone";
+  for (const std::uint32_t field : {kFieldHessianJoints, kFieldCurvature, kFieldSmoothRadius})
+    EXPECT_TRUE(is_elsewhere(field, 0)) << field;
+  EXPECT_TRUE(is_elsewhere(kFieldLower, 2));
+}
+
 TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {
   start(arm_scene());
   TestQuery query = scale_query();

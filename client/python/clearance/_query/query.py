@@ -213,7 +213,7 @@ class Run:
 
     __slots__ = (
         "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "growths", "reduce",
-        "timeout_s", "copy", "speeds",
+        "timeout_s", "copy", "speeds", "k",
     )  # fmt: skip
 
     def __init__(
@@ -231,7 +231,7 @@ class Run:
         self.growths: Optional[np.ndarray] = None  # of this run alone
         self.speeds: Optional[tuple[Optional[np.ndarray], Optional[np.ndarray]]] = None  # flat velocities and twists
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
-        self.reduce, self.timeout_s, self.copy = query.reduce, query.timeout_s, query.copy
+        self.reduce, self.timeout_s, self.copy, self.k = query.reduce, query.timeout_s, query.copy, query.k
 
     def at_speeds(self, velocities: Optional[np.ndarray], twists: Optional[np.ndarray]) -> Run:
         """Returns the query at these velocities of joints and twists of bodies."""

@@ -51,6 +51,8 @@ _NUMBERS = ("fields", "rows", "total", "configurations", "pairs", "joints", "sce
 class PairSource(Protocol):
     """The members of a query that a result uses."""
 
+    @property
+    def k(self) -> int: ...
     def pairs_at(self, revision: int) -> np.ndarray: ...
     def body_names(self) -> tuple[str, ...]: ...
 
@@ -152,8 +154,9 @@ class Result:
     def pairs(self) -> np.ndarray:
         """Body ids (a, b): (P, 2) for reduce="none", otherwise the pair of each row: (K, N, 2), (K, 2) or (R, 2).
 
-        The value is clearance.NONE for a body without pairs (reduce="nearest") and for a BEYOND row of "any". A query
-        with the column verdict has no pairs unless it requests the column pair.
+        With `k` they are (K, min(k, P), 2). The value is clearance.NONE for a body without pairs (reduce="nearest"
+        without `k`) and for a BEYOND row of "any". A query with the column verdict has no pairs unless it requests the
+        column pair.
         """
         if self._reduce != Reduce.NONE:
             return self.pair
@@ -201,9 +204,9 @@ class Result:
         """(K, N) uint32, for reduce="nearest": the nearest body of each body, or clearance.NONE."""
         if self._reduce != Reduce.NEAREST:
             raise AttributeError(f"neighbours: only for reduce='nearest', not for {self.reduce!r}")
-        own = np.arange(self._lead[1], dtype=np.uint32)
-        if not ((self.pair == own[:, None]).any(-1)).all():
+        if self._source.k:
             raise AttributeError("neighbours: only for reduce='nearest' without k")
+        own = np.arange(self._lead[1], dtype=np.uint32)
         return np.where(self.pair[..., 0] == own, self.pair[..., 1], self.pair[..., 0])
 
     @property
@@ -245,7 +248,7 @@ class Result:
             pairs = self.pairs if self._reduce == Reduce.NONE else None
         except Exception as error:  # the scene has changed, or the daemon is gone; the columns are still valid
             why_none = error
-        return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none, self.names)
+        return _restored, (numbers, int(self._reduce), self.columns, pairs, why_none, self.names, self._source.k)
 
     def __repr__(self) -> str:
         names = ", ".join(n for n, c in COLUMNS.items() if self.fields & (1 << c.bit))
@@ -262,9 +265,10 @@ class _Restored:
         pairs: Optional[np.ndarray],
         why_no_pairs: Optional[Exception],
         names: tuple[str, ...],
+        k: int,
     ):
         self.__dict__.update(numbers)
-        self.columns, self._pairs, self._why_no_pairs, self._names = columns, pairs, why_no_pairs, names
+        self.columns, self._pairs, self._why_no_pairs, self._names, self.k = columns, pairs, why_no_pairs, names, k
 
     def all_free(self) -> bool:
         return bool((self.columns["verdict"] == int(Status.BEYOND)).all())
@@ -285,9 +289,10 @@ def _restored(
     pairs: Optional[np.ndarray],
     why_no_pairs: Optional[Exception],
     names: tuple[str, ...],
+    k: int,
 ) -> Result:
     """Restores a Result from the state of __reduce__()."""
-    state = _Restored(numbers, columns, pairs, why_no_pairs, names)
+    state = _Restored(numbers, columns, pairs, why_no_pairs, names, k)
     return Result(state, reduce, state)
 
 
