@@ -22,8 +22,8 @@ constexpr std::uint64_t kSmallPairLinks = 8192;
 /// Queries whose work the numbers of pairs and parts do not bound: the free scale tests for each pair beforehand which
 /// joints move it, the nearest pairs are ordered at once, and a row of second order is not divided.
 bool is_for_workers(const QueryOptions& options) {
-  constexpr std::uint32_t kDear = kFieldFreeScale | (kSecondOrderFields & ~kFieldRate);
-  return options.k > 0 || (options.fields & kDear);
+  constexpr std::uint32_t kCostly = kFieldFreeScale | (kSecondOrderFields & ~kFieldRate);
+  return options.k > 0 || (options.fields & kCostly);
 }
 
 QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {

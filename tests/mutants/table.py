@@ -450,7 +450,7 @@ MUTANTS = [
         ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),
     ),
     *mutants_of(
-        "motions Meanwhile.*:MotionOracleOfCovers.*",
+        "motions Meanwhile.*",
         ("covered_shift", "decision/span_rates.cpp", "(@by.shift@ + path.reach * by.turn) * kUp", "0.5 * by.shift"),
         ("covered_turn", "decision/span_rates.cpp", "(@path.reach * by.turn * by.turn@ + by.bend)", "0.0"),
         ("covered_bend", "decision/span_rates.cpp", "path.reach * by.turn * by.turn + @by.bend@", "0.0"),
