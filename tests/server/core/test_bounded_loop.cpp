@@ -53,7 +53,7 @@ engine::Scene row_of_balls() {
   std::mt19937 random(5);
   std::normal_distribution<double> normal;
   for (int b = 0; b < 20; ++b) {
-    std::vector<Vec3d> vertices(1000);
+    std::vector<Vec3d> vertices(600);
     for (Vec3d& v : vertices) {
       v = {normal(random), normal(random), normal(random)};
       v = v * (1 / norm(v));
