@@ -165,9 +165,7 @@ TEST(Wire, AnOptionTravelsInTheHeaderOrInARecord) {
   std::uint16_t last = 0;
   int in_header = 0;
   for_each_query_option([&](const QueryOption& option, auto member) {
-    const bool has_place = requires(QueryHeader & header) {
-      member(header);
-    };
+    const bool has_place = requires(QueryHeader& header) { member(header); };
     EXPECT_EQ(option.tag == 0, has_place) << option.name;
     in_header += has_place;
     if (!option.tag) return;

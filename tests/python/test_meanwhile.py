@@ -77,7 +77,8 @@ def test_growth_takes_the_seconds_of_a_trajectory(rail):
     options = {"joints": "r", "pairs": [("r/cart", "person")], "meanwhile": {"person": person}}
     for margin, free in ((0.43, True), (0.44, False)):
         assert rail.check_path(slow, margin=margin, **options).free == free
-        assert (rail.motions(slow, margin=margin, reduce="any", **options).verdict[0] == clearance.Status.BEYOND) == free
+        verdict = rail.motions(slow, margin=margin, reduce="any", **options).verdict[0]
+        assert (verdict == clearance.Status.BEYOND) == free
 
 
 def test_limits_of_waypoints_are_named_by_waypoint(rail):
