@@ -129,7 +129,7 @@ def test_covers_decide_as_without(rail):
             "at 0.5 s, within a segment",
         ),
         ({"crate": [pose(0, 1), pose(0, 2), pose(0, 3), pose(1, 1)]}, "a pose at each of 2 waypoints"),
-        ({"nobody": [pose(0, 1), pose(0, 2)]}, "nobody"),
+        ({"absent": [pose(0, 1), pose(0, 2)]}, "absent"),
         ({}, "meanwhile: expected a dict"),
         ({"crate": np.zeros((3, 2, 7))}, r"expected \(1, 2, 7\) control poses"),
     ],

@@ -16,20 +16,20 @@ namespace {
 
 /// A ball that stays, a ball around its origin and one off it, which moves when its body turns.
 struct Balls {
-  static constexpr double kRadius = 0.1, kBeside = 0.25;
+  static constexpr double kRadius = 0.1, kOffset = 0.25;
 
   engine::Scene scene;
   Motions motion;
-  std::vector<std::array<double, 3>> centre{{0, 0, 0}, {0, 0, 0}, {kBeside, 0, 0}};
+  std::vector<std::array<double, 3>> centre{{0, 0, 0}, {0, 0, 0}, {kOffset, 0, 0}};
 
   Balls() {
     scene.add_sphere("still", kRadius, {.is_static = true, .pose = Pose{}});
     motion.bodies = {scene.add_sphere("ball", kRadius, {.pose = Pose{{3, 0, 0}}})};
-    const Vec3d beside{kBeside, 0, 0};
+    const Vec3d offset{kOffset, 0, 0};
     engine::Scene::BodyOptions options;
     options.pose = Pose{{0, 3, 0}};
     options.radius = kRadius;
-    motion.bodies.push_back(scene.add_hull("beside", std::span(&beside, 1), options));
+    motion.bodies.push_back(scene.add_hull("offset", std::span(&offset, 1), options));
   }
 
   double curve(const double* points, std::size_t stride, double t) const {
@@ -47,7 +47,7 @@ struct Balls {
     if (body == 0) return p;
     const Pose& end = X[motion.points == 2 ? 2 : 0];
     const double first = 2 * std::atan2(X->qz, X->qw), by = 2 * std::atan2(end.qz, end.qw) - first;
-    return p + Vec3d{std::cos(first + t * by), std::sin(first + t * by), 0} * kBeside;
+    return p + Vec3d{std::cos(first + t * by), std::sin(first + t * by), 0} * kOffset;
   }
   double distance(BodyPair pair, double t) const {
     double grown = 0;

@@ -346,9 +346,9 @@ TEST(SecondOrder, TheRadiusIsTheDistanceToTheNextFeature) {
   Slider ball("<sphere radius='0.25'/>");
   EXPECT_NEAR(ball.at(box(), {0.7, 0.2, 2}).view.smooth_radius[0], 0.3, 1e-12) << "of a face";
   EXPECT_NEAR(ball.at(box(), {0.7, 0.7, 2}).view.smooth_radius[0], 0.3, 1e-12) << "on a face's diagonal";
-  EXPECT_NEAR(ball.at(box(), {1.5, 0.2, 1.6}).view.smooth_radius[0], 0.5, 1e-12) << "of an edge, beside a face";
+  EXPECT_NEAR(ball.at(box(), {1.5, 0.2, 1.6}).view.smooth_radius[0], 0.5, 1e-12) << "of an edge next to a face";
   EXPECT_NEAR(ball.at(box(), {1.5, 0.9, 1.6}).view.smooth_radius[0], 0.1, 1e-12) << "of an edge, near its end";
-  EXPECT_NEAR(ball.at(box(), {1.4, 1.3, 1.6}).view.smooth_radius[0], 0.3, 1e-12) << "of a vertex, beside an edge";
+  EXPECT_NEAR(ball.at(box(), {1.4, 1.3, 1.6}).view.smooth_radius[0], 0.3, 1e-12) << "of a vertex next to an edge";
   EXPECT_NEAR(ball.at(box(), {1 - 1e-6, 0.2, 2}).view.smooth_radius[0], 1e-6, 1e-12);
   EXPECT_NEAR(ball.at(box(), {1 + 1e-6, 0.2, 2}).view.smooth_radius[0], 1e-6, 1e-12);
 }
