@@ -34,6 +34,14 @@ void reject_columns(std::uint32_t fields) {
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
 }
 
+/// Throws WireError for bodies and joints in different numbers of configurations.
+void reject_unequal_rows(const clearance_lcm::query_t& query) {
+  if (query.joint_count != 0 && query.body_count != 0 && query.configuration_count != query.row_count)
+    throw wire::WireError(wire::ErrorCode::kBadQuery,
+                          std::to_string(query.configuration_count) + " configurations of bodies and " +
+                              std::to_string(query.row_count) + " of joints: expected equal numbers, or no bodies");
+}
+
 }  // namespace
 
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints) {
@@ -41,6 +49,7 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::
   read_options(query, options);
   if (query.wait_for_one) options.wait_for = static_cast<std::uint32_t>(query.wait_for);  // 0 is a valid body
   reject_columns(options.fields);
+  reject_unequal_rows(query);
   // LCM has no message for the pair table, so by default each row has its pair.
   if (query.fields == 0) options.fields |= kFieldPair;
   wire::QueryHeader header;

@@ -18,7 +18,8 @@
 
 namespace clearance {
 
-/// Frame of a query. Fields left at 0 get their defaults. Values are checked with the frame.
+/// Frame of a query. Fields left at 0 get their defaults. Values are checked with the frame. Throws WireError for
+/// columns that reply_t lacks, and for bodies and joints in different numbers of configurations.
 /// @param joints ids of the joints that the message names
 std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::span<const std::uint32_t> joints = {});
 

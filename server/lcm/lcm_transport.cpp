@@ -142,10 +142,6 @@ class LcmTransport final : public Transport {
       metrics_->accept("query_t: client_id is 0; draw one at random");
       return;
     }
-    if (query.joint_count != 0 && query.body_count != 0 && query.configuration_count != query.row_count)
-      return reject(query, wire::ErrorCode::kBadQuery,
-                    std::to_string(query.configuration_count) + " configurations of bodies and " +
-                        std::to_string(query.row_count) + " of joints: expected equal numbers, or no bodies");
     std::vector<std::uint32_t> joints;
     for (const std::string& name : query.joints) {
       joints.push_back(handler_->engine().scene().find_joint(name));
@@ -156,7 +152,7 @@ class LcmTransport final : public Transport {
     std::shared_ptr<std::vector<std::byte>> frame;
     try {
       frame = std::make_shared<std::vector<std::byte>>(query_frame_of(query, joints));
-    } catch (const wire::WireError& error) {  // options that reply_t has no field for
+    } catch (const wire::WireError& error) {
       return reject(query, error.code, error.what());
     }
     hand_in(*frame, frame, sink_of(query));
