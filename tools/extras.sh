@@ -15,6 +15,7 @@ extras=(
   "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
   "coal             2  client/python/clearance tests/install/try_coal.py"
+  "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
@@ -144,6 +145,20 @@ run_coal() {
   step coal-install "Install Coal and Pinocchio" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     coal==3.0.3 pin==4.1.0 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
+}
+
+# Models of MuJoCo as scenes, and a limit for mink, each in an environment of its own.
+run_mujoco() {
+  local venv=out/extras/mujoco
+  tools/build.sh release product
+  step mujoco-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step mujoco-install "Install MuJoCo's core" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    mujoco-core==4.0.1 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_mujoco.py
+  step mink-venv "Make $venv-mink" .venv/bin/python -m venv --clear "$venv-mink"
+  step mink-install "Install mink" "$venv-mink/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    mink==1.3.0 daqp==0.11.0 numpy
+  PYTHONPATH=build/python "$venv-mink/bin/python" tests/install/try_mink.py
 }
 
 # Planning with OMPL, whose edges are proved, in an environment with OMPL.

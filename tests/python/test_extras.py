@@ -13,6 +13,7 @@ NAMES = [
     "deb",
     "arm",
     "coal",
+    "mujoco",
     "ompl",
     "jax",
     "viewer",

@@ -54,6 +54,7 @@ from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status
 
 if TYPE_CHECKING:
+    from ._adapters.mujoco import MujocoWorld, from_mujoco
     from ._client_front import Client, connect
     from ._coal import from_coal, from_pinocchio
     from ._device.plan import DeviceArray, DevicePlan, DeviceRows
@@ -82,6 +83,7 @@ __all__ = [
     "JointState",
     "Joints",
     "LimitViolation",
+    "MujocoWorld",
     "NONE",
     "NewEpoch",
     "PoseWarning",
@@ -110,6 +112,7 @@ __all__ = [
     "__version__",
     "connect",
     "from_coal",
+    "from_mujoco",
     "from_pinocchio",
     "pose7_from_matrix",
     "wire",
@@ -120,7 +123,9 @@ __all__ = [
 _LAZY = {
     "Client": "._client_front",
     "connect": "._client_front",
+    "MujocoWorld": "._adapters.mujoco",
     "from_coal": "._coal",
+    "from_mujoco": "._adapters.mujoco",
     "from_pinocchio": "._coal",
     "DeviceArray": "._device.plan",
     "DevicePlan": "._device.plan",
@@ -129,7 +134,16 @@ _LAZY = {
     "RemotePlan": "._device.remote_plan",
     "Scene": "._scene.scene",
 }
-_NEED_ENGINE = ("DeviceArray", "DevicePlan", "DeviceRows", "Engine", "Scene", "from_pinocchio")
+_NEED_ENGINE = (
+    "DeviceArray",
+    "DevicePlan",
+    "DeviceRows",
+    "Engine",
+    "MujocoWorld",
+    "Scene",
+    "from_mujoco",
+    "from_pinocchio",
+)
 
 # `from clearance import *` takes what there is.
 _has_engine = importlib.util.find_spec(f"{__name__}._engine") is not None
