@@ -14,7 +14,7 @@ extras=(
   "wheels          60  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
-  "coal             2  client/python/clearance tests/install/try_coal.py"
+  "coal             2  client/python/clearance tests/install/try_coal.py tests/install/try_pinocchio.py"
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py"
@@ -137,14 +137,19 @@ lcm_for_arm() {
   .venv/bin/python -m zipfile -e out/lcm-arm64/*.whl "$1"
 }
 
-# Conversions from Coal and Pinocchio, in an environment with both.
+# Conversions from Coal and Pinocchio, in an environment with both and pink, and in one with placo.
 run_coal() {
   local venv=out/extras/coal
   tools/build.sh release product
   step coal-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step coal-install "Install Coal and Pinocchio" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    coal==3.0.3 pin==4.1.0 numpy
+    coal==3.0.3 pin==4.1.0 pin-pink==4.4.0 daqp==0.11.0 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_pinocchio.py pink
+  step placo-venv "Make $venv-placo" .venv/bin/python -m venv --clear "$venv-placo"
+  step placo-install "Install placo" "$venv-placo/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    placo==0.10.2 numpy
+  PYTHONPATH=build/python "$venv-placo/bin/python" tests/install/try_pinocchio.py placo
 }
 
 # Models of MuJoCo as scenes, and a limit for mink, each in an environment of its own.

@@ -155,8 +155,8 @@ def test_errors():
     fails(lambda: clearance.from_mujoco(mujoco.MjModel.from_xml_string("<mujoco/>"), mesh_as="hul"), "mesh_as")
     world = world_of(ball)
     for wrong in (np.zeros(3), np.zeros((2, 7))):
-        fails(lambda wrong=wrong: world.set_state(wrong), "state: expected")
-    fails(lambda: world.configurations(np.zeros((2, 6))), "qpos: expected")
+        fails(lambda wrong=wrong: world.set_state(wrong), "q: expected")
+    fails(lambda: world.configurations(np.zeros((2, 6))), "q: expected")
 
 
 def main():

@@ -55,8 +55,9 @@ from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status
 
 if TYPE_CHECKING:
     from ._adapters.mujoco import MujocoWorld, from_mujoco
+    from ._adapters.pinocchio import PinocchioWorld, from_pinocchio
     from ._client_front import Client, connect
-    from ._coal import from_coal, from_pinocchio
+    from ._coal import from_coal
     from ._device.plan import DeviceArray, DevicePlan, DeviceRows
     from ._device.remote_plan import RemotePlan
     from ._engine_front import Engine
@@ -93,6 +94,7 @@ __all__ = [
     "PathPlan",
     "PathPoint",
     "PathReport",
+    "PinocchioWorld",
     "Prepared",
     "QueryError",
     "Reduce",
@@ -126,11 +128,12 @@ _LAZY = {
     "MujocoWorld": "._adapters.mujoco",
     "from_coal": "._coal",
     "from_mujoco": "._adapters.mujoco",
-    "from_pinocchio": "._coal",
+    "from_pinocchio": "._adapters.pinocchio",
     "DeviceArray": "._device.plan",
     "DevicePlan": "._device.plan",
     "DeviceRows": "._device.plan",
     "Engine": "._engine_front",
+    "PinocchioWorld": "._adapters.pinocchio",
     "RemotePlan": "._device.remote_plan",
     "Scene": "._scene.scene",
 }
@@ -140,6 +143,7 @@ _NEED_ENGINE = (
     "DeviceRows",
     "Engine",
     "MujocoWorld",
+    "PinocchioWorld",
     "Scene",
     "from_mujoco",
     "from_pinocchio",

@@ -1,16 +1,13 @@
-"""Bodies from shapes of Coal (hpp-fcl) and Pinocchio. Importing this package requires neither.
+"""Bodies from shapes of Coal (hpp-fcl). Importing this package does not require it.
 
 Shapes are distinguished by the names of their classes, which are the same in coal, hppfcl and pinocchio.
 """
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from ._scene.scene import Scene
 
 
 def from_coal(geometry: Any) -> dict[str, Any]:
@@ -44,37 +41,6 @@ def from_coal(geometry: Any) -> dict[str, Any]:
         f"geometry: {kind} has no counterpart; expected a Box, Sphere, Capsule, Cylinder, Cone, Ellipsoid, Convex "
         "or BVHModel"
     )
-
-
-def from_pinocchio(model: Any) -> Scene:
-    """Creates a scene from a pinocchio.GeometryModel, with a body for each geometry object, by its name.
-
-        scene = clearance.from_pinocchio(model.collision_model)
-        engine = clearance.Engine(scene)
-        engine.set_poses({g.name: data.oMg[i].homogeneous for i, g in enumerate(model.collision_model.geometryObjects)})
-
-    Only pairs in model.collisionPairs are enabled, unless it is empty. A mesh becomes its hull (from_coal()). Bodies
-    start without poses; Pinocchio's placements (GeometryData.oMg) are X_wb.
-
-    Raises TypeError or SceneError, naming the object, for an unsupported shape or a repeated name.
-    """
-    from ._scene.scene import Scene
-
-    scene = Scene()
-    names = []
-    for item in model.geometryObjects:
-        try:
-            shape = from_coal(item.geometry)
-        except (TypeError, ValueError) as error:
-            raise type(error)(f"{item.name}: {error}") from None
-        scene.add_body(item.name, **shape)
-        names.append(item.name)
-    enabled = {frozenset((pair.first, pair.second)) for pair in model.collisionPairs}
-    for i in range(len(names)) if enabled else ():
-        for j in range(i):
-            if frozenset((i, j)) not in enabled:
-                scene.ignore(names[i], names[j])
-    return scene
 
 
 def _rows(points: Any) -> np.ndarray:

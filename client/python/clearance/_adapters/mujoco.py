@@ -6,20 +6,20 @@ MuJoCo reads MJCF and URDF; this module converts the compiled model.
 from __future__ import annotations
 
 import functools
-import pathlib
-import tempfile
 from collections.abc import Sequence
 from typing import Any, Optional
 
 import numpy as np
 
-from .._arguments import to_bool, to_floats, to_text, to_word
+from .._arguments import to_bool, to_text, to_word
 from .._engine_front import Engine
 from .._front import Front
 from .._scene.scene import Scene
 from .._words import MESH_AS, MeshAsWord
 from .mujoco_geoms import add_geoms
-from .mujoco_skeleton import BALL, Skeleton, names_of
+from .mujoco_skeleton import BALL, Skeleton
+from .urdf import add_trees, names_of
+from .world import World
 
 
 def from_mujoco(
@@ -50,17 +50,14 @@ def from_mujoco(
     return MujocoWorld(model, to_text(name, "name"), mesh_as, to_bool(every_geom, "every_geom"))
 
 
-class MujocoWorld:
+class MujocoWorld(World):
     """A MuJoCo model as a scene, and its states. Made by from_mujoco(); later changes of the model do not count."""
 
-    scene: Scene
-    left_out: tuple[str, ...]  #: geoms that collide with nothing, which are no bodies
     geoms: dict[int, str]  #: the body of each geom, by its id
+    left_out: tuple[str, ...]  #: geoms that collide with nothing, which are no bodies
     geom_bodies: list[int]  #: MuJoCo's body of each geom
-    moving: dict[str, list[str]]  #: the arguments joints and bodies of a query about configurations()
 
     def __init__(self, model: Any, name: str, mesh_as: MeshAsWord, every_geom: bool):
-        self.scene = Scene()
         bodies = names_of(model.nbody, model.body, lambda i: f"body{i}")
         joints = names_of(model.njnt, model.jnt, lambda i: f"{bodies[model.jnt_bodyid[i]]}#{i}")
         names = names_of(model.ngeom, model.geom, lambda i: _unnamed(model, bodies, i))
@@ -68,88 +65,58 @@ class MujocoWorld:
         self._columns = [int(model.jnt_qposadr[j]) for _, j in skeleton.moving]
         #: For each free or ball joint, its column of qpos and the first number of a pose that it gives.
         self._placed = [(int(model.jnt_qposadr[j]), 3 * (model.jnt_type[j] == BALL)) for _, j in skeleton.placed]
+        placed = [link for link, _ in skeleton.placed]
+        super().__init__(Scene(), [joint for joint, _ in skeleton.moving], placed, model.qpos0.copy())
         self._mocap = [link for link, _ in skeleton.mocap]
         mocap_bodies = [body for _, body in skeleton.mocap]
         self._mocap_ids = model.body_mocapid[mocap_bodies].tolist()
-        #: qpos and the mocap poses at first, as in a new MjData.
-        self._first = model.qpos0.copy(), model.body_pos[mocap_bodies], model.body_quat[mocap_bodies]
-        moving = {"joints": [joint for joint, _ in skeleton.moving], "bodies": [link for link, _ in skeleton.placed]}
-        self.moving = {key: names for key, names in moving.items() if names}
+        self._first_mocap = np.hstack([model.body_pos[mocap_bodies], model.body_quat[mocap_bodies]])
+        add_trees(self.scene, skeleton.trees)
         self.geom_bodies = model.geom_bodyid.tolist()
-        with tempfile.TemporaryDirectory() as folder:
-            for tree in skeleton.trees:
-                urdf = pathlib.Path(folder) / "mujoco.urdf"
-                urdf.write_text(tree.urdf(), encoding="utf-8")
-                self.scene.add_robot(tree.name, urdf, static=tree.parent is None, parent=tree.parent)
         self.geoms, self.left_out = add_geoms(self.scene, model, skeleton.links, names, mesh_as, every_geom)
 
     @functools.cached_property
     def engine(self) -> Engine:
         """An engine of the scene, made when first used, at qpos0."""
         engine = Engine(self.scene)
-        self._send(engine, *self._first, 0)
+        self._send(engine, self._first)
+        self._send_mocap(engine, self._first_mocap)
         return engine
 
-    def set_state(self, state: Any, engine: Optional[Front] = None, stamp_ns: int = 0) -> None:
+    def set_state(self, q: Any, engine: Optional[Front] = None, stamp_ns: int = 0) -> None:
         """Sets the positions of all joints, and from an MjData also the poses of mocap bodies.
 
-        state: (nq,) qpos, radians, metres and quaternions w, x, y, z; or an MjData, whose qpos and mocap poses count:
+        q: (nq,) qpos, radians, metres and quaternions w, x, y, z; or an MjData, whose qpos and mocap poses count:
             mj_forward() is not needed. From qpos alone, mocap bodies stay where they are.
-        engine: an Engine or Client of world.scene. Default: world.engine. Joints and placed bodies are two updates.
-        stamp_ns: as in set_poses().
-
-        Raises ValueError for a wrong shape, and as set_joints() and set_poses() do.
+        engine, stamp_ns: as of World.set_state(). Mocap poses are an update of their own.
         """
-        mocap: tuple[Any, Any] = (None, None)
-        if hasattr(state, "qpos"):
-            mocap = state.mocap_pos[self._mocap_ids], state.mocap_quat[self._mocap_ids]
-        qpos = self._qpos(getattr(state, "qpos", state), "state")
-        if qpos.ndim != 1:
-            raise ValueError(f"state: expected (nq,) = ({len(self._first[0])},) numbers, got shape {qpos.shape}")
-        self._send(self.engine if engine is None else engine, qpos, *mocap, stamp_ns)
-
-    def configurations(self, qpos: Any) -> Any:
-        """Converts (K, nq) rows of qpos to configurations of a query: with **world.moving, also of motions.
-
-        Free bodies move between two of them with constant velocities. Raises ValueError for a wrong shape.
-        """
-        rows = np.atleast_2d(self._qpos(qpos, "qpos"))
-        positions, poses = np.ascontiguousarray(rows[:, self._columns]), self._poses(rows)
-        if not self._placed:
-            return positions
-        return (positions, poses) if self._columns else poses
+        super().set_state(getattr(q, "qpos", q), engine, stamp_ns)
+        if hasattr(q, "mocap_pos"):
+            self._send_mocap(self.engine if engine is None else engine, self._mocap_poses(q), stamp_ns)
 
     def inputs(self, data: Any) -> tuple[Any, ...]:
         """Returns the inputs of a prepared query with **world.moving at an MjData, after setting its mocap poses.
 
         A query at given positions takes a fraction of the time of set_state() followed by one.
         """
-        if self._mocap:
-            poses = np.hstack([data.mocap_pos, data.mocap_quat])[self._mocap_ids]
-            self.engine.set_poses(poses, bodies=self._mocap)
+        self._send_mocap(self.engine, self._mocap_poses(data))
         return (self.configurations(data.qpos),) if self.moving else ()
 
-    def _qpos(self, value: Any, what: str) -> np.ndarray:
-        rows, nq = to_floats(value, what, "qpos"), len(self._first[0])
-        if rows.ndim not in (1, 2) or rows.shape[-1] != nq:
-            raise ValueError(f"{what}: expected (nq,) or (K, nq) numbers with nq = {nq}, got shape {rows.shape}")
-        return rows
+    def _positions(self, rows: np.ndarray) -> np.ndarray:
+        return rows[:, self._columns]
 
     def _poses(self, rows: np.ndarray) -> np.ndarray:
-        """(K, M, 7) poses of the links that free and ball joints place."""
         poses = np.zeros((len(rows), len(self._placed), 7))
         for m, (column, first) in enumerate(self._placed):
             poses[:, m, first:] = rows[:, column : column + 7 - first]
         return poses
 
-    def _send(self, engine: Front, qpos: np.ndarray, mocap_pos: Any, mocap_quat: Any, stamp_ns: int) -> None:
-        if self._columns:
-            engine.set_joints(qpos[self._columns], joints=self.moving["joints"], stamp_ns=stamp_ns)
-        poses = dict(zip(self.moving.get("bodies", ()), self._poses(qpos[None])[0]))
-        if mocap_pos is not None:
-            poses.update((link, np.concatenate(pose)) for link, *pose in zip(self._mocap, mocap_pos, mocap_quat))
-        if poses:
-            engine.set_poses(poses, stamp_ns=stamp_ns)
+    def _mocap_poses(self, data: Any) -> np.ndarray:
+        return np.hstack([data.mocap_pos, data.mocap_quat])[self._mocap_ids]
+
+    def _send_mocap(self, engine: Front, poses: np.ndarray, stamp_ns: int = 0) -> None:
+        if self._mocap:
+            engine.set_poses(poses, bodies=self._mocap, stamp_ns=stamp_ns)
 
     def __repr__(self) -> str:
         return f"<clearance.MujocoWorld: {len(self.geoms)} geoms, {len(self._columns)} joints>"

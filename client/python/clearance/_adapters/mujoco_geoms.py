@@ -10,7 +10,7 @@ import numpy as np
 from .._poses import pose7_from_matrix
 from .._scene.scene import Scene
 from .._words import MeshAsWord
-from .mujoco_skeleton import matrix
+from .urdf import matrix
 
 
 def add_geoms(
