@@ -16,6 +16,7 @@ extras=(
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
   "coal             2  client/python/clearance tests/install/try_coal.py tests/install/try_pinocchio.py"
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
+  "drake            2  client/python/clearance tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
@@ -164,6 +165,16 @@ run_mujoco() {
   step mink-install "Install mink" "$venv-mink/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     mink==1.3.0 daqp==0.11.0 numpy
   PYTHONPATH=build/python "$venv-mink/bin/python" tests/install/try_mink.py
+}
+
+# Drake's collision checker over Clearance, in an environment with Drake.
+run_drake() {
+  local venv=out/extras/drake
+  tools/build.sh release product
+  step drake-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step drake-install "Install Drake" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    drake==1.51.1 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_drake.py
 }
 
 # Planning with OMPL, whose edges are proved, in an environment with OMPL.

@@ -14,6 +14,7 @@ NAMES = [
     "arm",
     "coal",
     "mujoco",
+    "drake",
     "ompl",
     "jax",
     "viewer",

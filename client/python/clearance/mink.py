@@ -61,14 +61,13 @@ class CollisionAvoidanceLimit(Limit):  # type: ignore[misc]  # mink has no types
         self._geom = {engine.body_id(name): geom for geom, name in self.world.geoms.items()}
         #: MuJoCo's body of each body of the scene that is a geom.
         self._body = {body: self.world.geom_bodies[geom] for body, geom in self._geom.items()}
-        moving: dict[str, Any] = dict(self.world.moving)
         self._near = engine.prepare(
             pairs=None if geom_pairs is None else self._pairs(geom_pairs),
             reduce="within",
             max_distance=to_number_from_0(collision_detection_distance, "collision_detection_distance"),
             signed_distance=True,
             fields=("lower", "normal", "points"),
-            **moving,
+            **self.world.moving,
         )
 
     def _pairs(self, geom_pairs: Sequence[tuple[Geoms, Geoms]]) -> np.ndarray:

@@ -88,11 +88,14 @@ def names_of(count: int, view: Callable[[int], Any], otherwise: Callable[[int], 
     """Returns a unique name of each id: that of its view, or for an empty one `otherwise`, made unique."""
     given = [view(i).name for i in range(count)]
     taken = set(given)
-    for i, text in enumerate(given):
-        if not text:
-            given[i] = next(found for found in _numbered(otherwise(i)) if found not in taken)
-            taken.add(given[i])
-    return given
+    return [text or unique(otherwise(i), taken) for i, text in enumerate(given)]
+
+
+def unique(name: str, taken: set[str]) -> str:
+    """Returns the name, or one with a number after it, that is not taken, and adds it."""
+    found = next(text for text in _numbered(name) if text not in taken)
+    taken.add(found)
+    return found
 
 
 def _numbered(name: str) -> Iterator[str]:

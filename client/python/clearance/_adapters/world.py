@@ -17,7 +17,7 @@ class World:
     """A scene made from a model, and the model's configurations."""
 
     scene: Scene
-    moving: dict[str, list[str]]  #: the arguments joints and bodies of a query about configurations()
+    moving: dict[str, Any]  #: the arguments joints and bodies of a query about configurations()
 
     def __init__(self, scene: Scene, joints: list[str], placed: list[str], first: np.ndarray):
         """joints: with positions. placed: bodies that poses place. first: (nq,) the initial configuration."""
