@@ -12,7 +12,7 @@
 namespace clearance::exact {
 
 struct CertifyOptions {
-  std::int64_t pairs = 10000, slack = 0, motions = 0, trajectories = 0, states = 0, edges = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0, trajectories = 0, stops = 0, states = 0, edges = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
@@ -29,5 +29,8 @@ struct CertifyOptions {
 bool certify_motions(const CertifyOptions& o);
 /// Trajectories of several segments, divided among the threads. Returns false if any segment is wrong.
 bool certify_trajectories(const CertifyOptions& o);
+/// Approaches that brake at the last proved moment, divided among the threads. Returns false if a person touches a
+/// robot that moves, or a capsule model keeps a greater speed.
+bool certify_stops(const CertifyOptions& o);
 
 }  // namespace clearance::exact

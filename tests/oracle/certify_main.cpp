@@ -212,6 +212,9 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--trajectories", o.trajectories, "likewise, so many splines of two to four segments that overshoot")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--stops", o.stops,
+                 "likewise, so many approaches of persons that an arm brakes for at the last moment")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--states", o.states,
                  "in place of pairs so many states of each robot, decided with and without covers")
       ->check(CLI::NonNegativeNumber);
@@ -232,6 +235,7 @@ int main(int argc, char** argv) {
   CLI11_PARSE(app, argc, argv);
   try {
     if (o.states > 0 || o.edges > 0) return clearance::exact::certify_decisions(o) ? 0 : 1;
+    if (o.stops > 0) return clearance::exact::certify_stops(o) ? 0 : 1;
     if (o.trajectories > 0) return clearance::exact::certify_trajectories(o) ? 0 : 1;
     if (o.motions > 0) return clearance::exact::certify_motions(o) ? 0 : 1;
     return clearance::exact::certify(o);

@@ -20,6 +20,7 @@ CLASSES = {
     "Joints": ("wire/api/scene_info.h", clearance.Joints),
     "PathPlan": ("planner/planner.h", clearance.PathPlan),
     "PathReport": ("planner/path_report.h", clearance.PathReport),
+    "StopCheck": ("planner/stop_check.h", clearance.StopCheck),
 }
 #: C++ name: Python name, for the same thing.
 OTHER_NAMES = {
@@ -54,6 +55,7 @@ CPP_ONLY = {
     },
     "Joints": {"size": "len()", "limits": "`lower` and `upper`"},
     "PathPlan": {"found": "bool()"},
+    "StopCheck": {"control_points": "the shape of path"},
 }
 #: Names that only Python has, with the reason.
 PYTHON_ONLY = {
@@ -88,7 +90,7 @@ PYTHON_ONLY = {
     "PathPlan": dict.fromkeys(("clearance", "certificate"), "motions() and certificate() of the path"),
 }
 #: Headers whose function templates take an Engine or a Client as their first argument, as Python's methods do.
-FUNCTIONS = ("planner/planner.h", "planner/path_report.h")
+FUNCTIONS = ("planner/planner.h", "planner/path_report.h", "planner/stop_check.h")
 
 
 def cpp_names(name: str, header: str) -> set[str]:

@@ -273,7 +273,9 @@ def documented(call):
     return {name: " ".join(lines) for name, lines in found.items()}
 
 
-@pytest.mark.parametrize("name", ["distances", "check", "motions", "check_path", "free_scale", "plan", "prepare"])
+@pytest.mark.parametrize(
+    "name", ["distances", "check", "motions", "check_path", "check_stop", "free_scale", "plan", "prepare"]
+)
 @pytest.mark.parametrize("front", [clearance.Engine, clearance.Client])
 def test_docstrings_of_queries_state_each_default(front, name):
     call = getattr(front, name)
@@ -289,7 +291,7 @@ def test_docstrings_of_queries_state_each_default(front, name):
 
 def test_every_argument_of_both_fronts(front):
     calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
-    elsewhere = {"prepare", "free_scale", "plan", "explain_path"}  # below; test_joints, test_plan, test_path_report
+    elsewhere = {"prepare", "free_scale", "plan", "explain_path", "check_stop"}  # below; files of their own
     named = public_methods(type(front)) - elsewhere
     assert named == set(calls), "a call is missing from the table"
     scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision
@@ -312,7 +314,8 @@ def test_every_argument_of_a_prepared_query(front):
         for value in bad:
             with pytest.raises((TypeError, ValueError), match=argument):
                 front.prepare("distances", **{argument: value})
-    calls = {"distances": (), "check": (), "motions": ("start", "end"), "check_path": ("path",), "free_scale": ()}
+    calls = {"distances": (), "check": (), "motions": ("start", "end"), "check_path": ("path",), "free_scale": (),
+             "check_stop": ("velocities",)}  # fmt: skip
     for call, inputs in calls.items():
         for unknown in ("sined", "positions", "out", "warm", *inputs):
             with pytest.raises(TypeError, match=rf"{call}.*'{unknown}'"):

@@ -47,6 +47,7 @@ from ._query.path_report import PathPoint, PathReport
 from ._query.plan import PathPlan
 from ._query.prepared import Prepared
 from ._query.result import Result
+from ._query.stop import StopCheck
 from ._query.trajectory import Trajectory
 from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
@@ -108,6 +109,7 @@ __all__ = [
     "SceneError",
     "StaleQuery",
     "Status",
+    "StopCheck",
     "TimeoutError",
     "BodyPath",
     "Trajectory",

@@ -2,61 +2,29 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Generator, Mapping
+from collections.abc import Mapping
 from typing import Any, Callable, ClassVar, Optional
 
 import numpy as np
 
 from .._arguments import contiguous, to_floats
 from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
-from .._words import FIELD_MASKS, Field, Reduce, Status
+from .._words import Field, Status
 from .arrays import arrays_of, count_of, curves_of, ends_of, interleave, is_curved, positions_of
+from .call import ANY, BEYOND, DETAILS, Call, Request, Steps, stopped
 from .check import Check
 from .meanwhile import meanwhile_of, meanwhile_of_each
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result
+from .stop import Stops
 from .trajectory import Trajectory
 
-#: A query to answer: with its poses (K, M, 7) and positions (K, J), None for the kind that does not move.
-Request = tuple[Run, Optional[np.ndarray], Optional[np.ndarray]]
-Steps = Generator[Request, Any, Any]
-
 _FIRST_MOTIONS, _MOST_MOTIONS = 8, 1024  # motions of a path in one query
-_ANY, _BEYOND = int(Reduce.ANY), int(Status.BEYOND)  # numpy compares an enum's member as an object
 _FREE = PathCheck(True, None, None, None, Status.BEYOND)
 #: Columns of motions by default. Bounds, steps and first contact of a decision need a longer search.
 _MOTION_FIELDS = ("default", "flags", "pair", "time", "first_contact", "steps")
 _DECIDED_FIELDS = ("status", "verdict", "flags", "pair", "time")
-
-
-class Call:
-    """A call with a parsed query. A call of one query implements read() and result(), others steps()."""
-
-    inputs: ClassVar[tuple[str, ...]] = ("configurations",)  #: parameters that each run gives
-    row_inputs: ClassVar[int] = 1  #: number of inputs, all rows of positions, of the usual case
-    fixed: ClassVar[dict[str, Any]] = {}  #: options of its queries
-
-    def __init__(self, query: Query):
-        self.query = query
-
-    @classmethod
-    def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Converts the call's arguments to those of its queries."""
-        return {**arguments, **cls.fixed}
-
-    def read(self, *inputs: Any) -> Request:
-        raise NotImplementedError
-
-    def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> Any:
-        return Result(answer, run.reduce, run)
-
-    def steps(self, *inputs: Any) -> Steps:
-        """Yields the queries, receives their answers, and returns the result."""
-        run, poses, positions = self.read(*inputs)
-        answer = yield run, poses, positions
-        return self.result(run, answer, positions)
 
 
 class Configurations(Call):
@@ -154,8 +122,6 @@ class Motions(Call):
 class Paths(Call):
     inputs = ("path",)
     fixed: ClassVar = {"reduce": "any", "fields": "verdict"}
-    #: Columns of the first motion without a proof. They cost more than the verdict, above all `first_contact`.
-    details: ClassVar = sum(FIELD_MASKS[name] for name in ("status", "pair", "time", "first_contact"))
 
     def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> Optional[PathCheck]:
         """Returns the result for a path of one motion, or None if steps() must find it."""
@@ -181,13 +147,13 @@ class Paths(Call):
             if answer.all_free():
                 first, room = last, min(2 * room, _MOST_MOTIONS)
                 continue
-            first += int(np.argmax(Result(answer, _ANY, run).verdict != _BEYOND))
+            first += int(np.argmax(Result(answer, ANY, run).verdict != BEYOND))
             poses, rows = (ends_of(p, first, first + 1, are_curves) for p in points)
-            run = self.query.run_growing(1, each, ends_of(growths, first, first + 1, True), self.details)
+            run = self.query.run_growing(1, each, ends_of(growths, first, first + 1, True), DETAILS)
             answer = yield run, poses, rows
-            result = Result(answer, _ANY, run)
-            if result.status[0] != _BEYOND:
-                return _stopped(result, first, violations)
+            result = Result(answer, ANY, run)
+            if result.status[0] != BEYOND:
+                return stopped(result, first, violations)
             first += 1
         return PathCheck(True, None, None, None, Status.BEYOND, violations) if violations else _FREE
 
@@ -237,7 +203,7 @@ class Scales(Call):
         return self.query.run(True, count_of(poses, rows)), poses, rows
 
     def result(self, run: Run, answer: Any, positions: Optional[np.ndarray]) -> np.ndarray:
-        return Result(answer, _ANY, run).free_scale
+        return Result(answer, ANY, run).free_scale
 
 
 CALLS: dict[str, type[Call]] = {
@@ -246,6 +212,7 @@ CALLS: dict[str, type[Call]] = {
     "motions": Motions,
     "check_path": Paths,
     "free_scale": Scales,
+    "check_stop": Stops,
 }
 
 
@@ -259,11 +226,3 @@ def _speeds(speeds: Any, like: Optional[np.ndarray], what: str, of: str, shape: 
     if each.shape != like.shape:
         raise ValueError(f"{what}: expected shape {like.shape}, got {each.shape}")
     return each.reshape(-1)
-
-
-def _stopped(r: Result, motion: int, violations: tuple[LimitViolation, ...]) -> PathCheck:
-    time = float(r.time[0])
-    if math.isnan(time):
-        time = float(r.first_contact[0, 0])
-    a, b = r.pair[0].tolist()
-    return PathCheck(False, motion, time, (a, b), Status(int(r.status[0])), violations, (r.names[a], r.names[b]))

@@ -12,7 +12,8 @@ from .._arguments import did_you_mean, to_count
 from .._errors import QueryError, StaleQuery
 from .._names import NameTable
 from .._words import DEFAULT_FIELDS, FIELD_MASKS, Reduce
-from .calls import CALLS, Call, Checks, Request, Steps
+from .call import Call, Request, Steps
+from .calls import CALLS, Checks
 from .future import Future, Task
 from .query import NO_ARGUMENTS, Query, Run, Source
 from .result import Result
@@ -200,6 +201,8 @@ class Prepared:
             return run
         if run.growths is not None:
             return query.growing(run.mask, run.points, run.growths)
+        if run.margins is not None:
+            return query.widened(run.mask, run.points, run.margins)
         now = query.with_columns(run.bodies is not None or run.joints is not None, run.mask, run.points)
         return now if run.speeds is None else now.at_speeds(*run.speeds)
 

@@ -23,6 +23,7 @@ from .path import PathCheck
 from .prepared import Prepared, check_arguments
 from .query import Run
 from .result import Result
+from .stop import Others, StopCheck
 
 Fields = Union[str, Sequence[str], None]
 MotionReduceWord = Literal["none", "min", "any"]
@@ -196,6 +197,38 @@ class Queries:
         """
         return self._once("check_path", locals())
 
+    def check_stop(
+        self,
+        positions: Any,
+        velocities: Any,
+        joints: JointsRef,
+        deceleration: Any,
+        reaction_s: float = 0.0,
+        others: Others = None,
+        pairs: Pairs = None,
+        margin: float = 0.0,
+        together: bool = True,
+        timeout_s: Optional[float] = None,
+    ) -> StopCheck:
+        """Returns whether a robot that brakes stops before any contact, and the greatest speed for which it does.
+
+        positions, velocities: (J,) of `joints` now: radians and metres, rad/s and m/s.
+        deceleration: (J,) or a number, rad/s^2 and m/s^2: what every brake reaches at least.
+        reaction_s: seconds from the measurement of `positions` until the brakes act, at these velocities. Default: 0.
+        others: {body or group: m/s}: bodies that may move, anywhere, and the greatest speed of their points. Each must
+            have received a pose. Its age counts, and so does the time to standstill. Default: none, all stand still.
+        pairs, joints, timeout_s: as in check_path().
+        margin: metres >= 0 that are kept from everything, such as an intrusion distance. Default: 0.
+        together: True, the default: all joints stop at one time, on a straight line, as a stop that keeps the path. The
+            proof then covers harder braking along the line, too. False: each joint stops as soon as it can, at exactly
+            its deceleration.
+
+        Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; what they
+        do once the robot stands is not considered. Raises ValueError also for others without a received pose, and
+        otherwise as check_path() does.
+        """
+        return self._once("check_stop", locals())
+
     def free_scale(
         self,
         positions: Any,
@@ -245,9 +278,9 @@ class Queries:
     def prepare(self, call: str = "distances", **arguments: Any) -> Prepared:
         """Parses a call once, for a planner or a control loop: run() costs about 1 us more than the engine.
 
-        call: "distances" (the default), "check", "motions", "check_path" or "free_scale".
+        call: "distances" (the default), "check", "motions", "check_path", "check_stop" or "free_scale".
         arguments: those of that method by name, without its inputs (`configurations`; `start` and `end`; `path`;
-            `positions`), which run() takes. And these, which only prepared queries have:
+            `positions`; `positions` and `velocities`), which run() takes. And these, which only prepared queries have:
 
             precision: "f64" or "f32" iterations; the bounds are valid in both. Reductions and signed distances always
                 iterate in float64, since float32 is no faster there; "f32" changes only their default rel_tol.

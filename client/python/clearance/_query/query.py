@@ -36,6 +36,7 @@ class Source(Protocol):
         self, pairs: Optional[np.ndarray], bodies: Optional[np.ndarray], joints: Optional[np.ndarray] = None
     ) -> np.ndarray: ...
     def _scene_revision(self) -> int: ...
+    def body_states(self) -> list[Any]: ...
 
 
 class Query:
@@ -51,6 +52,7 @@ class Query:
     timeout_s: Optional[float]
     copy: bool
     weights: Optional[np.ndarray]  #: (J,) of free_scale
+    braking: Any  #: of check_stop
 
     def __init__(self, source: Source, call: str, arguments: Mapping[str, Any]):
         self.source = source
@@ -78,6 +80,7 @@ class Query:
         self.copy = to_bool(given.pop("copy", True), "copy")
         weights = given.pop("weights", None)
         self.weights = None if weights is None else _weights(weights)
+        self.braking = given.pop("braking", None)  # of check_stop
         self._take_margin(given)
         self._options = dict(_options(source._module.OPTIONS, call, given))
         self.reduce = self._options.get("reduce", 0)
@@ -97,6 +100,19 @@ class Query:
         else:
             return
         del given["margin"]
+
+    @property
+    def margin(self) -> float:
+        return self._options.get("margin", 0.0)
+
+    @property
+    def has_margins(self) -> bool:
+        """Whether pairs have margins of their own."""
+        return self._margins is not None or self._pair_margins is not None
+
+    def watch(self, margins: np.ndarray) -> None:
+        """Takes margins whose ids must keep their meaning, those of the runs being others."""
+        self._margins = margins
 
     @property
     def max_results(self) -> int:
@@ -135,6 +151,13 @@ class Query:
         run = self.made(True, mask, points)
         run.raw.set_growths(growths)
         run.growths = growths
+        return run
+
+    def widened(self, mask: int, points: int, margins: np.ndarray) -> Run:
+        """Returns the query with these columns, for one run with margins of its own. margins: (E,) MARGIN_DTYPE."""
+        run = self.made(True, mask, points)
+        run.raw.set_margins(margins.view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+        run.margins = margins
         return run
 
     def made(self, moves: bool, mask: int, points: int = 2) -> Run:
@@ -213,7 +236,7 @@ class Run:
 
     __slots__ = (
         "source", "raw", "mask", "names", "pairs", "selects", "bodies", "joints", "points", "growths", "reduce",
-        "timeout_s", "copy", "speeds", "k",
+        "timeout_s", "copy", "speeds", "k", "margins",
     )  # fmt: skip
 
     def __init__(
@@ -229,6 +252,7 @@ class Run:
         self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
         self.points = points  # of each motion
         self.growths: Optional[np.ndarray] = None  # of this run alone
+        self.margins: Optional[np.ndarray] = None  # likewise
         self.speeds: Optional[tuple[Optional[np.ndarray], Optional[np.ndarray]]] = None  # flat velocities and twists
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
         self.reduce, self.timeout_s, self.copy, self.k = query.reduce, query.timeout_s, query.copy, query.k

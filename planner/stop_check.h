@@ -1,0 +1,223 @@
+// Whether a robot stops in time, for clearance::Engine and clearance::Client.
+//
+//   const std::array deceleration{5.0, 5.0, 8.0};
+//   const std::array others{clearance::Mover{engine.body("person"), 1.6}};
+//   const clearance::StopCheck stop = clearance::check_stop(
+//       engine, {.joints = joints.ids, .positions = q, .velocities = v}, {deceleration, 0.1, others});
+//   command(stop.speed_scale);
+#pragma once
+
+#include <clearance/check.h>
+#include <clearance/prepared_path.h>
+#include <clearance/query.h>
+#include <clearance/scene_info.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <stdexcept>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace clearance {
+
+/// A body that may move anywhere.
+struct Mover {
+  std::uint32_t body;  ///< id, or the selector of a group
+  double max_speed;    ///< metres per second: bound on the speed of its points
+};
+
+/// How a robot brakes, and who moves meanwhile.
+struct Braking {
+  std::span<const double> deceleration;  ///< (J,) rad/s^2 and m/s^2, above 0: what every brake reaches at least
+  double reaction_s =
+      0;  ///< seconds from the measurement of the positions until the brakes act, at unchanged velocities
+  /// Each must have received a pose. Its age counts, and so does the time to standstill.
+  std::span<const Mover> others = {};
+  /// All joints stop at one time, on a straight line: the proof covers harder braking along it, too. Otherwise each
+  /// stops as soon as it can, at exactly its deceleration.
+  bool together = true;
+};
+
+/// Whether a robot stops in time.
+struct StopCheck {
+  PathCheck check;         ///< the braking path at full speed, as check_path() describes a path
+  double speed_scale = 0;  ///< greatest proved share of the velocities, 0 to 1; 0 if none is proved
+  double seconds = 0;      ///< from now to standstill at full speed
+  /// Control points of the braking path at full speed, rounded: that path was checked.
+  std::vector<double> path;
+  std::uint32_t control_points = 2;  ///< of each segment of `path`
+  explicit operator bool() const { return check.ok(); }
+};
+
+namespace stop_check {
+
+inline constexpr int kHalvings = 8;         // of the search for the greatest speed
+inline constexpr double kUp = 1 + 0x1p-50;  // covers the rounding of a few sums and products above 0
+
+struct BrakingPath {
+  std::vector<double> points;
+  std::uint32_t control_points = 2;
+  double seconds = 0;
+};
+
+inline double last_stop(const Query& state, const Braking& law, double scale) {
+  double last = 0;
+  for (std::size_t j = 0; j < law.deceleration.size(); ++j)
+    last = std::max(last, std::abs(scale * state.velocities[j]) / law.deceleration[j]);
+  return last;
+}
+
+/// All joints stop at one time: the line from the positions to where they stop.
+inline BrakingPath line_of(const Query& state, const Braking& law, double scale) {
+  const double last = last_stop(state, law, scale), share = (law.reaction_s + 0.5 * last) * kUp;
+  BrakingPath path{{state.positions.begin(), state.positions.end()}, 2, (law.reaction_s + last) * kUp};
+  for (std::size_t j = 0; j < state.positions.size(); ++j)
+    path.points.push_back(state.positions[j] + scale * state.velocities[j] * share);
+  return path;
+}
+
+/// Each joint stops by itself: curves of degree 2 between the times at which one does.
+inline BrakingPath curves_of(const Query& state, const Braking& law, double scale) {
+  const std::size_t joints = state.positions.size();
+  std::vector<double> times{0, law.reaction_s};
+  for (std::size_t j = 0; j < joints; ++j)
+    times.push_back(law.reaction_s + std::abs(scale * state.velocities[j]) / law.deceleration[j]);
+  std::ranges::sort(times);
+  times.erase(std::unique(times.begin(), times.end()), times.end());
+  if (times.size() == 1) return line_of(state, law, scale);
+  BrakingPath path{{}, 3, times.back() * kUp};
+  const auto at = [&](std::size_t j, double t, double until, bool middle) {
+    const double v = scale * state.velocities[j], a = std::copysign(law.deceleration[j], v);
+    const double stop = std::abs(v) / law.deceleration[j];
+    const double braked = std::clamp(t - law.reaction_s, 0.0, stop);
+    const double q = state.positions[j] + v * (std::min(t, law.reaction_s) + braked) - 0.5 * a * braked * braked;
+    return middle && braked < stop ? q + 0.5 * (v - a * braked) * (until - t) : q;
+  };
+  for (std::size_t k = 0; k + 1 < times.size(); ++k)
+    for (const auto& [t, middle] : {std::pair{times[k], false}, {times[k], true}, {times[k + 1], false}})
+      for (std::size_t j = 0; j < joints; ++j) path.points.push_back(at(j, t, times[k + 1], middle));
+  return path;
+}
+
+/// The others, and the bodies that follow them, each with those that may move it.
+class Movers {
+ public:
+  Movers(const SceneInfo& scene, std::span<const Mover> others) : speeds_(scene.bodies.size(), -1) {
+    for (const Mover& mover : others) {
+      if (!(mover.max_speed >= 0) || std::isinf(mover.max_speed))
+        throw std::invalid_argument("check_stop: others: expected speeds >= 0, got " + std::to_string(mover.max_speed));
+      for (const std::uint32_t body : bodies_of(scene, mover.body)) speeds_[body] = mover.max_speed;
+    }
+    for (std::uint32_t body = 0; body < scene.bodies.size(); ++body) {
+      Follower follower{body, {}};
+      for (std::uint32_t at = body; at != kNone; at = scene.bodies[at].parent)
+        if (speeds_[at] >= 0) follower.movers.push_back({at, scene.bodies[at].name});
+      if (!follower.movers.empty()) followers_.push_back(std::move(follower));
+    }
+  }
+
+  /// Margins that contain how far they come in some seconds, and have come in the ages of their poses.
+  std::vector<MarginEntry> margins(std::span<const BodyStateInfo> states, double margin, double seconds) const {
+    std::vector<MarginEntry> entries{{kEveryBody, kEveryBody, margin}};
+    for (const Follower& follower : followers_) {
+      double reach = margin;
+      for (const auto& [body, name] : follower.movers) {
+        const std::int64_t age = body < states.size() ? states[body].age_ns : -1;
+        if (age < 0) throw std::invalid_argument("check_stop: others: no pose of '" + name + "' has been received");
+        reach = (reach + speeds_[body] * (1e-9 * static_cast<double>(age) + seconds)) * kUp;
+      }
+      entries.push_back({kEveryBody, follower.body, reach});
+    }
+    return entries;
+  }
+
+ private:
+  struct Follower {
+    std::uint32_t body;
+    std::vector<std::pair<std::uint32_t, std::string>> movers;
+  };
+
+  static std::vector<std::uint32_t> bodies_of(const SceneInfo& scene, std::uint32_t selector) {
+    const std::uint32_t group = selector & ~kGroupBit;
+    if (!(selector & kGroupBit) && selector < scene.bodies.size()) return {selector};
+    if ((selector & kGroupBit) && group < scene.groups.size()) return scene.groups[group].bodies;
+    throw std::invalid_argument("check_stop: others: no body or group has the id " + std::to_string(selector));
+  }
+
+  std::vector<double> speeds_;  // by body; below 0 of those that are none of the others
+  std::vector<Follower> followers_;
+};
+
+inline void check_input(const Query& state, const Braking& law) {
+  const std::size_t joints = state.joints.size();
+  const auto check = [](bool right, const std::string& text) {
+    if (!right) throw std::invalid_argument("check_stop: " + text);
+  };
+  const auto all = [](std::span<const double> numbers, auto&& right) { return std::ranges::all_of(numbers, right); };
+  check(joints > 0 && state.bodies.empty(), "expected joints, and no bodies");
+  check(state.positions.size() == joints, "positions: expected one for each joint");
+  check(state.velocities.size() == joints, "velocities: expected one for each joint");
+  check(law.deceleration.size() == joints, "deceleration: expected one for each joint");
+  check(all(state.velocities, [](double v) { return std::isfinite(v); }), "velocities: expected finite numbers");
+  check(all(law.deceleration, [](double a) { return a > 0; }), "deceleration: expected numbers above 0");
+  check(law.reaction_s >= 0 && std::isfinite(law.reaction_s), "reaction_s: expected a finite number >= 0");
+  check(state.margins.empty() && state.pair_margins.empty(), "margins: expected `margin` alone, since others move");
+}
+
+/// The greatest share of the velocities that is proved, by bisection with a proof at each step.
+template <class IsFree>
+double greatest_scale(IsFree&& is_free) {
+  if (!is_free(0.0)) return 0;
+  double proved = 0, beyond = 1;
+  for (int k = 0; k < kHalvings; ++k) {
+    const double scale = 0.5 * (proved + beyond);
+    (is_free(scale) ? proved : beyond) = scale;
+  }
+  return proved;
+}
+
+}  // namespace stop_check
+
+/// Returns whether a robot that brakes stops before any contact, and the greatest speed for which it does.
+///
+/// Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; what they do
+/// once the robot stands is not considered. Throws std::invalid_argument for arguments that do not fit, or others without
+/// a received pose, and otherwise as check_path().
+/// \param engine an Engine or a Client
+/// \param state (J,) positions and velocities of `joints` now; its pairs, and a margin that is kept from everything
+template <class Queried>
+StopCheck check_stop(Queried& engine, const Query& state, const Braking& law) {
+  stop_check::check_input(state, law);
+  const std::optional<stop_check::Movers> movers =
+      law.others.empty() ? std::nullopt : std::make_optional<stop_check::Movers>(engine.scene(), law.others);
+  const std::vector<BodyStateInfo> states = movers ? engine.body_states() : std::vector<BodyStateInfo>();
+  Query query = state;
+  query.velocities = {};
+  std::vector<MarginEntry> margins;
+  const auto take = [&](const stop_check::BrakingPath& path) {
+    query.positions = path.points;
+    query.control_points = path.control_points;
+    if (movers) margins = movers->margins(states, state.margin, path.seconds);
+    query.margins = margins;
+  };
+  const auto path_at = [&](double scale) {
+    return law.together ? stop_check::line_of(state, law, scale) : stop_check::curves_of(state, law, scale);
+  };
+  const stop_check::BrakingPath full = path_at(1);
+  take(full);
+  StopCheck stop{engine.check_path(query), 1, full.seconds, full.points, full.control_points};
+  if (stop.check.free) return stop;
+  stop.speed_scale = stop_check::greatest_scale([&](double scale) {
+    const stop_check::BrakingPath path = path_at(scale);
+    take(path);
+    return engine.distances(path_check::as_motions_of_path(query, kFieldVerdict)).all_free();
+  });
+  return stop;
+}
+
+}  // namespace clearance
