@@ -1,32 +1,26 @@
 // clearance-prepared [SCENE [ROBOT [ROUNDS]]]: time that the C++ interface adds to the engine's own work in one call.
 // clearance-prepared SCENE ROBOT STATES ROUNDS: time of prepared queries of one state, without and with covers.
+// clearance-prepared SCENE ROBOT ROUNDS MARGIN FILE...: time of verdicts of states and edges, without and with covers.
 //
 // The first prints a row of CSV for each call, the fastest of rounds that alternate, in microseconds: of a state in a
 // batch (the engine's own work alone; empty without a batch), of a call of the engine's internal interface, of
 // Prepared::run(), and of the call that is not prepared. ROBOT "-" leaves out calls of joints.
-// STATES is a file of float64, a row of joint positions for each state; prints a line for each query, with each round's
-// processor time for all of them, in seconds.
-#include <time.h>
-
+// timed_files.h has the formats of the others.
 #include <algorithm>
 #include <array>
 #include <chrono>
 #include <cstdint>
 #include <cstdio>
-#include <cstring>
 #include <exception>
-#include <fstream>
 #include <functional>
-#include <iterator>
 #include <memory>
 #include <optional>
 #include <span>
-#include <stdexcept>
 #include <string>
-#include <tuple>
 #include <utility>
 #include <vector>
 
+#include "bench/prepared/timed_files.h"
 #include "engine/api/conversions.h"
 #include "engine/api/engine.h"
 #include "engine/api/result_memory.h"
@@ -216,66 +210,15 @@ int run(const std::string& scene, const std::string& robot, int rounds) {
   return 0;
 }
 
-std::vector<double> read_states(const std::string& path) {
-  std::ifstream in(path, std::ios::binary);
-  if (!in) throw std::runtime_error("cannot read " + path);
-  const std::string bytes(std::istreambuf_iterator<char>(in), {});
-  std::vector<double> states(bytes.size() / sizeof(double));
-  std::memcpy(states.data(), bytes.data(), states.size() * sizeof(double));
-  return states;
-}
-
-double processor_seconds() {
-  timespec now{};
-  ::clock_gettime(CLOCK_PROCESS_CPUTIME_ID, &now);
-  return static_cast<double>(now.tv_sec) + 1e-9 * static_cast<double>(now.tv_nsec);
-}
-
-struct PreparedQuestion {
-  const char* name;
-  std::string covers;
-  Prepared query;
-  std::vector<double> seconds = {};
-};
-
-int time_states(const std::string& scene, const std::string& robot, const std::string& file, int rounds) {
-  const std::vector<double> states = read_states(file);
-  constexpr std::uint32_t kBounds = kFieldLower | kFieldUpper | kFieldStatus | kFieldPair;
-  std::vector<std::unique_ptr<Engine>> engines;
-  std::vector<PreparedQuestion> questions;
-  std::size_t width = 0;
-  for (const char* covers : {"off", "background"}) {
-    engines.push_back(std::make_unique<Engine>(Scene::load(scene), EngineOptions{.threads = 1, .covers = covers}));
-    engines.back()->wait_covers();
-    const Joints joints = engines.back()->joints(robot);
-    width = joints.size();
-    for (const auto& [name, reduce, fields] :
-         {std::tuple{"verdict", Reduce::kAny, std::uint32_t{kFieldVerdict}},
-          std::tuple{"check", Reduce::kAny, kFieldVerdict | kFieldPair}, std::tuple{"bounds", Reduce::kAny, kBounds},
-          std::tuple{"least", Reduce::kMin, kFieldLower | kFieldUpper}})
-      questions.push_back(
-          {name, covers, engines.back()->prepare({.joints = joints.ids, .reduce = reduce, .fields = fields})});
-  }
-  for (int round = -1; round < rounds; ++round)  // the first one warms up
-    for (PreparedQuestion& q : questions) {
-      const double begin = processor_seconds();
-      for (std::size_t at = 0; at + width <= states.size(); at += width)
-        q.query.run(std::span(states).subspan(at, width));
-      if (round >= 0) q.seconds.push_back(processor_seconds() - begin);
-    }
-  for (const PreparedQuestion& q : questions) {
-    std::printf("%s %s", q.name, q.covers.c_str());
-    for (const double seconds : q.seconds) std::printf(" %.9f", seconds);
-    std::printf("\n");
-  }
-  return 0;
-}
-
 }  // namespace
 }  // namespace clearance
 
 int main(int argc, char** argv) try {
-  if (argc == 5) return clearance::time_states(argv[1], argv[2], argv[3], std::stoi(argv[4]));
+  if (argc == 5) return clearance::time_states(argv[1], argv[2], argv[3], std::stoi(argv[4])), 0;
+  if (argc > 5) {
+    const std::vector<std::string> files(argv + 5, argv + argc);
+    return clearance::time_verdicts(argv[1], argv[2], std::stoi(argv[3]), std::stod(argv[4]), files), 0;
+  }
   return clearance::run(argc > 1 ? argv[1] : CLEARANCE_SOURCE_DIR "/scenes/cell/robot.yaml", argc > 2 ? argv[2] : "*",
                         argc > 3 ? std::stoi(argv[3]) : 200);
 } catch (const std::exception& error) {
