@@ -50,6 +50,16 @@ void Engine::Impl::request_covers() const {
   tables->request(scene, owner);
 }
 
+void Engine::Impl::request_cover_of_points(std::uint32_t body) const {
+  if (!covers || scene.bodies()[body].is_static) return;
+  const auto snapshot = poses.snapshot();
+  const ReceivedPoints* const received = snapshot->points_of(body);
+  if (!received) return;
+  std::vector<CoverStore::Parts> shapes;
+  if (received->cloud) shapes.push_back(snapshot->scene->bodies()[body].parts);
+  covers->request(std::move(shapes), received->owner, false);
+}
+
 bool Engine::wait_covers(std::chrono::nanoseconds timeout) const {
   impl_->check_process();
   if (!impl_->covers) return true;

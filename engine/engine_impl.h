@@ -67,6 +67,8 @@ struct Engine::Impl {
 
   // Requests covers of the bodies that may move.
   void request_covers() const;
+  // Requests a cover of the present points of a body that may move.
+  void request_cover_of_points(std::uint32_t body) const;
 
   // Backend of a query.
   struct Route {

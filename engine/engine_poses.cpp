@@ -34,6 +34,7 @@ PoseUpdateResult Engine::set_points(std::uint32_t body, std::span<const CloudPoi
   const PoseUpdateResult result = impl_->poses.set_points(body, points, radius, stamp_ns, sequence, publisher);
   count_copied(result.copied_bytes);
   impl_->point_updates.fetch_add(1, std::memory_order_relaxed);
+  impl_->request_cover_of_points(body);
   return result;
 }
 
@@ -92,6 +93,9 @@ bool Engine::joints_still_mean(std::uint64_t scene_revision, std::span<const std
 void Engine::take_poses(const Engine& old, std::string_view reshaped) {
   const FpEnvironment environment;
   impl_->poses.take_over(old.impl_->poses, reshaped);
+  const auto snapshot = impl_->poses.snapshot();
+  for (std::uint32_t body = 0; snapshot->points && body < impl_->scene.bodies().size(); ++body)
+    impl_->request_cover_of_points(body);
 }
 
 void Engine::stop_updates(bool stop) {

@@ -22,7 +22,8 @@ namespace {
 
 using WorkClock = std::chrono::steady_clock;
 
-/// Time without new results after the thread has started, so that short programs and first answers are not disturbed.
+/// Time without new results after a task is added, so that short programs and first answers are not disturbed, and tasks
+/// that are replaced sooner cost nothing.
 constexpr std::chrono::milliseconds kWorkGrace{100};
 
 /// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
@@ -52,7 +53,8 @@ struct BackgroundWorker::State {
   void work();
   void drop_unowned();
   std::shared_ptr<BackgroundTask> next(int most_makers);
-  void run(BackgroundTask& task, std::unique_lock<std::mutex>& lock, bool in_background);
+  bool wait_for_grace(const std::shared_ptr<BackgroundTask>& task);
+  void run(const std::shared_ptr<BackgroundTask>& task, std::unique_lock<std::mutex>& lock, bool in_background);
 
   std::mutex mutex;  // guards all below
   std::condition_variable changed;
@@ -61,7 +63,6 @@ struct BackgroundWorker::State {
   std::thread thread;
   bool is_running = false;
   std::atomic<bool> is_stopping{false};
-  WorkClock::time_point begin;
 };
 
 BackgroundWorker::State::Workers& BackgroundWorker::State::workers() {
@@ -97,7 +98,6 @@ BackgroundWorker::State::~State() {
 void BackgroundWorker::State::start() {
   if (is_running || is_stopping || pending.empty()) return;
   if (thread.joinable()) thread.join();
-  begin = WorkClock::now();
   try {
     thread = std::thread([this] { work(); });
     is_running = true;
@@ -117,7 +117,7 @@ void BackgroundWorker::State::stop() {
 void BackgroundWorker::State::work() {
   work_last();
   std::unique_lock lock(mutex);
-  while (const auto task = is_stopping ? nullptr : next(0)) run(*task, lock, true);
+  while (const auto task = is_stopping ? nullptr : next(0)) run(task, lock, true);
   is_running = false;
 }
 
@@ -136,27 +136,32 @@ std::shared_ptr<BackgroundTask> BackgroundWorker::State::next(int most_makers) {
   return nullptr;
 }
 
-void BackgroundWorker::State::run(BackgroundTask& task, std::unique_lock<std::mutex>& lock, bool in_background) {
-  ++task.makers_;
+/// Returns whether something but this worker still holds the task.
+bool BackgroundWorker::State::wait_for_grace(const std::shared_ptr<BackgroundTask>& task) {
+  std::unique_lock lock(mutex);
+  changed.wait_until(lock, task->added_ + kWorkGrace, [&] { return is_stopping || task->is_done_; });
+  return task.use_count() > 1 + task->makers_;
+}
+
+void BackgroundWorker::State::run(const std::shared_ptr<BackgroundTask>& task, std::unique_lock<std::mutex>& lock,
+                                  bool in_background) {
+  ++task->makers_;
   lock.unlock();
   const WorkClock::time_point before = WorkClock::now();
   BackgroundTask::Result result;
+  bool is_wanted = true;
   try {
-    result = task.read();
-    if (!result && in_background) {
-      lock.lock();
-      changed.wait_until(lock, begin + kWorkGrace, [&] { return is_stopping || task.is_done_; });
-      lock.unlock();
-    }
-    if (!result && !is_stopping && !task.is_done_) result = task.make(is_stopping);
+    result = task->read();
+    if (!result && in_background) is_wanted = wait_for_grace(task);
+    if (!result && is_wanted && !is_stopping && !task->is_done_) result = task->make(is_stopping);
   } catch (const std::exception&) {  // no memory
   }
   lock.lock();
-  --task.makers_;
-  if (task.is_done_ || (!result && is_stopping)) return;
-  task.is_done_ = true;
-  task.take(std::move(result), WorkClock::now() - before);
-  std::erase_if(pending, [&](const auto& other) { return other.get() == &task; });
+  --task->makers_;
+  if (task->is_done_ || (!result && (is_stopping || !is_wanted))) return;
+  task->is_done_ = true;
+  task->take(std::move(result), WorkClock::now() - before);
+  std::erase_if(pending, [&](const auto& other) { return other == task; });
   pending_count = pending.size();
   changed.notify_all();
 }
@@ -169,8 +174,9 @@ BackgroundWorker::~BackgroundWorker() {
 
 void BackgroundWorker::add(const std::vector<std::shared_ptr<BackgroundTask>>& tasks) {
   const std::lock_guard lock(state_->mutex);
+  for (const auto& task : tasks) task->added_ = WorkClock::now();
   state_->pending.insert(state_->pending.end(), tasks.begin(), tasks.end());
-  state_->pending_count = state_->pending.size();
+  state_->drop_unowned();
   state_->start();
 }
 
@@ -181,7 +187,7 @@ bool BackgroundWorker::wait(std::chrono::nanoseconds timeout) {
   std::unique_lock lock(state_->mutex);
   while (!state_->pending.empty() && WorkClock::now() < until) {
     if (const auto task = state_->next(1))
-      state_->run(*task, lock, false);
+      state_->run(task, lock, false);
     else if (!state_->pending.empty())
       state_->changed.wait_until(lock, until);
   }

@@ -27,7 +27,8 @@ class BackgroundTask {
  private:
   friend class BackgroundWorker;
   std::atomic<bool> is_done_{false};
-  int makers_ = 0;  // threads at work on it
+  std::chrono::steady_clock::time_point added_{};
+  int makers_ = 0;  // threads at work on it, each of which holds it
 };
 
 /// Something, such as an engine, for as long as which results are kept; if null, for ever.

@@ -55,6 +55,8 @@ class Cache {
   /// Opens the cache that the environment configures. CLEARANCE_CACHE is `off` or the folder's absolute path, by
   /// default `clearance` in $XDG_CACHE_HOME or ~/.cache. CLEARANCE_CACHE_MIB is its maximum size, by default 2048.
   static Cache of_environment();
+  /// A cache that is off.
+  static Cache none() { return Cache(Off{}, ""); }
 
   /// Opens a folder of limited size, and creates it if necessary (private_folder.h lists rejected ones).
   explicit Cache(const std::string& folder, std::uint64_t most_bytes = kMostBytes);

@@ -22,7 +22,7 @@ std::uint64_t hash_of_body(std::span<const ConvexPartPtr> parts) {
 
 class CoverStore::Entry final : public BackgroundTask {
  public:
-  Entry(Parts parts, CoverStore& store) : parts_(std::move(parts)), store_(store) {}
+  Entry(Parts parts, CoverStore& store, const Cache& cache) : parts_(std::move(parts)), store_(store), cache_(cache) {}
   ~Entry() override {
     if (!is_done_) return;
     --(cover_ ? store_.made_ : store_.impossible_);
@@ -33,9 +33,9 @@ class CoverStore::Entry final : public BackgroundTask {
   std::shared_ptr<const Cover> cover() const { return is_done_.load(std::memory_order_acquire) ? cover_ : nullptr; }
   TaskOwners owners;
 
-  Result read() const override { return kept(read_cover(store_.cache_, cover_name(parts_))); }
+  Result read() const override { return kept(read_cover(cache_, cover_name(parts_))); }
   Result make(const std::atomic<bool>& stopped) const override {
-    return kept(make_timed_cover(store_.cache_, cover_name(parts_), parts_, &stopped));
+    return kept(make_timed_cover(cache_, cover_name(parts_), parts_, &stopped));
   }
   void take(Result result, std::chrono::nanoseconds took) override {
     auto cover = std::static_pointer_cast<const Cover>(result);
@@ -59,6 +59,7 @@ class CoverStore::Entry final : public BackgroundTask {
 
   const Parts parts_;
   CoverStore& store_;
+  const Cache& cache_;
   std::shared_ptr<const Cover> cover_;  // null if impossible
   std::atomic<bool> is_done_{false};    // set after `cover_`
 };
@@ -76,7 +77,7 @@ std::shared_ptr<const Cover> CoverStore::find(std::span<const ConvexPartPtr> par
   return entry ? entry->cover() : nullptr;
 }
 
-void CoverStore::request(std::vector<Parts> bodies, const TaskOwner& owner) {
+void CoverStore::request(std::vector<Parts> bodies, const TaskOwner& owner, bool in_cache) {
   const std::lock_guard requests(requests_);
   std::vector<std::shared_ptr<BackgroundTask>> tasks;
   std::unique_lock lock(mutex_);
@@ -88,7 +89,7 @@ void CoverStore::request(std::vector<Parts> bodies, const TaskOwner& owner) {
       known->owners.add(owner);
       continue;
     }
-    const auto entry = std::make_shared<Entry>(std::move(parts), *this);
+    const auto entry = std::make_shared<Entry>(std::move(parts), *this, in_cache ? cache_ : no_cache_);
     entry->owners.add(owner);
     entries_.emplace(hash, entry);
     tasks.push_back(entry);

@@ -17,7 +17,7 @@
 
 namespace clearance {
 
-/// Covers by their bodies' parts, shared by engines. Thread-safe. They are kept in the cache.
+/// Covers by their bodies' parts, shared by engines. Thread-safe.
 class CoverStore {
  public:
   using Parts = std::vector<ConvexPartPtr>;
@@ -40,7 +40,8 @@ class CoverStore {
   std::shared_ptr<const Cover> find(std::span<const ConvexPartPtr> parts) const;
   /// Requests covers, the most important ones first. Skips bodies that were requested before or cannot have one, and
   /// drops covers whose owners are gone.
-  void request(std::vector<Parts> bodies, const TaskOwner& owner = {});
+  /// \param in_cache whether new ones are read from the cache and kept there
+  void request(std::vector<Parts> bodies, const TaskOwner& owner = {}, bool in_cache = true);
   /// BackgroundWorker::wait().
   bool wait(std::chrono::nanoseconds timeout) { return worker_.wait(timeout); }
   /// Takes no lock.
@@ -55,7 +56,7 @@ class CoverStore {
   Entry* find_entry(std::uint64_t hash, std::span<const ConvexPartPtr> parts) const;
 
   const std::uint64_t most_bytes_;
-  const Cache cache_ = Cache::of_environment();
+  const Cache cache_ = Cache::of_environment(), no_cache_ = Cache::none();
   std::atomic<std::uint64_t> arrived_{0}, made_{0}, impossible_{0}, bytes_{0};
   std::atomic<std::chrono::nanoseconds> spent_{};
   std::mutex requests_;       // held until the tasks of a request wait in the worker

@@ -28,6 +28,8 @@ struct ReceivedPoints {
   ConvexPartPtr cloud;  ///< without the body's uncertainty; null if there are no points
   std::uint64_t count;  ///< of points
   std::int64_t stamp_ns, receipt_ns, sequence;
+  /// Owner of the cover of the points: it lives as long as a snapshot has them.
+  std::shared_ptr<const void> owner = std::make_shared<char>();
 };
 
 /// The poses of all bodies at one moment, and data derived from them. Shared by jobs; immutable once published.

@@ -1,13 +1,17 @@
 // Covers of an engine's bodies: which ones it makes, and that engines of a changed scene share them.
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <chrono>
 #include <cstdlib>
 #include <set>
+#include <vector>
 
 #include "engine/cover/cover_store.h"
 #include "engine/editor/scene_editor.h"
-#include "tests/engine/arm_scene.h"
+#include "tests/engine/crowded_arm.h"
 #include "tests/engine/engine_test_util.h"
+#include "tests/engine/evaluate_query.h"
 
 namespace clearance::test {
 namespace {
@@ -89,6 +93,106 @@ TEST_F(CoversTest, AreMadeForCloudsThatMayMove) {
     if (is_cloud(body)) {
       EXPECT_EQ(engine.cover_store()->find(body.parts) != nullptr, body.name == "seen") << body.name;
     }
+}
+
+/// Points in a cube of 0.2 m.
+std::vector<CloudPoint> some_points(std::uint64_t seed) {
+  Random random(seed);
+  std::vector<CloudPoint> points;
+  for (const Vec3d& p : random.cloud(200, {0.1, 0.1, 0.1}))
+    points.push_back({static_cast<float>(p.x), static_cast<float>(p.y), static_cast<float>(p.z)});
+  return points;
+}
+/// The crowded scene, in which the palm carries a cloud.
+engine::Scene with_carried_cloud() {
+  engine::Scene scene = crowded_scene(false);
+  scene.add_points("seen", some_points(9), 0, {.radius = 0.01, .parent = "arm/palm", .pose = Pose{{0, 0, 0.25}}});
+  scene.add_points("scan", {}, 0, {.is_static = true, .pose = Pose{{2, 0, 0}}});
+  for (const char* link :
+       {"arm/fore", "arm/wrist", "arm/palm", "arm/flange", "arm/left_finger", "arm/right_finger", "held"})
+    scene.ignore("seen", link);
+  return scene;
+}
+/// Verdicts about the carried cloud and obstacles.
+Answer verdicts_of_seen(const engine::Engine& engine) {
+  ArmStates s(engine.scene(), 300);
+  std::vector<BodyPair> pairs;
+  const std::uint32_t seen = engine.scene().find_body("seen");
+  for (const char* name : {"rod", "post", "cone", "rock", "table"}) {
+    const std::uint32_t b = engine.scene().find_body(name);
+    pairs.push_back({std::min(b, seen), std::max(b, seen)});
+  }
+  s.query.all_pairs = false;
+  s.query.pairs = pairs;
+  s.query.fields = kFieldVerdict | kFieldPair;
+  return evaluate(engine, s.query);
+}
+/// Returns the number of states that are hit.
+int expect_same_verdicts(const Answer& without, const Answer& with) {
+  int hits = 0;
+  for (std::uint64_t k = 0; k < without.size.rows; ++k) {
+    EXPECT_EQ(without.view.verdict[k], with.view.verdict[k]) << k;
+    EXPECT_EQ(without.view.pair[k].a, with.view.pair[k].a) << k;
+    hits += without.view.verdict[k] == static_cast<std::uint8_t>(Status::kOk);
+  }
+  return hits;
+}
+
+void points_that_are_set_get_one(engine::Engine& with) {
+  engine::Engine without(with_carried_cloud(), {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+  const std::uint64_t covers = counter(with, "engine.covers").value();
+  const std::uint32_t seen = with.scene().find_body("seen");
+  for (const std::uint64_t seed : {31, 32}) {
+    for (engine::Engine* engine : {&with, &without}) engine->set_points(seen, some_points(seed), 0.02);
+    const Answer expected = verdicts_of_seen(without);
+    expect_same_verdicts(expected, verdicts_of_seen(with));  // with or without its cover
+    ASSERT_TRUE(with.wait_covers(kPatience));
+    EXPECT_EQ(counter(with, "engine.covers"), covers + 1) << "that of earlier points is dropped";
+    const Answer decided = verdicts_of_seen(with);
+    const int hits = expect_same_verdicts(expected, decided);
+    EXPECT_GT(hits, 20);
+    EXPECT_LT(hits, 280);
+    EXPECT_LT(decided.info.pairs_evaluated, expected.info.pairs_evaluated / 4) << "covers decide most pairs";
+  }
+  with.set_points(with.scene().find_body("scan"), some_points(33));
+  EXPECT_EQ(counter(with, "engine.covers_pending"), 0) << "a cloud that stays needs none";
+  with.set_points(seen, {});
+  EXPECT_EQ(counter(with, "engine.covers_pending"), 0);
+  EXPECT_EQ(counter(with, "engine.covers"), covers);
+}
+
+void points_that_are_replaced_soon_get_none(engine::Engine& engine) {
+  constexpr std::chrono::milliseconds kGrace{100};
+  const std::uint64_t revision = engine.cover_store()->revision();
+  const std::uint32_t seen = engine.scene().find_body("seen");
+  const auto begin = std::chrono::steady_clock::now();
+  for (std::uint64_t i = 0; i < 200; ++i) {
+    engine.set_points(seen, some_points(i));
+    ASSERT_LE(counter(engine, "engine.covers_pending"), 3) << "earlier ones are dropped";
+  }
+  const std::uint64_t made = engine.cover_store()->revision() - revision;
+  EXPECT_LE(made, (std::chrono::steady_clock::now() - begin) / kGrace);
+  ASSERT_TRUE(engine.wait_covers(kPatience));
+  EXPECT_GT(engine.cover_store()->revision(), revision) << "the last ones get one";
+}
+
+void a_changed_scene_keeps_those_of_points(SceneEditor& editor) {
+  const auto covers = counter(*editor.engine(), "engine.covers");
+  const auto add = [](const engine::Engine&) {
+    return make_body("ground", {wire::BodyShape::kHalfSpace, {0, 0, 0}}, {.is_static = true, .pose = Pose{{0, 0, -3}}});
+  };
+  const std::shared_ptr<engine::Engine> next = editor.add(add).engine;
+  EXPECT_EQ(counter(*next, "engine.covers_pending"), 0);
+  EXPECT_EQ(counter(*next, "engine.covers"), covers);
+}
+
+// In one process: the covers take seconds.
+TEST_F(CoversTest, AreMadeForPointsThatAreSet) {
+  SceneEditor editor(with_carried_cloud(), {.backend = "cpu", .threads = 1});
+  ASSERT_TRUE(editor.engine()->wait_covers(kPatience));
+  points_that_are_set_get_one(*editor.engine());
+  points_that_are_replaced_soon_get_none(*editor.engine());
+  a_changed_scene_keeps_those_of_points(editor);
 }
 
 TEST_F(CoversTest, OneShapeHasOneCover) {

@@ -230,6 +230,18 @@ TEST_F(CoverStoreTest, ASecondStoreReadsTheCache) {
   EXPECT_EQ(bytes_of(*store.find(one)), bytes_of(*other));
 }
 
+TEST_F(CoverStoreTest, KeepsNoneInTheCacheThatAreNotForIt) {
+  use_cache();
+  CoverStore store;
+  store.request({body(1)}, {}, false);
+  store.request({body(2)});
+  ASSERT_TRUE(store.wait(kPatience));
+  EXPECT_TRUE(store.find(body(1)));
+  const Cache cache(path_);
+  EXPECT_FALSE(read_cover(cache, cover_name(body(1))));
+  EXPECT_TRUE(read_cover(cache, cover_name(body(2))));
+}
+
 TEST_F(CoverStoreTest, ADamagedRecordIsMadeAgain) {
   use_cache();
   const Parts one = body(1);
