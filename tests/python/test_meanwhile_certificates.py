@@ -161,6 +161,30 @@ def test_growth_and_curves_are_bounded_tightly(checker, hall, growths, place):
         assert checker.each_rejects(hall(places, growths, place, 1, by_speed + SMALL)) == [True, True]
 
 
+def test_rules_of_control_poses(checker, hall):
+    """Each violation alone, in a document whose claim would hold."""
+
+    def poses(document):
+        return next(iter(document["configurations"][0]["poses"].values()))
+
+    def refuses(growths, change):
+        document = hall((2.0, 2.0, 2.0), growths, 0.5, 2, 0.25)
+        change(document)
+        return checker.each_rejects(document)
+
+    none = (0.0, 0.0, 0.0)
+    assert refuses(none, lambda d: None) == [False, False]
+    assert refuses((-0.25, -0.25, -0.25), lambda d: None) == [True, True]
+    assert refuses(none, lambda d: [pose.append(0.0) for pose in poses(d)]) == [True, True]
+    assert refuses(none, lambda d: poses(d)[1].pop()) == [True, True]
+    assert refuses(none, lambda d: [pose.pop() for pose in poses(d)]) == [False, False]
+    assert refuses(none, lambda d: poses(d).append(poses(d)[0])) == [True, True]
+    assert refuses(none, lambda d: poses(d)[1].__setitem__(3, -1.0)) == [
+        True,
+        True,
+    ]  # the same rotation, but not as given
+
+
 # ---- tampering -------------------------------------------------------------------------------------------------------
 
 

@@ -142,7 +142,7 @@ TEST_F(DeviceFaults, MotionsOfBodiesThatGrowAreTheCpusOrRejectedByName) {
     const Answer a = evaluate(device, motions.q), expected = evaluate(cpu, motions.q);
     expect_same(a, expected, reason);
     EXPECT_EQ(a.info.backend, "cpu");
-    EXPECT_LT(expected.rows[0].upper, 1e3);
+    EXPECT_LT(expected.view.upper[0], 1e3);
     try {
       evaluate(alone, motions.q);
       ADD_FAILURE() << "answered: " << reason;
