@@ -213,3 +213,20 @@ def test_explain_path_of_the_second_motion_counts_growth_from_the_beginning(rail
     alone = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": clearance.BodyPath(pose(0.1, 0), radius=1)})
     assert alone.contact.t == 0 and alone.proved_until == (0, 0.0)
     assert alone.contact.upper == pytest.approx(-1.1, abs=1e-9) and alone.contact.lower > -1.1 - 1e-6
+
+
+def test_clients_explain_as_an_engine(arm_front, arm_engine):
+    start = [0.0] * len(arm_engine.joints("arm"))
+    end = [0.4] * len(start)
+    kinds = set()
+    for growth in (0.01, 2.0):
+        cup = clearance.BodyPath([pose(0.4, 1), pose(0.4, 0.6)], growth=growth)
+        options = {"joints": "arm", "pairs": [("arm", "cup")], "meanwhile": {"cup": cup}}
+        here, there = (front.explain_path([start, end], **options) for front in (arm_engine, arm_front))
+        assert here.check == there.check and here.least == there.least and here.proved_until == there.proved_until
+        for a, b in ((here.nearest, there.nearest), (here.contact, there.contact)):
+            kinds.add(a is None)
+            assert (a is None) == (b is None)
+            if a is not None:
+                assert (a.t, a.pair, a.lower, a.upper) == (b.t, b.pair, b.lower, b.upper)
+    assert kinds == {True, False}
