@@ -6,7 +6,8 @@ include(CMakePackageConfigHelpers)
 # Headers that are installed with each library.
 set(clearance_shared_headers wire/types.h wire/mesh_as.h wire/query_options.h wire/api/query.h wire/api/errors.h wire/api/result.h
   wire/api/check.h wire/api/scene_info.h wire/api/new_body.h wire/api/prepared.h wire/api/prepared_path.h wire/api/curve_limits.h wire/api/device_query.h wire/protocol.h wire/payloads.h client/eigen.h
-  planner/edge_prover.h planner/rrt_connect.h planner/planner.h planner/path_report.h planner/stop_check.h)
+  planner/edge_prover.h planner/rrt_connect.h planner/planner.h planner/path_report.h planner/path_states.h
+  planner/stop_check.h)
 list(TRANSFORM clearance_shared_headers PREPEND ${PROJECT_SOURCE_DIR}/)
 
 function(clearance_install_library part)

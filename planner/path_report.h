@@ -2,6 +2,7 @@
 #pragma once
 
 #include <clearance/check.h>
+#include <clearance/path_states.h>
 #include <clearance/prepared_path.h>
 
 #include <algorithm>
@@ -9,6 +10,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <limits>
 #include <optional>
 #include <span>
@@ -52,18 +54,6 @@ inline constexpr std::uint32_t kPathFields = kPointFields | kFieldTime | kFieldF
 inline constexpr std::size_t kMostMotions = 1024;  // of a path in one query
 inline constexpr std::size_t kStates = 33;         // of a motion, among which the deepest is searched
 
-/// The state of motion `index` at time t, by Casteljau's rule.
-inline std::vector<double> between(const Query& path, std::uint64_t index, double t) {
-  const path_check::Part motion(path, index, index + 1);
-  const std::span<const double> rows = motion.positions();
-  const std::size_t joints = path.joints.size();
-  std::vector<double> state(rows.begin(), rows.end());
-  for (std::size_t left = state.size() - joints; left > 0; left -= joints)
-    for (std::size_t i = 0; i < left; ++i) state[i] += t * (state[i + joints] - state[i]);
-  state.resize(joints);
-  return state;
-}
-
 inline PathPoint point(const Result& r, std::size_t k, std::uint64_t index, double t, std::vector<double> positions) {
   const auto of = [k](std::span<const double> points) {
     return std::array{points[3 * k], points[3 * k + 1], points[3 * k + 2]};
@@ -75,19 +65,9 @@ inline PathPoint point(const Result& r, std::size_t k, std::uint64_t index, doub
 template <class Source>
 Result motions(Source& engine, const Query& path, std::uint64_t first, std::uint64_t last) {
   const path_check::Part part(path, first, last);
-  Query query = path;
-  query.positions = part.positions();
+  Query query = part.query(kPathFields);
   query.reduce = Reduce::kMin;
-  query.fields = kPathFields;
   return engine.motions(query);
-}
-
-/// Converts a query of motions to that of their states.
-inline Query of_states(Query query, std::span<const double> states) {
-  query.positions = states;
-  query.max_evaluations = 0;
-  query.control_points = 2;
-  return query;
 }
 
 /// The state of the least distance of all motions, and its bounds.
@@ -101,44 +81,97 @@ void find_nearest(Source& engine, const Query& path, std::uint64_t count, PathRe
       if (!(r.upper()[k] < least.upper)) continue;
       least.upper = r.upper()[k];
       const double t = r.time()[k];
-      report.nearest = point(r, k, first + k, t, between(path, first + k, t));
+      report.nearest = point(r, k, first + k, t, State(path, first + k, t).positions);
     }
   }
   report.least = least;
 }
 
+/// Decides a state, as a motion that stays there: bodies grow in motions alone.
 template <class Source>
-Check check_state(Source& engine, const Query& path, std::span<const double> state) {
-  return engine.check(of_states(path, state));
+PathCheck check_state(Source& engine, const Query& path, const State& state) {
+  const auto twice = [](auto row) {
+    row.reserve(2 * row.size());
+    std::copy_n(row.begin(), row.size(), std::back_inserter(row));
+    return row;
+  };
+  const auto positions = twice(state.positions), growths = twice(state.growths);
+  const auto poses = twice(state.poses);
+  Query query = path;
+  query.positions = positions;
+  query.configurations = poses;
+  query.growths = growths;
+  query.control_points = 2;
+  return engine.check_path(query);
 }
 
+/// Signed distances of states, as the bodies are without growth: a row for each, or for each pair if bodies grow.
 template <class Source>
-void describe_hit(Source& engine, const Query& path, double within, PathReport& report) {
-  const std::uint64_t index = *report.check.index;
-  std::vector<double> times(kStates), states;
-  for (std::size_t k = 0; k < kStates; ++k) {
-    times[k] = within + (1 - within) * static_cast<double>(k) / (kStates - 1);
-    const std::vector<double> state = between(path, index, times[k]);
-    states.insert(states.end(), state.begin(), state.end());
+Result distances(Source& engine, Query query, std::span<const State> states) {
+  std::vector<double> positions;
+  std::vector<Pose7> poses;
+  for (const State& state : states) {
+    positions.insert(positions.end(), state.positions.begin(), state.positions.end());
+    poses.insert(poses.end(), state.poses.begin(), state.poses.end());
   }
-  const std::size_t joints = path.joints.size();
-  const auto state = [&](std::size_t k) { return std::span(states).subspan(k * joints, joints); };
-  const auto row = [&](std::size_t k) { return std::vector<double>(state(k).begin(), state(k).end()); };
-  Query query = of_states(path, states);
+  query.positions = positions;
+  query.configurations = poses;
+  query.growths = {};
+  query.max_evaluations = 0;
+  query.control_points = 2;
   query.margin = 0;
   query.margins = {};
   query.pair_margins = {};
   query.signed_distance = true;
   query.fields = kPointFields;
-  query.reduce = Reduce::kMin;
-  const Result deep = engine.distances(query);
-  const auto deepest = static_cast<std::size_t>(std::ranges::min_element(deep.upper()) - deep.upper().begin());
-  report.nearest = point(deep, deepest, index, times[deepest], row(deepest));
-  const Check first = check_state(engine, path, state(0));
-  const IdPair pair = first.free[0] ? report.check.pair : first.pair[0];
-  query.pairs = {&pair, 1};
-  query.positions = state(0);
-  report.contact = point(engine.distances(query), 0, index, within, row(0));
+  query.reduce = states[0].growths.empty() ? Reduce::kMin : Reduce::kNone;
+  return engine.distances(query);
+}
+
+/// Subtracts the growth of a pair's bodies from the bounds. Growth alone proves no upper bound on a depth, since grown
+/// bodies may fill holes.
+inline PathPoint grown(PathPoint point, double growth) {
+  if (growth == 0) return point;
+  const bool was_apart = point.lower >= 0;
+  point.lower = std::nextafter(point.lower - growth, -std::numeric_limits<double>::infinity());
+  point.upper = std::nextafter(point.upper - growth, std::numeric_limits<double>::infinity());
+  if (was_apart && point.lower < 0) point.lower = -std::numeric_limits<double>::infinity();
+  return point;
+}
+
+/// The deepest of some states, or the nearest if none is an overlap.
+/// \param times of the states, in motion `index`
+template <class Source>
+PathPoint deepest(Source& engine, const Query& path, std::uint64_t index, std::span<const State> states,
+                  std::span<const double> times) {
+  const Result r = distances(engine, path, states);
+  const std::size_t each = r.rows() / states.size();
+  const auto at = [&](std::size_t k) {
+    const State& state = states[k / each];
+    return grown(point(r, k, index, times[k / each], state.positions), state.growth(path.bodies, r.pair()[k]));
+  };
+  PathPoint found = at(0);
+  for (std::size_t k = 1; k < r.rows(); ++k)
+    if (PathPoint other = at(k); other.upper < found.upper || std::isnan(found.upper)) found = std::move(other);
+  return found;
+}
+
+/// Describes the first contact, at time `within` of the motion that is not free, and the deepest state from there on.
+template <class Source>
+void describe_hit(Source& engine, const Query& path, double within, PathReport& report) {
+  const std::uint64_t index = *report.check.index;
+  std::vector<double> times;
+  std::vector<State> states;
+  for (std::size_t k = 0; k < kStates; ++k) {
+    times.push_back(within + (1 - within) * static_cast<double>(k) / (kStates - 1));
+    states.emplace_back(path, index, times.back());
+  }
+  report.nearest = deepest<Source>(engine, path, index, states, times);
+  const PathCheck first = check_state(engine, path, states[0]);
+  const IdPair pair = first.free ? report.check.pair : first.pair;
+  Query of_pair = path;
+  of_pair.pairs = {&pair, 1};
+  report.contact = deepest<Source>(engine, of_pair, index, std::span(states).first(1), times);
 }
 
 }  // namespace path_report
@@ -146,14 +179,17 @@ void describe_hit(Source& engine, const Query& path, double within, PathReport& 
 /// Returns where a path of joints is closest to a contact; or, if it is not free, where its first contact is, of which
 /// pair, and how deep the motion drives in.
 ///
-/// Throws std::invalid_argument unless the path has two waypoints of joints or more and moves no bodies, and otherwise as
-/// check_path() and motions() do.
+/// Bodies may move and grow meanwhile: the bounds are those of grown bodies, the witness points of bodies without growth,
+/// and a depth that growth alone makes has a lower bound of -inf.
+///
+/// Throws std::invalid_argument unless the path has two waypoints of joints or more, and otherwise as check_path() and
+/// motions() do.
 /// \param engine an Engine or a Client
-/// \param path as of check_path(): (N, J) positions of `joints`, waypoints or control points
+/// \param path as of check_path(): (N, J) positions of `joints`, waypoints or control points, with as many poses and
+/// growths of `bodies`
 template <class Queried>
 PathReport explain_path(Queried& engine, const Query& path) {
-  if (path.joints.empty() || !path.bodies.empty())
-    throw std::invalid_argument("explain_path: expected joints, and no bodies");
+  if (path.joints.empty()) throw std::invalid_argument("explain_path: expected joints");
   PathReport report;
   report.check = engine.check_path(path);
   if (report.check.free) {
@@ -168,8 +204,8 @@ PathReport explain_path(Queried& engine, const Query& path) {
     path_report::find_nearest(engine, path, path_check::motion_count(path), report);
     return report;
   }
-  const std::vector<double> start = path_report::between(path, index, 0);
-  const bool hits_at_start = !(proved > 0) && path_report::check_state(engine, path, start).hit(0);
+  const bool hits_at_start =
+      !(proved > 0) && path_report::check_state(engine, path, path_report::State(path, index, 0)).hit();
   path_report::describe_hit(engine, path, hits_at_start ? 0 : std::isinf(within) ? report.check.t : within, report);
   return report;
 }

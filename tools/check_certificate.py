@@ -122,12 +122,18 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
     def __init__(self, bodies, document, count):
         self.bodies, self.seen, self.poses, self.positions = bodies, {}, document["poses"], document["positions"]
         require(all(key == str(int(key)) for key in (*self.poses, *self.positions)), "whose end is it")
-        points = {*map(len, self.positions.values())} or {count}  # of each curve: all have as many
-        require({count, *map(len, self.poses.values())} == {count}, "an end is missing")
+        points = {*map(len, self.positions.values()), *map(len, self.poses.values())} or {count}  # of each curve
         require(len(points) == 1 and count <= min(points) <= 8 ** (count - 1), "a control point is missing")
     def steps(self, id, time):  # each in the previous: (pose, axis, curve along or about it, whether it turns)
         if str(id) in self.poses:
-            (*t, a, b, c, d), (*t1, w, x, y, z) = (map(exact, several(self.poses[str(id)][k], 7)) for k in (0, -1))
+            given = self.poses[str(id)]  # an eighth number is its growth
+            points = [tuple(map(exact, several(pose, 7 + (len(given[0]) == 8))))[:7] for pose in given]
+            (*t, a, b, c, d), (*t1, w, x, y, z) = points[0], points[-1]
+            if len(points) > 2:
+                require(len({point[3:] for point in points}) == 1, "a body turns along a curve")
+                for axis, curve in zip(AXES, zip(*points)):
+                    yield (times(place(curve, time), axis), AXES, BLUR), axis, curve, False
+                return (yield pose_of(*ZERO, a, b, c, d), ZERO, (0,), False)
             axis, angle = turn_between(a, (b, c, d), w, (x, y, z))
             yield pose_of(*(*plus(t, plus(t1, t, -1), time), a, b, c, d)), plus(t1, t, -1), (0, 1), False
             yield from [(turn_about(axis, time * angle), axis, (0, angle), True)] if angle else []
@@ -168,6 +174,9 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             arms = [point] if turns else [plus(v, axis, x - place(curve, time)) for v in arms for x in ends]
             speeds, bent = [*speeds, reach * fast], bent + reach * bend
         return sum(speeds), bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
+    def growth(self, id, time, begin, end):  # metres: at a time, its rate then, and bounds on its rates in a span
+        curve = tuple(length(pose[7]) for pose in self.poses.get(str(id), ()) if len(pose) == 8) or (Fraction(0),)
+        return place(curve, time), place(slopes(curve), time), *extent(curve, begin, end)[1:]
     def frames(self, id):  # the bodies that it follows, outermost first, without other links of its robot
         on, joint = self.bodies[id].on, self.bodies[id].joint
         while joint and self.bodies[on].joint:
@@ -192,6 +201,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         shared = sum(x == y for x, y in zip(*frames))  # common carriers move neither body relative to the other
         known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, begin, end) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
+        grown, grows, fast, swells = map(sum, zip(*(self.growth(id, middle, begin, end) for id in ids)))
         counts = len(a.pieces), len(b.pieces)
         cover = [list(map(run, several(claim["pieces"], 2), counts)) for claim in span["lower"]]
         for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
@@ -200,7 +210,8 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, begin, end) for id in ids]
             speed, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # the proved gap is concave between these
-                need = bound + inner + blur_a + blur_b + (bend * s * s / 2 if moves else speed * half)
+                need = s * grows + (bend + swells) * s * s / 2 if moves else (speed + fast) * half
+                need += bound + inner + grown + blur_a + blur_b
                 (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a
                 n_a, n_b = turned(zip(*R_a), n_a), times(-1, turned(zip(*R_b), n_b))
@@ -229,7 +240,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         time, (i, j), (a, b) = exact(claim["time"]), claim["pieces"], (self.bodies[id] for id in ids)
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, time)[0] for id in ids)
         cores, named = (at(a.pieces, i, "piece"), at(b.pieces, j, "piece")), []
-        reach = bound - a.outer - b.outer - blur_a - blur_b
+        reach = bound - a.outer - b.outer - blur_a - blur_b + sum(self.growth(id, time, time, time)[0] for id in ids)
         for core, found in zip(cores, several(claim.get("points"), 2)):  # for a core in closed form, points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)

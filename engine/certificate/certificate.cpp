@@ -81,9 +81,10 @@ void check_rows(const CertificateRows& rows, const QuerySize& size) {
 }  // namespace
 
 void CertificateRows::check_count(std::uint64_t count) {
-  if (count > kMostRows)
-    reject(QueryErrorCode::kTooLarge,
-           "of at most " + std::to_string(kMostRows) + " rows at a time, got " + std::to_string(count));
+  if (count <= kMostRows) return;
+  std::string text = "of at most " + std::to_string(kMostRows);
+  text.append(" rows at a time, got ").append(std::to_string(count));
+  reject(QueryErrorCode::kTooLarge, text);
 }
 
 struct CertificateRun::Impl {
@@ -97,10 +98,6 @@ struct CertificateRun::Impl {
 CertificateRun::CertificateRun(const JobContext& context, std::shared_ptr<const PoseSnapshot> snapshot,
                                const QueryView& query, CertificateRows rows, std::uint64_t max_rows,
                                MotionCertifier* certify_motions) {
-  if (query.control_points > 2 && !query.bodies.empty())
-    throw engine::QueryError(QueryErrorCode::kNotSupported, "bodies: certificates of curves are for joints alone");
-  if (!query.growths.empty())
-    throw engine::QueryError(QueryErrorCode::kNotSupported, "growths: certificates are for bodies that do not grow");
   if (query.reduce != Reduce::kNone && query.max_evaluations == 0)
     reject(QueryErrorCode::kBadQuery, "only rows of reduce none and motions have one");
   impl_.reset(new Impl{context, std::move(rows), certify_motions,

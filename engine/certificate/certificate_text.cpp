@@ -187,12 +187,15 @@ bool CertificateText::end(WorkMeter& meter) {
 // Values of all joints and bodies in the document that the query moves.
 void CertificateText::add_configuration(std::uint64_t k) {
   const bool is_motion = plan_.query.max_evaluations > 0, has_any = plan_.query.configuration_count > 0;
-  const std::uint64_t ends = is_motion ? 2 : 1, points = is_motion ? plan_.query.control_points : 1;
+  const std::uint64_t points = is_motion ? plan_.query.control_points : 1;
   Json poses = Json::object(), positions = Json::object();
   for (std::size_t i = 0; i < plan_.given_bodies; ++i)
-    for (std::uint64_t e = 0; has_any && e < ends && known_.contains(plan_.bodies[i]); ++e)
-      poses[std::to_string(plan_.bodies[i])].push_back(
-          pose(plan_.configurations[(k * ends + e) * plan_.given_bodies + i]));
+    for (std::uint64_t p = 0; has_any && p < points && known_.contains(plan_.bodies[i]); ++p) {
+      const std::size_t at = (k * points + p) * plan_.given_bodies + i;
+      Json control = pose(plan_.configurations[at]);
+      if (!plan_.growths.empty()) control.push_back(plan_.growths[at]);
+      poses[std::to_string(plan_.bodies[i])].push_back(std::move(control));
+    }
   for (std::size_t j = 0; j < plan_.joints.size(); ++j)
     for (std::uint64_t p = 0; has_any && p < points; ++p)
       positions[std::to_string(plan_.joints[j])].push_back(

@@ -172,6 +172,9 @@ class MotionCertificateJob final : public CertificateJob {
       moment_.move_to(time);
       upper_alone_ = answer;
       upper_alone_.lower = -kInf;
+      // The points are of the parts, which do not grow. Rounded down.
+      const DoubleDouble apart = dd::two_sum(answer.upper, bounds_.growth(pair, moving_, time).least);
+      upper_alone_.upper = apart.lo < 0 ? std::nextafter(apart.hi, -kInf) : apart.hi;
       witness_prover_ = make_row_prover(scene(), options_, moment_.placed(), pair, upper_alone_, text_);
     }
     if (!witness_prover_->advance(slice)) return false;

@@ -60,7 +60,9 @@ void PairProver::begin_span() {
   moment_.move_to(span.middle());
   moment_.restrict_to(bounds_, span.begin, span.end);
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
+  growth_ = bounds_.growth(pair_, moment_.moving(), span.middle());
   slack_ = pair_slack(moment_.placed(), pair_);
+  slack_.inner = sum_above(slack_.inner, growth_.most);
   way_ = way_of_pair(rates_, span.half());
   i_ = j_ = 0;
   halves_ = {};
@@ -226,8 +228,10 @@ PairProver::Halves PairProver::by_direction(const Vec3d& n, const ConvexPart* p,
     return MovingBody{scene_.bodies()[body], here[body].pose,
                       bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, part};
   };
-  const HalfSpans gaps =
-      gaps_along(n, moving_body(pair_.a, p), moving_body(pair_.b, q), half, bend_of_pair(rates_, half));
+  MovingBody b = moving_body(pair_.b, q);
+  // Growth brings the bodies nearer along every direction.
+  if (growth_.any()) b.twist.shift = b.twist.shift - n * (growth_.slope / norm(n));
+  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), b, half, bend_of_pair(rates_, half));
   const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
   return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
 }

@@ -113,7 +113,8 @@ class PairProver {
 
   // Of the current span.
   PairRates rates_;
-  Slack slack_;
+  PairGrowth growth_;
+  Slack slack_;  // of the parts, which do not grow: growth in its middle is inner slack
   double way_ = 0;
   std::uint32_t i_ = 0, j_ = 0;     // the current pair of parts
   std::optional<PairCover> cover_;  // used instead of i_ and j_ if a body is not convex

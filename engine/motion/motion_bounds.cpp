@@ -158,11 +158,7 @@ void MotionBounds::take_rates(MovingBodies& moving) const {
 MotionRates MotionBounds::rates_of_given(const Link& link, bool is_first, double reach,
                                          const MovingBodies& moving) const {
   const BodyMotion& motion = moving.given[link.given];
-  if (!moving.curves.empty()) {
-    const JointSpan* const by = &moving.span.joints()[plan_.joints.size() + 3 * link.given];
-    return {std::hypot(by[0].change, by[1].change, by[2].change) * kUp,
-            std::hypot(by[0].bend, by[1].bend, by[2].bend) * kUp, 0};
-  }
+  if (!moving.curves.empty()) return moving.given_rates[link.given];
   const Vec3d& centre = link.ball.centre;
   const double across = length_of(cross(motion.axis(), centre)) + kAxisError * length_of(centre);
   const double radius = is_first ? across + link.ball.radius : reach, wrong = motion.error(reach);

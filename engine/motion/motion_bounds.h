@@ -25,6 +25,7 @@ struct MovingBodies {
   std::vector<JointCurve> curves;
   CurveSpan span;                             ///< of them: the last one in MotionBounds::take_span()
   std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives; their rotation in curves
+  std::vector<MotionRates> given_rates;       ///< likewise, of their positions along curves, in the span
   std::vector<JointCurve> growths;            ///< likewise, metres; none if no body grows
   std::vector<JointSpan> growth;              ///< likewise, in the span, without `middle`
   std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded

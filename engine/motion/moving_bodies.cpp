@@ -116,24 +116,40 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
       moving.change[m][joint.column] = span.change;
       moving.bend[m][joint.column] = span.bend;
     }
-  if (const std::size_t bodies = moving.growths.size(); bodies > 0) {
-    const std::span<const JointSpan> growth = moving.span.joints().last(bodies);
-    moving.growth.assign(growth.begin(), growth.end());
-  }
+  const JointSpan* by = moving.span.joints().data() + plan_.joints.size();
+  moving.given_rates.clear();
+  for (std::size_t i = 0; i < plan_.given_bodies; ++i, by += 3)
+    moving.given_rates.push_back({std::hypot(by[0].change, by[1].change, by[2].change) * kMotionSlack,
+                                  std::hypot(by[0].bend, by[1].bend, by[2].bend) * kMotionSlack, 0});
+  moving.growth.assign(by, by + moving.growths.size());
   take_rates(moving);
 }
 
-// The error of a velocity counts as an acceleration.
+// The error of a velocity counts as an acceleration. The checkers of certificates add the bounds of a body's three
+// coordinates up.
 void MotionBounds::take_derivatives(double begin, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
   const double middle = 0.5 * begin + 0.5 * end, half = std::max(end - middle, middle - begin);
+  const auto span_of = [&](const JointCurve& curve) {
+    const JointDerivatives span = curve.derivatives(begin, end);
+    return JointSpan{0, span.slope, span.change, (span.bend + 2 * span.error / half) * kMotionSlack};
+  };
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
-      const JointDerivatives span = moving.curves[joint.at].derivatives(begin, end);
+      const JointSpan span = span_of(moving.curves[joint.at]);
       moving.along[m][joint.column] = span.slope;
       moving.change[m][joint.column] = span.change;
-      moving.bend[m][joint.column] = (span.bend + 2 * span.error / half) * (1 + 0x1p-30);
+      moving.bend[m][joint.column] = span.bend;
     }
+  const JointCurve* by = moving.curves.data() + plan_.joints.size();
+  moving.given_rates.assign(plan_.given_bodies, {});
+  for (MotionRates& rates : moving.given_rates)
+    for (int k = 0; k < 3; ++k, ++by) {
+      const JointSpan span = span_of(*by);
+      rates.speed = (rates.speed + span.change) * kMotionSlack;
+      rates.acceleration = (rates.acceleration + span.bend) * kMotionSlack;
+    }
+  std::transform(moving.growths.begin(), moving.growths.end(), moving.growth.begin(), span_of);
   take_rates(moving);
 }
 

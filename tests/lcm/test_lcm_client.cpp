@@ -136,6 +136,34 @@ TEST_F(LcmClientTest, LargeBatchesBothWays) {
   expect_same_bits(reply, *engine_, view);
 }
 
+// Clients of Clearance send whole frames: query_t has no fields for curves and growth.
+TEST_F(LcmClientTest, BodiesThatGrowAlongCurves) {
+  Client client = connect_here();
+  place(client, 1.0);
+  const std::vector<std::uint32_t> bodies{1, 3};
+  std::vector<Pose7> poses;
+  std::vector<Pose> own;
+  std::vector<double> growths;
+  for (std::uint32_t p = 0; p < 3; ++p)
+    for (const std::uint32_t body : bodies) {
+      poses.push_back({0.5 * body, 0.3 * p, 0.1 * p * p, 1, 0, 0.1, 0});
+      const Pose7& X = poses.back();
+      own.push_back({{X[0], X[1], X[2]}, X[3], X[4], X[5], X[6]});
+      growths.push_back(0.01 * p * body);
+    }
+  const Query query{
+      .bodies = bodies, .configurations = poses, .rel_tol = 1e-3, .control_points = 3, .growths = growths};
+  QueryView view;
+  view.bodies = bodies;
+  view.configurations = own;
+  view.configuration_count = 3;
+  view.control_points = 3;
+  view.max_evaluations = kDefaultEvaluations;
+  view.rel_tol = 1e-3;
+  view.growths = growths;
+  expect_same_bits(patiently(client, [&] { return client.motions(query); }), *engine_, view);
+}
+
 TEST_F(LcmClientTest, SeveralClientsAndQueriesUnderWay) {
   Client one = connect_here(), two = connect_here();
   place(one, 2.0);

@@ -274,11 +274,6 @@ TEST(PathReport, FindsTheFirstContactAndTheDepth) {
   }
 }
 
-TEST(PathReport, RejectsBodies) {
-  Cell cell;
-  EXPECT_THROW(explain_path(cell.engine, {}), std::invalid_argument);
-}
-
 TEST(Planner, RejectsWhatIsNoProblem) {
   Cell cell;
   const States goal = cell.turned(1.5), shorter(cell.start.begin(), cell.start.end() - 1);

@@ -179,14 +179,54 @@ def test_explain_path_follows_the_bodies(rail):
     t = np.linspace(0, 1, 2001)
     d = np.hypot(2 * t - 1, 1.5 - 2 * t).min() - 0.2
     assert free and free.least[0] <= d <= free.least[1] + 1e-6
-    with pytest.raises(ValueError, match="takes no bodies that grow"):
-        rail.explain_path(path, "r", meanwhile={"crate": clearance.BodyPath(crossing, growth=0.1)})
 
 
-def test_certificates_are_for_lines_without_growth(rail):
-    late = [pose(1, 1.5), pose(1, -0.5)]
-    options = {"start": [[0.0]], "end": [[2.0]], "joints": "r", "pairs": [CART], "reduce": "any"}
-    proof = rail.certificate(meanwhile={"crate": late}, **options)
-    assert proof.document["rows"][0]["status"] == "beyond"
-    with pytest.raises(clearance.QueryError, match="growths: certificates are for bodies that do not grow"):
-        rail.certificate(meanwhile={"crate": clearance.BodyPath(late, growth=0.1)}, **options)
+def test_explain_path_with_growth(rail):
+    # The cart leaves x = 0 at 2 m in the motion; the person, 1 m behind it, grows by 3 m: contact at 0.8.
+    person = clearance.BodyPath(pose(-1, 0), growth=3.0)
+    options = {"pairs": [("r/cart", "person"), ("r/cart", "crate")], "margin": 0.01}
+    curve = clearance.Trajectory.from_bezier([[[0.0], [1.0], [2.0]]])
+    for path in ([[0.0], [2.0]], curve):
+        hit = rail.explain_path(path, "r", meanwhile={"crate": pose(1, 0.5), "person": person}, **options)
+        assert hit.check.hit and hit.contact.pair_names == ("r/cart", "person")
+        assert hit.proved_until[1] == pytest.approx(0.79, abs=2e-3)
+        assert hit.proved_until[1] <= hit.contact.t == pytest.approx(0.79, abs=2e-3)
+        assert hit.contact.lower <= hit.contact.upper <= 0.01 + 1e-9
+        assert hit.nearest.t == 1 and hit.nearest.upper == pytest.approx(-0.2, abs=1e-9)
+        assert hit.nearest.lower == -np.inf, "a depth that growth alone makes"
+        assert hit.nearest.segment[1] == pytest.approx([-0.9, 0, 0], abs=1e-9), "without growth"
+
+
+def test_explain_path_of_the_second_motion_counts_growth_from_the_beginning(rail):
+    path = [[0.0], [0.0], [2.0]]  # a second of each; the cart stays in the first one
+    late = clearance.BodyPath([pose(1, 1.5), pose(1, 1.5), pose(1, -0.5)], radius=0.02, growth=0.05)
+    t = np.linspace(0, 1, 2001)
+    d = (np.hypot(2 * t - 1, 1.5 - 2 * t) - 0.2 - 0.02 - 0.05 * (1 + t)).min()
+    free = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": late})
+    assert free and free.nearest.index == 1
+    assert free.least[0] <= d <= free.least[1] + 1e-6 and free.least[1] - free.least[0] <= 1.001e-3
+    near = clearance.BodyPath(late.poses, radius=0.02, growth=0.15)
+    hit = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": near})
+    assert hit.contact.index == 1 and hit.nearest.upper < 0
+    t = hit.contact.t
+    assert np.hypot(2 * t - 1, 1.5 - 2 * t) - 0.22 - 0.15 * (1 + t) == pytest.approx(0, abs=5e-3)
+    alone = rail.explain_path(path, "r", pairs=[CART], meanwhile={"crate": clearance.BodyPath(pose(0.1, 0), radius=1)})
+    assert alone.contact.t == 0 and alone.proved_until == (0, 0.0)
+    assert alone.contact.upper == pytest.approx(-1.1, abs=1e-9) and alone.contact.lower > -1.1 - 1e-6
+
+
+def test_clients_explain_as_an_engine(arm_front, arm_engine):
+    start = [0.0] * len(arm_engine.joints("arm"))
+    end = [0.4] * len(start)
+    kinds = set()
+    for growth in (0.01, 2.0):
+        cup = clearance.BodyPath([pose(0.4, 1), pose(0.4, 0.6)], growth=growth)
+        options = {"joints": "arm", "pairs": [("arm", "cup")], "meanwhile": {"cup": cup}}
+        here, there = (front.explain_path([start, end], **options) for front in (arm_engine, arm_front))
+        assert here.check == there.check and here.least == there.least and here.proved_until == there.proved_until
+        for a, b in ((here.nearest, there.nearest), (here.contact, there.contact)):
+            kinds.add(a is None)
+            assert (a is None) == (b is None)
+            if a is not None:
+                assert (a.t, a.pair, a.lower, a.upper) == (b.t, b.pair, b.lower, b.upper)
+    assert kinds == {True, False}

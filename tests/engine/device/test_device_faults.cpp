@@ -121,6 +121,39 @@ TEST_F(DeviceFaults, AreRejectionsWhereTheCpuMayNotTakeOver) {
   EXPECT_GT(rejected, 8);
 }
 
+TEST_F(DeviceFaults, MotionsOfBodiesThatGrowAreTheCpusOrRejectedByName) {
+  DeviceTestQuery motions(4);
+  const std::vector<double> growths(8, 0.1);
+  motions.q.growths = growths;
+  motions.q.max_evaluations = 16;
+  motions.q.reduce = Reduce::kMin;
+  motions.q.fields = kDefaultFields;
+  const std::string of_bodies = "motions of bodies by their poses", of_curves = "more than two control_points";
+  for (const std::string& reason : {of_bodies, of_curves}) {
+    if (reason == of_curves) {
+      motions.q.control_points = 4;
+      for (std::size_t i = 0; i < motions.poses.size(); ++i) {
+        motions.poses[i].qw = 1;
+        motions.poses[i].qx = motions.poses[i].qy = motions.poses[i].qz = 0;
+      }
+    }
+    const engine::Engine device(scene(), options()), alone(scene(), options(false)), cpu(scene(), {"cpu", 2});
+    const int calls = fault_.calls;
+    const Answer a = evaluate(device, motions.q), expected = evaluate(cpu, motions.q);
+    expect_same(a, expected, reason);
+    EXPECT_EQ(a.info.backend, "cpu");
+    EXPECT_LT(expected.view.upper[0], 1e3);
+    try {
+      evaluate(alone, motions.q);
+      ADD_FAILURE() << "answered: " << reason;
+    } catch (const engine::QueryError& e) {
+      EXPECT_EQ(e.code, QueryErrorCode::kNotSupported);
+      EXPECT_EQ(std::string(e.what()), reason + ": backend cuda does not answer it, and the CPU may not");
+    }
+    EXPECT_EQ(fault_.calls, calls) << "no work on the device";
+  }
+}
+
 TEST_F(DeviceFaults, OfMemoryConcernOneQuery) {
   const engine::Engine cpu(scene(), {"cpu", 2});
   const DeviceTestQuery device_query = query_about(Reduce::kNone);

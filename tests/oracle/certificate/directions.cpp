@@ -14,11 +14,13 @@ struct Look {
   const Body &a, &b;
   const Pose &X_wa, &X_wb;
   Span span;
-  Dyadic target;  // required distance of the parts without motion
+  Dyadic target;   // required distance of the parts without motion, which do not grow
+  Dyadic growing;  // rate of both bodies' growth in the middle
+  Rates growth;    // bounds on it in the span
 
   Rates rates(Frame seer) const {
     const Rates of_a = motion.rates(seer, ids[0], span), of_b = motion.rates(seer, ids[1], span);
-    return {of_a.speed + of_b.speed, of_a.bend + of_b.bend};
+    return {of_a.speed + of_b.speed + growth.speed, of_a.bend + of_b.bend + growth.bend};
   }
 };
 
@@ -97,7 +99,7 @@ void check_direction(const Look& look, const Value& claim, const Rates& rates, c
   if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.span.half(), runs);
   for (const double end : {look.span.begin, look.span.end}) {
     const Dyadic s = Dyadic(end) - look.span.at;
-    check_gap(look, seer, n, s, look.target + Dyadic(0.5) * rates.bend * s * s, runs);
+    check_gap(look, seer, n, s, look.target + s * look.growing + Dyadic(0.5) * rates.bend * s * s, runs);
   }
 }
 
@@ -191,7 +193,17 @@ ProvedTime check_span(const Motion& motion, const IdPair& ids, const Value& clai
   require(!a.parts.empty() && !b.parts.empty(), "a body has no pieces");
   const Pose &X_wa = motion.at(ids[0], span.at).pose, &X_wb = motion.at(ids[1], span.at).pose;
   const Dyadic inner = checked_slack(motion, ids, claims["slack"], span);
-  const Look look{motion, ids, a, b, X_wa, X_wb, span, bound + inner + blur_of(X_wa, X_wb)};
+  const Growth of_a = motion.growth(ids[0], span), of_b = motion.growth(ids[1], span);
+  const Look look{motion,
+                  ids,
+                  a,
+                  b,
+                  X_wa,
+                  X_wb,
+                  span,
+                  bound + inner + of_a.size + of_b.size + blur_of(X_wa, X_wb),
+                  of_a.rate + of_b.rate,
+                  {of_a.most.speed + of_b.most.speed, of_a.most.bend + of_b.most.bend}};
   std::vector<RunPair> covered;
   std::map<Frame, Rates> rates;
   for (const Value& claim : claims["lower"].list()) {

@@ -19,8 +19,10 @@ struct FramePlacement {
   Quaternion q;
 };
 
-FramePlacement placement_of(const Value& pose) {
-  require(pose.list().size() == 7, "a pose has not seven numbers");
+// \param may_grow whether an eighth number may follow, the body's growth
+FramePlacement placement_of(const Value& pose, bool may_grow = false) {
+  const std::size_t count = pose.list().size();
+  require(count == 7 || (may_grow && count == 8), "a pose has not seven numbers");
   std::array<Dyadic, 7> x;
   for (std::size_t k = 0; k < 7; ++k) x[k] = pose.at(k).finite();
   return {{x[0], x[1], x[2]}, {x[3], {x[4], x[5], x[6]}}};
@@ -93,11 +95,12 @@ const Dyadic& Body::ball() const {
 Motion::Motion(const Bodies& bodies, const Value& configuration, bool moves)
     : bodies_(&bodies), poses_(ends_of(configuration["poses"])), positions_(ends_of(configuration["positions"])) {
   const std::size_t ends = moves ? 2 : 1, most = moves ? kMostPoints : 1;
-  for (const auto& [id, values] : poses_) require(values.size() == ends, "an end is missing");
-  for (const auto& [column, values] : positions_) {
-    require(values.size() == positions_.begin()->second.size(), "a control point is missing");
-    require(ends <= values.size() && values.size() <= most, "a curve has too few control points, or too many");
-  }
+  const Ends& any = positions_.empty() ? poses_ : positions_;
+  for (const Ends* given : {&poses_, &positions_})
+    for (const auto& [name, values] : *given) {
+      require(values.size() == any.begin()->second.size(), "a control point is missing");
+      require(ends <= values.size() && values.size() <= most, "a curve has too few control points, or too many");
+    }
 }
 
 Motion::Ends Motion::ends_of(const Value& document) const {
@@ -114,7 +117,7 @@ const Body& Motion::body(Id id) const {
 }
 
 std::vector<Motion::Step> Motion::steps_between(Id id, std::span<const Value> ends, double time) const {
-  const FramePlacement first = placement_of(ends.front()), last = placement_of(ends.back());
+  const FramePlacement first = placement_of(ends.front(), true), last = placement_of(ends.back(), true);
   const Vector way = last.origin - first.origin;
   std::vector<Step> steps{{pose_of(first.origin + Dyadic(time) * way, first.q), way, false, Curve({0.0, 1.0})}};
   auto turn = turns_.find(id);
@@ -122,6 +125,26 @@ std::vector<Motion::Step> Motion::steps_between(Id id, std::span<const Value> en
   const auto& [axis, angle] = turn->second;
   if (angle.sign() != 0)
     steps.push_back({turn_about(axis, Dyadic(time) * angle), axis, true, Curve({Dyadic(), angle})});
+  return steps;
+}
+
+// A body along a curve slides along three axes and does not turn.
+std::vector<Motion::Step> Motion::steps_along(std::span<const Value> controls, double time) const {
+  constexpr double kAxes[3][3] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
+  const Quaternion q = placement_of(controls.front(), true).q;
+  std::vector<Dyadic> coordinates[3];
+  for (const Value& control : controls) {
+    const FramePlacement placed = placement_of(control, true);
+    require(placed.q.w == q.w && placed.q.v == q.v, "a body turns along a curve");
+    for (std::size_t k = 0; k < 3; ++k) coordinates[k].push_back(placed.origin[k]);
+  }
+  std::vector<Step> steps;
+  for (std::size_t k = 0; k < 3; ++k) {
+    Step& step =
+        steps.emplace_back(Step{{}, {kAxes[k][0], kAxes[k][1], kAxes[k][2]}, false, Curve(std::move(coordinates[k]))});
+    step.pose.origin = step.curve.at(time) * step.axis;
+  }
+  steps.push_back({pose_of({}, q), {}});
   return steps;
 }
 
@@ -149,7 +172,8 @@ Motion::Step Motion::step_of_joint(const Value& move, double time) const {
 }
 
 std::vector<Motion::Step> Motion::steps(Id id, double time) const {
-  if (const auto found = poses_.find(id); found != poses_.end()) return steps_between(id, found->second, time);
+  if (const auto found = poses_.find(id); found != poses_.end())
+    return found->second.size() > 2 ? steps_along(found->second, time) : steps_between(id, found->second, time);
   const FramePlacement stands = placement_of(*body(id).pose);
   std::vector<Step> steps{{pose_of(stands.origin, stands.q), {}}};
   for (const Value& move : body(id).moves->list()) steps.push_back(step_of_joint(move, time));
@@ -244,6 +268,20 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
     nearer_turns += turns[k];
   }
   return rates;
+}
+
+Growth Motion::growth(Id id, const Span& span) const {
+  const auto found = poses_.find(id);
+  if (found == poses_.end()) return {};
+  const auto grows = [](const Value& pose) { return pose.list().size() == 8; };
+  const auto count = static_cast<std::size_t>(std::count_if(found->second.begin(), found->second.end(), grows));
+  if (count == 0) return {};
+  require(count == found->second.size(), "a growth is missing");
+  std::vector<Dyadic> points;
+  for (const Value& pose : found->second) points.emplace_back(pose.at(7).length());
+  const Curve curve(std::move(points));
+  const CurveExtent extent = curve.extent(span.begin, span.end);
+  return {curve.at(span.at), curve.rate(span.at), {extent.change, extent.bend}};
 }
 
 std::vector<Id> Motion::frames(Id id) const {

@@ -73,6 +73,12 @@ struct Rates {
   Dyadic speed, bend;
 };
 
+/// How much a body is grown in the middle of a span, in metres, its rate there, and bounds on its rates in the span.
+struct Growth {
+  Dyadic size, rate;
+  Rates most;
+};
+
 /// Uncertainty of a body, in metres, in the middle of a span, and throughout it.
 struct MotionUncertainty {
   Dyadic in_the_middle, all_along;
@@ -89,6 +95,7 @@ class Motion {
   /// Motion of a body as observed by `seer`.
   std::vector<Mover> path(Frame seer, Id id, double time) const;
   Rates rates(Frame seer, Id id, const Span& span) const;
+  Growth growth(Id id, const Span& span) const;
   /// The bodies that it follows, the farthest first, without links of its own robot that carry it.
   std::vector<Id> frames(Id id) const;
   /// \param frames those of them that count
@@ -107,6 +114,7 @@ class Motion {
   Ends ends_of(const Value& document) const;
   std::vector<Step> steps(Id id, double time) const;
   std::vector<Step> steps_between(Id id, std::span<const Value> ends, double time) const;
+  std::vector<Step> steps_along(std::span<const Value> controls, double time) const;
   Step step_of_joint(const Value& move, double time) const;
   Place placed(Id id, double time) const;
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Optional
 
 import numpy as np
@@ -33,7 +33,7 @@ class PathPoint:
     pair_names: tuple[str, str]
     lower: float  #: metres: certified bounds of the pair's distance, below zero for a penetration depth
     upper: float
-    segment: np.ndarray  #: (2, 3) witness points on the bodies, metres, world, or NaN
+    segment: np.ndarray  #: (2, 3) witness points on the bodies without growth, metres, world, or NaN
 
 
 @dataclass(frozen=True)
@@ -59,8 +59,6 @@ def explain_path(
     if joints is None:
         raise ValueError("joints: expected some, that move")
     bodies = None if meanwhile is None else to_body_paths(meanwhile)
-    if bodies is not None and any(body.grows for body in bodies.values()):
-        raise ValueError("meanwhile: explain_path() takes no bodies that grow; use check_path()")
     common: dict[str, Any] = {"joints": joints, "pairs": pairs, "margin": margin}
     check = front.check_path(path, max_evaluations=max_evaluations, meanwhile=meanwhile, **common)
     if isinstance(path, Trajectory):
@@ -68,7 +66,7 @@ def explain_path(
     else:
         rows = np.asarray(path, dtype=np.float64)
         curves, knots = np.stack((rows[:-1], rows[1:]), axis=1), np.arange(float(len(rows)))
-    motions = _Motions(curves, bodies, knots)
+    motions = _Motions(curves, bodies, knots, front.joints(joints).names)
     common["max_evaluations"] = max_evaluations
     if check.index is not None and check.hit:
         return _of_hit(front, motions, check, check.index, common)
@@ -80,25 +78,60 @@ def explain_path(
 class _Motions:
     """The motions of a path: of joints, and of bodies meanwhile."""
 
-    def __init__(self, curves: np.ndarray, bodies: Optional[dict[Any, BodyPath]], knots: np.ndarray):
-        self.curves, self.bodies = curves, bodies
-        self.poses = None if bodies is None else meanwhile_of(bodies, knots, curves.shape[1])[0]
+    def __init__(self, curves: np.ndarray, bodies: Optional[dict[Any, BodyPath]], knots: np.ndarray, names: Any):
+        self.curves, self.bodies, self.knots, self.names = curves, bodies, knots, names
+        self.poses: Optional[np.ndarray] = None
+        self.growths: Optional[np.ndarray] = None
+        if bodies is not None:
+            self.poses, self.growths = meanwhile_of(bodies, knots, curves.shape[1])
 
     def of(self, first: int, last: int) -> dict[str, Any]:
         """Returns arguments of motions() for some of them."""
+        part = Trajectory(self.curves[first:last], self.knots[first : last + 1], self.names)
         if self.bodies is None or self.poses is None:
-            return {"start": self.curves[first:last]}
-        meanwhile = {body: BodyPath(self.poses[first:last, :, i]) for i, body in enumerate(self.bodies)}
-        return {"start": self.curves[first:last], "meanwhile": meanwhile}
+            return {"start": part}
+        seconds = self.knots[first] - self.knots[0]
+        meanwhile = {
+            body: BodyPath(self.poses[first:last, :, i], None, path.radius + path.growth * seconds, path.growth)
+            for i, (body, path) in enumerate(self.bodies.items())
+        }
+        return {"start": part, "meanwhile": meanwhile}
 
     def at(self, index: int, times: Sequence[float]) -> dict[str, Any]:
         """Returns arguments of distances() for states of one of them, rounded."""
         rows = np.array([_at(self.curves[index], t) for t in times])
         if self.bodies is None or self.poses is None:
             return {"configurations": rows}
+        return {"configurations": (rows, self._poses(index, times)), "bodies": list(self.bodies)}
+
+    def check_at(self, front: Any, index: int, t: float, common: dict[str, Any]) -> PathCheck:
+        """Decides a state, as a motion that stays there: bodies grow in motions alone."""
+        state, meanwhile = _at(self.curves[index], t), None
+        if self.bodies is not None:
+            poses, sizes = self._poses(index, [t])[0], self._sizes(index, t)
+            meanwhile = {body: BodyPath(poses[i], radius=sizes[i]) for i, body in enumerate(self.bodies)}
+        check: PathCheck = front.check_path([state, state], meanwhile=meanwhile, **common)
+        return check
+
+    def grown(self, r: Result, index: int, times: Sequence[float]) -> Optional[np.ndarray]:
+        """Returns (len(times), P) how much the bodies of each row's pair are grown together, or None."""
+        if self.bodies is None or self.growths is None:
+            return None
+        ids = [r.names.index(body) if isinstance(body, str) else body for body in self.bodies]
+        sizes = np.zeros((len(times), len(r.names)))
+        sizes[:, ids] = [self._sizes(index, t) for t in times]
+        found: np.ndarray = np.take_along_axis(sizes[:, None], r.pair, axis=2).sum(axis=2)
+        return found
+
+    def _poses(self, index: int, times: Sequence[float]) -> np.ndarray:
+        assert self.poses is not None
         controls = self.poses[index]
-        poses = np.array([[pose_between(controls[:, i], t) for i in range(controls.shape[1])] for t in times])
-        return {"configurations": (rows, poses), "bodies": list(self.bodies)}
+        return np.array([[pose_between(controls[:, i], t) for i in range(controls.shape[1])] for t in times])
+
+    def _sizes(self, index: int, t: float) -> np.ndarray:
+        if self.growths is None:
+            return np.zeros(len(self.bodies or {}))
+        return _at(self.growths[index], t)
 
 
 def _of_hit(front: Any, motions: _Motions, check: PathCheck, index: int, common: dict[str, Any]) -> PathReport:
@@ -106,19 +139,30 @@ def _of_hit(front: Any, motions: _Motions, check: PathCheck, index: int, common:
     proved, within = _contact_times(front, motions, index, common)
     if math.isinf(within):
         within = check.t or 0.0  # the search for the first one ended before
-    at = {name: common[name] for name in ("joints", "pairs", "margin")}
-    if proved == 0.0 and front.check(**motions.at(index, [0.0]), **at).hit[0]:
+    if proved == 0.0 and motions.check_at(front, index, 0.0, common).hit:
         within = 0.0
     times = np.linspace(within, 1.0, _STATES).tolist()
-    of: dict[str, Any] = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
-    deep = front.distances(**motions.at(index, times), reduce="min", pairs=common["pairs"], **of)
-    start = motions.at(index, times[:1])
-    found = front.check(**start, **at)
-    pair = check.pair if found.free[0] else tuple(found.pair[0].tolist())
-    first = front.distances(**start, pairs=[pair], **of)
-    k, curve = int(np.argmin(deep.upper)), motions.curves[index]
-    contact = _point(first, (0, 0), index, within, _at(curve, within))
-    return PathReport(check, (index, proved), contact, _point(deep, k, index, times[k], _at(curve, times[k])), None)
+    of = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
+    deepest = _deepest(front, motions, index, times, {**of, "pairs": common["pairs"]})
+    found = motions.check_at(front, index, within, common)
+    pair = check.pair if found.free else found.pair
+    contact = _deepest(front, motions, index, times[:1], {**of, "pairs": [pair]})
+    return PathReport(check, (index, proved), contact, deepest, None)
+
+
+def _deepest(front: Any, motions: _Motions, index: int, times: list[float], of: dict[str, Any]) -> PathPoint:
+    """Returns the deepest of some states of a motion, or the nearest if none is an overlap."""
+    r = front.distances(**motions.at(index, times), reduce="none" if motions.growths is not None else "min", **of)
+    grown = motions.grown(r, index, times)
+    k = np.unravel_index(np.nanargmin(r.upper if grown is None else r.upper - grown), r.upper.shape)
+    t = times[k[0]]
+    point = _point(r, k, index, t, _at(motions.curves[index], t))
+    if grown is None or grown[k] == 0:
+        return point
+    lower, upper = np.nextafter(point.lower - grown[k], -math.inf), np.nextafter(point.upper - grown[k], math.inf)
+    if lower < 0 <= point.lower:  # growth alone proves no upper bound on a depth: grown bodies may fill holes
+        lower = -math.inf
+    return replace(point, lower=float(lower), upper=float(upper))
 
 
 def _at(curve: np.ndarray, t: float) -> np.ndarray:

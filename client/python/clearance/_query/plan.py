@@ -94,7 +94,7 @@ class Plans:
 
         path: (N, J) positions of `joints`, radians and metres; or a Trajectory of them.
         joints, pairs, margin, max_evaluations: as in check_path().
-        meanwhile: likewise, for bodies that do not grow.
+        meanwhile: likewise. A depth that growth alone makes has a lower bound of -inf.
 
         If the path is free: its least distance, to 1 mm, and where it is. Otherwise the first contact, its pair, and
         the deepest of 33 states of the motion from there on, with the penetration depth. Takes up to a hundred times as
