@@ -37,6 +37,7 @@ class Call:
     inputs: ClassVar[tuple[str, ...]] = ("configurations",)  #: parameters that each run gives
     row_inputs: ClassVar[int] = 1  #: number of inputs, all rows of positions, of the usual case
     fixed: ClassVar[dict[str, Any]] = {}  #: options of its queries
+    extra: ClassVar[tuple[str, ...]] = ()  #: arguments of prepare() alone that are no options
 
     def __init__(self, query: Query):
         self.query = query
@@ -76,6 +77,7 @@ class Configurations(Call):
 
 class Distances(Configurations):
     inputs = ("configurations", "velocities", "twists")
+    extra = ("speed_errors",)
 
     def read(self, configurations: Any = None, velocities: Any = None, twists: Any = None) -> Request:
         run, poses, positions = super().read(configurations)
