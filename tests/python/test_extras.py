@@ -15,6 +15,7 @@ NAMES = [
     "coal",
     "ompl",
     "jax",
+    "torch",
     "viewer",
     "examples",
     "site",
