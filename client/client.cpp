@@ -8,6 +8,7 @@
 #include "client/client_impl.h"
 #include "wire/api/joints_named.h"
 #include "wire/api/unknown_name.h"
+#include "wire/api/velocities.h"
 
 namespace clearance {
 
@@ -24,8 +25,9 @@ Client::Impl& Client::impl() const {
 }
 
 UpdateResult Client::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                               std::int64_t sequence) {
-  return impl().send_poses(poses, stamp_ns, sequence);
+                               std::int64_t sequence, std::span<const Twist6> velocities) {
+  expect_velocities(velocities.size(), poses.size());
+  return impl().send_poses(poses, stamp_ns, sequence, velocities);
 }
 
 UpdateResult Client::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
@@ -33,7 +35,7 @@ UpdateResult Client::set_poses(std::initializer_list<std::pair<std::string_view,
   std::vector<std::pair<std::uint32_t, Pose7>> by_id;
   by_id.reserve(poses.size());
   for (const auto& [name, pose] : poses) by_id.emplace_back(body(name), pose);
-  return impl().send_poses(by_id, stamp_ns, sequence);
+  return impl().send_poses(by_id, stamp_ns, sequence, {});
 }
 
 UpdateResult Client::attach(std::uint32_t child, std::uint32_t parent, const Pose7* X_parent_child,
@@ -60,7 +62,8 @@ UpdateResult Client::forbid(std::uint32_t a, std::uint32_t b) {
 }
 
 UpdateResult Client::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,
-                                std::int64_t sequence) {
+                                std::int64_t sequence, std::span<const double> velocities) {
+  expect_velocities(velocities.size(), positions.size());
   std::vector<std::byte> payload;
   wire::PosesHeader header;
   header.count = positions.size();
@@ -74,7 +77,9 @@ UpdateResult Client::set_joints(std::span<const std::pair<std::uint32_t, double>
     wire::append(payload, record);
   }
   const std::uint64_t revision = impl().revision_of_ids();
-  return impl().poses_done(*impl().call(FrameType::kSetJoints, payload, FrameType::kPosesDone, 0, revision));
+  const std::uint64_t request =
+      impl().send(FrameType::kSetJoints, payload, {}, 0, revision, wire::velocity_records(std::as_bytes(velocities)));
+  return impl().poses_done(*impl().receive(request, FrameType::kPosesDone));
 }
 
 UpdateResult Client::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,

@@ -39,7 +39,7 @@ bool Client::Impl::ids_mean_the_same(const SceneInfo& now, bool parents) const {
 }
 
 UpdateResult Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                                      std::int64_t sequence) {
+                                      std::int64_t sequence, std::span<const Twist6> velocities) {
   std::vector<std::byte> payload(sizeof(wire::PosesHeader) + poses.size() * sizeof(wire::PoseRecord));
   wire::PosesHeader header;
   header.count = poses.size();
@@ -55,7 +55,9 @@ UpdateResult Client::Impl::send_poses(std::span<const std::pair<std::uint32_t, P
     at += sizeof record;
   }
   const auto ask = [&](std::uint64_t revision) {
-    return poses_done(*call(wire::FrameType::kSetPoses, payload, wire::FrameType::kPosesDone, 0, revision));
+    const std::uint64_t request =
+        send(wire::FrameType::kSetPoses, payload, {}, 0, revision, wire::velocity_records(std::as_bytes(velocities)));
+    return poses_done(*receive(request, wire::FrameType::kPosesDone));
   };
   revision_of_ids();
   try {

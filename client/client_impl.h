@@ -169,7 +169,7 @@ struct Client::Impl {
   bool ids_mean_the_same(const SceneInfo& now, bool parents) const;
 
   UpdateResult send_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                          std::int64_t sequence);
+                          std::int64_t sequence, std::span<const Twist6> velocities);
   UpdateResult poses_done(const Frame& frame) const {
     const auto r = checked([&] { return wire::parse_poses_done(body_of(frame)); });
     return {r.revision, r.scene_revision, r.applied, r.bad, r.unknown, r.fixed};

@@ -25,14 +25,15 @@ std::vector<std::byte> query_records(const Query& query) {
   constexpr std::size_t kOthers = 128;  // headers, padding and the epoch
   std::vector<std::byte> records = wire::option_records(query);
   records.reserve(records.size() + query.margins.size_bytes() + query.pair_margins.size_bytes() +
-                  query.weights.size_bytes() + query.joints.size_bytes() + query.positions.size_bytes() +
-                  query.growths.size_bytes() + kOthers);
+                  query.weights.size_bytes() + query.speed_errors.size_bytes() + query.joints.size_bytes() +
+                  query.positions.size_bytes() + query.growths.size_bytes() + kOthers);
   const auto add = [&records](wire::QueryRecord tag, std::span<const std::byte> array) {
     if (!array.empty()) wire::insert_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
   };
   add(wire::QueryRecord::kMargins, std::as_bytes(query.margins));
   add(wire::QueryRecord::kPairMargins, std::as_bytes(query.pair_margins));
   add(wire::QueryRecord::kWeights, std::as_bytes(query.weights));
+  add(wire::QueryRecord::kSpeedErrors, std::as_bytes(query.speed_errors));
   return records;
 }
 

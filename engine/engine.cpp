@@ -207,6 +207,12 @@ std::unique_ptr<Job::State> make_job_on_cpu(const JobContext& context, Plan plan
 
 }  // namespace
 
+std::uint64_t Engine::list_bytes(const PreparedQuery& query) const {
+  const Plan& plan = query.plan();
+  const auto threads = static_cast<std::uint64_t>(impl_->options.threads);
+  return plan.query.k > 0 ? plan.size.pairs * kBytesOfNearest * std::min(threads, plan.size.configurations) : 0;
+}
+
 Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   const FpEnvironment environment;
   impl_->check_process();

@@ -163,6 +163,8 @@ class Engine {
   /// Prepares a query in slices. The caller calls PreparedQuery::advance().
   PreparedQuery begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
+  /// Bound on the memory that its job takes for lists of pairs, beyond PreparedQuery::bytes().
+  std::uint64_t list_bytes(const PreparedQuery& query) const;
 
   /// A query that a device answers from poses and joint positions in its memory to rows in its memory (docs/cuda.md),
   /// with Reduce::kNone, kMin or kAny. Throws QueryError that names an unsupported feature: other reductions, motions,

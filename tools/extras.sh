@@ -18,7 +18,8 @@ extras=(
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "drake            2  client/python/clearance tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
-  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py"
+  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
+  "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
@@ -29,8 +30,8 @@ extras=(
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
 )
 
-# These rebuild everything in roots of other systems: --changed lists them and leaves them to a release.
-before_a_release=(wheels deb arm)
+# These rebuild everything in roots of other systems, or fetch gigabytes: --changed lists them and leaves them to a release.
+before_a_release=(wheels deb arm torch)
 
 # A client-only install from the source, like `pip install` without an engine, in a separate environment.
 run_client_install() {
@@ -192,7 +193,16 @@ run_jax() {
   tools/build.sh release product
   step jax-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step jax-install "Install JAX" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off jax==0.10.2 numpy pytest
-  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py
+  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py tests/python/test_second_order.py -k "test_jax or jax-"
+}
+
+# Second derivatives in PyTorch, on the host.
+run_torch() {
+  local venv=out/extras/torch
+  tools/build.sh release product
+  step torch-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step torch-install "Install PyTorch" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off torch numpy pytest
+  "$venv/bin/python" -m pytest -q tests/python/test_second_order.py -k "torch-"
 }
 
 # The viewer's page in a headless browser; screenshots are in out/extras/pages.

@@ -32,8 +32,8 @@ OPTIONS: "dict[str, dict[str, Any]]" = {
     "depths (`signed_distance`)": {"signed_distance": True},
     "`gradient`": {"fields": "gradient"},
     "`gradient_joints`": {"fields": "gradient_joints"},
-    "`hessian_joints`, `rate`, `curvature`, `smooth_radius`": {
-        "fields": ["hessian_joints", "rate", "curvature", "smooth_radius"]
+    "`hessian_joints`, `rate`, `rate_bounds`, `curvature`, `smooth_radius`": {
+        "fields": ["hessian_joints", "rate", "rate_bounds", "curvature", "smooth_radius"]
     },
     "`pair_lower`": {"fields": ["lower", "pair_lower"]},
     "`time`, `first_contact`, `steps`": {"fields": ["time", "first_contact", "steps"]},
@@ -50,7 +50,7 @@ GPU_QUERIES = {
     "`any`": {"reduce": "any"},
     "depths (`signed_distance`)": {"signed_distance": True},
     "`free_scale`": {"reduce": "any", "fields": "free_scale"},
-    "`hessian_joints`, `rate`, `curvature`, `smooth_radius`": {"fields": "curvature"},
+    "`hessian_joints`, `rate`, `rate_bounds`, `curvature`, `smooth_radius`": {"fields": "curvature"},
     "`nearest` with `k`": {"reduce": "nearest", "k": 20},
     "`max_pose_age_ns`": {"max_pose_age_ns": 1},
     "motions of joints, `none`": {"max_evaluations": 256},

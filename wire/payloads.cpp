@@ -69,7 +69,34 @@ ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std:
   return header;
 }
 
-PosesParts parse_poses(std::span<const std::byte> payload) {
+namespace {
+
+/// @param each numbers of an entry
+UpdateExtras update_extras(const char* what, std::span<const std::byte> records, std::uint64_t count,
+                           std::uint64_t each) {
+  UpdateExtras extras;
+  extras.epoch = read_records(what, records, extras.passed_over, [&](const RecordView& record) {
+    if (record.tag != static_cast<std::uint16_t>(UpdateRecord::kVelocities)) return false;
+    const std::string velocities = std::string(what) + ": velocities (record " + str(record.tag) + ")";
+    expect_size(
+        velocities.c_str(), [&] { return str(count) + " times " + str(each) + " numbers"; },
+        Wide(count) * each * sizeof(double), record.bytes.size());
+    extras.velocities = Records<double>(record.bytes.data(), count * each);
+    return true;
+  });
+  return extras;
+}
+
+}  // namespace
+
+std::vector<std::byte> velocity_records(std::span<const std::byte> velocities) {
+  std::vector<std::byte> records;
+  if (!velocities.empty())
+    append_record(records, static_cast<std::uint16_t>(UpdateRecord::kVelocities), kRecordRequired, velocities);
+  return records;
+}
+
+PosesParts parse_poses(std::span<const std::byte> payload, std::span<const std::byte> records) {
   PosesParts parts;
   parts.header = head<PosesHeader>(payload, "poses");
   expect_size(
@@ -77,10 +104,11 @@ PosesParts parse_poses(std::span<const std::byte> payload) {
       sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(PoseRecord), payload.size());
   expect_zero(parts.header.reserved, "poses");
   parts.poses = Records<PoseRecord>(payload.data() + sizeof(PosesHeader), parts.header.count);
+  parts.extras = update_extras("poses", records, parts.header.count, 6);
   return parts;
 }
 
-JointUpdateParts parse_joint_update(std::span<const std::byte> payload) {
+JointUpdateParts parse_joint_update(std::span<const std::byte> payload, std::span<const std::byte> records) {
   JointUpdateParts parts;
   parts.header = head<PosesHeader>(payload, "joints");
   expect_size(
@@ -88,6 +116,7 @@ JointUpdateParts parse_joint_update(std::span<const std::byte> payload) {
       sizeof(PosesHeader) + Wide(parts.header.count) * sizeof(JointRecord), payload.size());
   expect_zero(parts.header.reserved, "joints");
   parts.joints = Records<JointRecord>(payload.data() + sizeof(PosesHeader), parts.header.count);
+  parts.extras = update_extras("joints", records, parts.header.count, 1);
   return parts;
 }
 

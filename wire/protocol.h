@@ -114,15 +114,20 @@ inline constexpr std::uint64_t kEpochRecordBytes = sizeof(RecordHeader) + sizeof
 
 /// Array records of a query, all required. Options (query_options.h) have other tags.
 enum class QueryRecord : std::uint16_t {
-  kMargins = 6,      ///< MarginEntry array
-  kPairMargins = 7,  ///< (P,) float64, metres
-  kJoints = 8,       ///< (J,) uint32, ids of joints
-  kPositions = 9,    ///< (K, J) float64, radians and metres, K the configuration_count; not in kPairs, kOpenPlan
-  kWeights = 11,     ///< (J,) float64, radians and metres, for the column free_scale
-  kGrowths = 13,     ///< (K, M) float64, metres, of motions; not in kPairs, kOpenPlan
-  kRows = 16,        ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
-  kVelocities = 18,  ///< (K, J) float64, rad/s and m/s; where kPositions may be
-  kTwists = 19,      ///< (K, M, 6) float64, rad/s and m/s of each moved body's origin, world axes; likewise
+  kMargins = 6,       ///< MarginEntry array
+  kPairMargins = 7,   ///< (P,) float64, metres
+  kJoints = 8,        ///< (J,) uint32, ids of joints
+  kPositions = 9,     ///< (K, J) float64, radians and metres, K the configuration_count; not in kPairs, kOpenPlan
+  kWeights = 11,      ///< (J,) float64, radians and metres, for the column free_scale
+  kGrowths = 13,      ///< (K, M) float64, metres, of motions; not in kPairs, kOpenPlan
+  kRows = 16,         ///< uint64 row numbers, k P + p; only in kCertify, by default all rows
+  kVelocities = 18,   ///< (K, J) float64, rad/s and m/s; where kPositions may be
+  kTwists = 19,       ///< (K, M, 6) float64, rad/s and m/s of each moved body's origin, world axes; likewise
+  kSpeedErrors = 20,  ///< (J + 2 M,) float64, for the column rate_bounds
+};
+/// Records of a kSetPoses and a kSetJoints.
+enum class UpdateRecord : std::uint16_t {
+  kVelocities = 1,  ///< (count, 6) or (count,) float64, as kTwists and kVelocities of a query; NaN where unknown
 };
 /// Records of a kAttach.
 enum class AttachTag : std::uint16_t {

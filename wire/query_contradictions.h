@@ -27,11 +27,11 @@ Contradiction contradiction_in(const Q& q) {
   if (has(kFieldGradientJoints) && q.joints.empty()) return {"fields: gradient_joints is for a query with joints"};
   if (has(kFieldHessianJoints) && q.joints.empty()) return {"fields: hessian_joints is for a query with joints"};
   if (has(kSecondOrderFields) && any)
-    return {"fields: reduce any has no rate, curvature, hessian_joints and smooth_radius"};
-  if (!q.velocities.empty() && !has(kFieldRate | kFieldCurvature))
-    return {"velocities: only for the columns rate and curvature"};
-  if (!q.twists.empty() && !has(kFieldRate | kFieldCurvature))
-    return {"twists: only for the columns rate and curvature"};
+    return {"fields: reduce any has no rate, rate_bounds, curvature, hessian_joints and smooth_radius"};
+  if (!q.velocities.empty() && !has(kRateFields))
+    return {"velocities: only for the columns rate, rate_bounds and curvature"};
+  if (!q.twists.empty() && !has(kRateFields)) return {"twists: only for the columns rate, rate_bounds and curvature"};
+  if (!q.speed_errors.empty() && !has(kFieldRateBounds)) return {"speed_errors: only for the column rate_bounds"};
   if (q.k > 0 && q.reduce != Reduce::kNearest) return {"k: only for reduce nearest"};
   if (!is_motion && has(kMotionFields))
     return {"fields: time, first_contact and steps are only for motions (max_evaluations)"};

@@ -75,6 +75,9 @@ bool take_array(const RecordView& record, QueryParts& parts) {
     case QueryRecord::kTwists:
       parts.twists = read_array<double>(record, "twists");
       return true;
+    case QueryRecord::kSpeedErrors:
+      parts.speed_errors = read_array<double>(record, "speed_errors");
+      return true;
     case QueryRecord::kRows:
       parts.rows = read_array<std::uint64_t>(record, "rows");
       parts.has_rows = true;

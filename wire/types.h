@@ -77,14 +77,17 @@ enum Field : std::uint32_t {
   kFieldCurvature = 1u << 23,      ///< float64, m/s^2: second derivative by time while the velocities stay constant
   kFieldSmoothRadius = 1u << 24,   ///< float64, metres of relative motion over which the active features stay; 0 where
                                    ///< second derivatives jump, NaN where there are none
+  kFieldRateBounds = 1u << 25,     ///< 2 float64, m/s: interval of the one-sided derivatives by time, certified
 };
-inline constexpr int kFieldCount = 25;
+inline constexpr int kFieldCount = 26;
 inline constexpr std::uint32_t kKnownFields = (1u << kFieldCount) - 1;
 /// Columns of motions only.
 inline constexpr std::uint32_t kMotionFields = kFieldTime | kFieldFirstContact | kFieldSteps;
 /// Columns of second derivatives, and of velocities; from the CPU only.
 inline constexpr std::uint32_t kSecondOrderFields =
-    kFieldHessianJoints | kFieldRate | kFieldCurvature | kFieldSmoothRadius;
+    kFieldHessianJoints | kFieldRate | kFieldCurvature | kFieldSmoothRadius | kFieldRateBounds;
+/// Those that depend on velocities.
+inline constexpr std::uint32_t kRateFields = kFieldRate | kFieldCurvature | kFieldRateBounds;
 /// Columns whose rows have an entry for each joint, or for each pair of joints.
 inline constexpr std::uint32_t kJointFields = kFieldGradientJoints | kFieldHessianJoints;
 inline constexpr std::uint32_t kFieldPoints = kFieldPointA | kFieldPointB;
@@ -92,7 +95,7 @@ inline constexpr std::uint32_t kDefaultFields = kFieldDistance | kFieldLower | k
 
 /// Bytes of one row of each column, by bit position of its Field; for kJointFields, bytes of one entry.
 inline constexpr std::uint32_t kFieldBytes[kFieldCount] = {8, 8, 8, 1,  2, 24, 24, 24, 8, 96, 8, 4, 24,
-                                                           8, 8, 8, 16, 4, 8,  8,  1,  8, 8,  8, 8};
+                                                           8, 8, 8, 16, 4, 8,  8,  1,  8, 8,  8, 8, 16};
 /// Bytes of one row of a column.
 /// \param joints number of the query's joints; from a frame, only if wire::expect_width() has passed
 constexpr std::uint64_t field_bytes(int bit, std::uint64_t joints) {

@@ -47,6 +47,7 @@ struct QueryParts {
   Records<double> growths;                      ///< (K, M) growths of the bodies; empty for none
   Records<double> velocities;                   ///< (K, J), or empty
   Records<double> twists;                       ///< (K, M, 6), or empty
+  Records<double> speed_errors;                 ///< (J + 2 M,), or empty; not validated
   Records<std::uint64_t> rows;                  ///< rows of kCertify; not validated
   bool has_rows = false;                        ///< whether the record of `rows` is present
 };
@@ -91,16 +92,26 @@ ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std:
 
 // --- the others
 
+/// Records of an update of poses or joints.
+struct UpdateExtras {
+  Records<double> velocities;  ///< (count, 6) or (count,), or empty
+  PassedOver passed_over;
+  std::uint64_t epoch = 0;  ///< as QueryParts::epoch
+};
+/// Returns the record of an update's velocities, or nothing if there are none.
+std::vector<std::byte> velocity_records(std::span<const std::byte> velocities);
 struct PosesParts {
   PosesHeader header;
   Records<PoseRecord> poses;
+  UpdateExtras extras;
 };
-PosesParts parse_poses(std::span<const std::byte> payload);
+PosesParts parse_poses(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 struct JointUpdateParts {
   PosesHeader header;
   Records<JointRecord> joints;
+  UpdateExtras extras;
 };
-JointUpdateParts parse_joint_update(std::span<const std::byte> payload);
+JointUpdateParts parse_joint_update(std::span<const std::byte> payload, std::span<const std::byte> records = {});
 struct PointsParts {
   PointsHeader header;
   std::span<const std::byte> xyz;  ///< twelve bytes per point

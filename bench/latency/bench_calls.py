@@ -6,7 +6,8 @@ is timed as a prepared query and as a one-off call, which parses its arguments.
 The engine's own time is that of the bare engine in the same run. `clearance-prepared` measures it: a call of one state
 (bare_us), and a state of a batch (batch_us), together with the C++ interface. Results in Python have `engine_ns` of the
 same calls, which a daemon measures without the checks of the query. A bare echo over shared memory is measured, too
-(echo_us). All are timed by turns.
+(echo_us), and a loop that does nothing (idle_p99.9_us, for comparison with p99.9 of prepared calls). All are timed by
+turns.
 
 Prints and writes, as CSV, a row for each call: medians in microseconds (of C++ the fastest rounds), the time beyond the
 engine's and the echo's, and the ratio to the engine's.
@@ -34,8 +35,8 @@ BARE = "C++"
 SCENES = [ROOT / "scenes/cell/robot.yaml", ROOT / "scenes/nineteen/scene.yaml"]
 
 
-def medians(evaluate, engine_ns, seconds):
-    """Medians of a call and of the engine in it, in microseconds."""
+def times_of(evaluate, engine_ns, seconds):
+    """Of a call the median, that of the engine in it, and p99.9, in microseconds."""
     took, engine = [], []
     for _ in range(20):
         evaluate()
@@ -45,7 +46,7 @@ def medians(evaluate, engine_ns, seconds):
         result = evaluate()
         took.append(time.perf_counter_ns() - begin)
         engine.append(engine_ns(result) if engine_ns else 0)
-    return 1e-3 * float(np.median(took)), 1e-3 * float(np.median(engine))
+    return 1e-3 * float(np.median(took)), 1e-3 * float(np.median(engine)), 1e-3 * float(np.quantile(took, 0.999))
 
 
 def decided(check):
@@ -77,6 +78,14 @@ def calls(front):
         "distances, min",
         lambda: least.run(at),
         lambda: front.distances(configurations=at, joints=joints, reduce="min", fields="lower"),
+        of_result,
+    )
+    columns = ["lower", "normal", "gradient_joints", "rate", "rate_bounds"]
+    rows, speeds = front.prepare(joints=joints, reduce="nearest", k=20, fields=columns), np.full_like(at, 0.1)
+    yield (
+        "20 rows of a QP",
+        lambda: rows.run(at, speeds),
+        lambda: front.prepare(joints=joints, reduce="nearest", k=20, fields=columns).run(at, speeds),
         of_result,
     )
 
@@ -120,7 +129,8 @@ def rows_of(scene, is_robot, fronts, urls, seconds):
     fronts: an engine and clients, by name. urls: of the clients, by name.
     """
     named = list(zip(*(calls_of(front, is_robot) for front in fronts.values())))
-    took: dict[tuple[str, str, str], list[tuple[float, float]]] = {}
+    took: dict[tuple[str, str, str], list[tuple[float, float, float]]] = {}
+    idle: list[float] = []
     echoes: dict[str, list[float]] = {through: [] for through in urls}
     bare: list[dict[str, dict[str, float]]] = []
     for _ in range(TURNS):
@@ -128,10 +138,11 @@ def rows_of(scene, is_robot, fronts, urls, seconds):
         for through, (stage, url) in urls.items():
             row = bench_row(stage, (), url, pairs=1, configs=0, seconds=seconds / TURNS, warmup=0.05)
             echoes[through].append(row["floor_p50_us"])
+        idle.append(times_of(lambda: None, None, seconds / TURNS)[2])
         for same in named:
             for through, (name, prepared, parsed, engine_ns) in zip(fronts, same):
                 for kind, evaluate in (("prepared", prepared), ("one_off", parsed)):
-                    took.setdefault((name, through, kind), []).append(medians(evaluate, engine_ns, seconds / TURNS))
+                    took.setdefault((name, through, kind), []).append(times_of(evaluate, engine_ns, seconds / TURNS))
     for (name, *_), *_ in named:
         of_call = [turn[name] for turn in bare]
         best = {key: min(row[key] for row in of_call) for key in of_call[0]}
@@ -149,10 +160,13 @@ def rows_of(scene, is_robot, fronts, urls, seconds):
             if echo:
                 row["echo_us"] = round(echo, 2)
             for kind in ("prepared", "one_off"):
-                us, own = np.median(took[name, through, kind], axis=0)
+                us, own, worst = np.median(took[name, through, kind], axis=0)
                 if own > 0:
                     row.setdefault("engine_us", round(float(own), 2))
                 compared(row, kind, float(us), float(own) or best["engine_us"], echo)
+                if kind == "prepared":
+                    row["prepared_p99.9_us"] = round(float(worst), 2)
+            row["idle_p99.9_us"] = round(float(np.median(idle)), 2)
             yield row
 
 

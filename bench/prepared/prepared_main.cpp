@@ -141,9 +141,12 @@ Compared joints_call(std::string name, Engines& engines, const States& states, c
 
 std::vector<Compared> joints_calls(Engines& engines, const States& states, const Joints& joints) {
   const Query alone{.joints = joints.ids};
-  Query least = alone, edge = alone;
+  Query least = alone, edge = alone, rows = alone;
   least.reduce = Reduce::kMin;
   least.fields = kFieldLower;
+  rows.reduce = Reduce::kNearest;
+  rows.k = 20;
+  rows.fields = kFieldLower | kFieldNormal | kFieldGradientJoints | kFieldRate | kFieldRateBounds;
   edge.reduce = Reduce::kAny;
   edge.fields = kFieldVerdict;
   std::vector<Compared> calls;
@@ -157,6 +160,7 @@ std::vector<Compared> joints_calls(Engines& engines, const States& states, const
     engines.api.check_path(with_positions(alone, states.motion(i)));
   };
   calls.push_back(joints_call("distances, min", engines, states, least, false));
+  calls.push_back(joints_call("20 rows of a QP", engines, states, rows, false));
   return calls;
 }
 

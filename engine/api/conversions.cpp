@@ -26,6 +26,7 @@ QueryView view_without_inputs(const Query& query) {
   view.margins = query.margins;
   view.pair_margins = query.pair_margins;
   view.weights = query.weights;
+  view.speed_errors = query.speed_errors;
   return view;
 }
 

@@ -3,6 +3,7 @@
 #include "engine/api/engine_impl.h"
 #include "engine/api/scene_impl.h"
 #include "wire/api/joints_named.h"
+#include "wire/api/velocities.h"
 
 namespace clearance {
 
@@ -96,10 +97,12 @@ UpdateResult updated(SceneEditor& editor, F&& update) {
 }  // namespace
 
 UpdateResult Engine::set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns,
-                               std::int64_t sequence) {
+                               std::int64_t sequence, std::span<const Twist6> velocities) {
+  expect_velocities(velocities.size(), poses.size());
   std::vector<BodyPose> batch;
   batch.reserve(poses.size());
-  for (const auto& [body, X] : poses) batch.push_back({body, pose_of(X)});
+  for (const auto& [body, X] : poses)
+    batch.push_back({body, pose_of(X), velocities.empty() ? kUnknownTwist : velocities[batch.size()]});
   return updated(impl_->editor, [&](auto& engine) { return engine.set_poses(batch, stamp_ns, sequence); });
 }
 UpdateResult Engine::set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns,
@@ -109,10 +112,12 @@ UpdateResult Engine::set_poses(std::initializer_list<std::pair<std::string_view,
   return set_poses(batch, stamp_ns, sequence);
 }
 UpdateResult Engine::set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns,
-                                std::int64_t sequence) {
+                                std::int64_t sequence, std::span<const double> velocities) {
+  expect_velocities(velocities.size(), positions.size());
   std::vector<JointPosition> batch;
   batch.reserve(positions.size());
-  for (const auto& [joint, position] : positions) batch.push_back({joint, position});
+  for (const auto& [joint, position] : positions)
+    batch.push_back({joint, position, velocities.empty() ? kUnknownSpeed : velocities[batch.size()]});
   return updated(impl_->editor, [&](auto& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
 }
 UpdateResult Engine::set_points(std::uint32_t body, std::span<const std::array<float, 3>> xyz,

@@ -113,14 +113,16 @@ class CLEARANCE_API Engine {
   /// Applies poses as one snapshot. Throws QueryError, and applies nothing, for a stamp below 0, far ahead of this
   /// machine's clock, or older than the last one of a body.
   /// \param stamp_ns, sequence the caller's clock and its count of updates, returned with results; 0 for none
+  /// \param velocities of the bodies at these poses, for the columns of kRateFields; NaN, or none at all, if unknown
   UpdateResult set_poses(std::span<const std::pair<std::uint32_t, Pose7>> poses, std::int64_t stamp_ns = 0,
-                         std::int64_t sequence = 0);
+                         std::int64_t sequence = 0, std::span<const Twist6> velocities = {});
   UpdateResult set_poses(std::initializer_list<std::pair<std::string_view, Pose7>> poses, std::int64_t stamp_ns = 0,
                          std::int64_t sequence = 0);
   /// Sets joint positions by id, radians and metres, and with them the poses of links. Throws QueryError also for a
   /// repeated joint.
+  /// \param velocities of the joints, rad/s and m/s, as in set_poses()
   UpdateResult set_joints(std::span<const std::pair<std::uint32_t, double>> positions, std::int64_t stamp_ns = 0,
-                          std::int64_t sequence = 0);
+                          std::int64_t sequence = 0, std::span<const double> velocities = {});
   /// Replaces the points of a cloud atomically, for all queries that start after it returns. `applied` counts points.
   /// Throws QueryError, and replaces nothing, for a body that is no cloud, a coordinate that is not finite, and stamps
   /// as set_poses() does.

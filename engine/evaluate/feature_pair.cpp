@@ -206,6 +206,22 @@ void FeaturePair::set_radius(const Side& a, const Side& b, double tolerance) {
   if (smooth_radius_ <= kSame * tolerance) smooth_radius_ = 0;
 }
 
+Vec3d FeaturePair::lean(const Vec3d& lean_a, const Vec3d& lean_b, bool begin_with_a) const {
+  Vec3d sum{0, 0, 0}, axes[2];
+  int count = 0;
+  for (int i = 0; i < slides() && count < 2; ++i) {
+    const int k = begin_with_a ? (i + b_.size) % slides() : i;
+    const Vec3d tangent = along(k), given = k < b_.size ? lean_b : lean_a;
+    Vec3d rest = tangent - normal_ * dot(tangent, normal_);
+    for (int n = 0; n < count; ++n) rest = rest - axes[n] * dot(axes[n], rest);
+    const double square = squared_norm(rest);
+    if (!(square > 1e-10)) continue;
+    axes[count++] = rest * (1 / std::sqrt(square));
+    sum = sum - rest * (dot(tangent, given + sum) / square);
+  }
+  return sum;
+}
+
 FeaturePair::Term FeaturePair::term(const FeatureMotion& motion) const {
   Term term{(motion.shift - normal_ * dot(normal_, motion.shift)) * (1 / std::sqrt(distance_)), {}};
   const double root = std::sqrt(distance_);

@@ -37,6 +37,11 @@ class FeaturePair {
   /// within rounding. For parts that turn, an estimate of how far their points may move.
   double smooth_radius() const { return smooth_radius_; }
 
+  /// How fast the normal of the nearest points turns if the parts' supporting directions lean: a vector across the
+  /// normal whose sum with `lean_a` is normal to a's tangents, and with `lean_b` to b's. Where tangents of both depend
+  /// on one another, those of one part count.
+  Vec3d lean(const Vec3d& lean_a, const Vec3d& lean_b, bool begin_with_a) const;
+
   /// A motion, reduced to the numbers that curvature() combines.
   struct Term {
     Vec3d across;     // shift without its part along the normal, over the root of the distance

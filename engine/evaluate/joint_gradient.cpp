@@ -14,13 +14,14 @@ constexpr std::uint32_t kUnknown = ~std::uint32_t{0};
 }  // namespace
 
 JointGradient::JointGradient(const engine::Scene& scene, const Plan& plan)
-    : scene_(scene),
-      snapshot_(*plan.snapshot),
-      joints_(plan.joints.size()),
-      mover_of_(scene.bodies().size(), kUnknown) {
+    : JointGradient(scene, *plan.snapshot, plan.joints, plan.moved) {}
+
+JointGradient::JointGradient(const engine::Scene& scene, const PoseSnapshot& snapshot,
+                             std::span<const std::uint32_t> joints, std::span<const std::uint32_t> bodies)
+    : scene_(scene), snapshot_(snapshot), joints_(joints.size()), mover_of_(scene.bodies().size(), kUnknown) {
   std::vector<std::uint32_t> at_of_joint(scene.joints().size(), kNone);
-  for (std::uint32_t i = 0; i < plan.joints.size(); ++i) at_of_joint[plan.joints[i]] = i;
-  for (const std::uint32_t body : plan.moved) find_mover(body, at_of_joint);
+  for (std::uint32_t i = 0; i < joints.size(); ++i) at_of_joint[joints[i]] = i;
+  for (const std::uint32_t body : bodies) find_mover(body, at_of_joint);
   std::replace(mover_of_.begin(), mover_of_.end(), kUnknown, kNone);  // bodies that nothing moves
 }
 

@@ -16,6 +16,10 @@ class JointGradient {
  public:
   /// \param scene, plan outlive this.
   JointGradient(const engine::Scene& scene, const Plan& plan);
+  /// \param joints whose positions change
+  /// \param bodies that they may move
+  JointGradient(const engine::Scene& scene, const PoseSnapshot& snapshot, std::span<const std::uint32_t> joints,
+                std::span<const std::uint32_t> bodies);
 
   /// \param out (J,) in the order of Plan::joints: write_joint_gradient()
   void write(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer, double* out) const;

@@ -57,6 +57,12 @@ SupportPoint<double> support(const ConvexPart& part, const Vec3d& n) {
   return best;
 }
 
+double reach_of_core(const ConvexPart& part, const Vec3d& n) {
+  constexpr double kSame = 0x1p-46;
+  if (is_half_space(part) && std::hypot(n.x, n.y) <= kSame * n.z) return 0;
+  return support(part, n).value;
+}
+
 // Only vertices whose double value is within rounding of the best double value can be the exact maximum: |computed -
 // exact| <= 4 u |n| rho for each (n itself is rounded to double first), so twice that separates two of them.
 SupportPoint<DoubleDouble> support(const ConvexPart& part, const Vec3<DoubleDouble>& n) {

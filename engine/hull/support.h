@@ -25,6 +25,9 @@ struct SupportPoint {
 /// becomes 5.
 SupportPoint<double> support(const ConvexPart& part, const Vec3d& n);
 SupportPoint<DoubleDouble> support(const ConvexPart& part, const Vec3<DoubleDouble>& n);
+/// The value of support() for a direction of length about 1 that was converted to world axes and back: one within 2^-46
+/// of a half-space's normal counts as the normal, which changes another body's support by 2^-46 of its size.
+double reach_of_core(const ConvexPart& part, const Vec3d& n);
 
 /// Parts of more vertices than this carry a DirectionTable.
 inline constexpr std::size_t kTableFromVertices = 64;

@@ -1,33 +1,23 @@
 #include "engine/motion/half_spans.h"
 
 #include <algorithm>
-#include <cmath>
 #include <limits>
 
-#include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 
 namespace clearance {
 
 namespace {
 
-// Support of a part's core along a direction of length about 1, in its body's axes. The normal of a half-space is
-// converted to world axes and back as computed: a direction this close to it counts as the normal. The effect on the
-// other body's support is below the error bound of gaps_along().
-double along(const ConvexPart& part, const Vec3d& n) {
-  constexpr double kSame = 0x1p-46;
-  if (is_half_space(part) && std::hypot(n.x, n.y) <= kSame * n.z) return 0;
-  return support(part, n).value;
-}
-
 // Support of a body along a direction in world axes, from its origin.
 double reach_along(const MovingBody& moving, const Vec3d& n) {
   if (moving.box) return reach_of_box(*moving.box, moving.pose.t_w, n);
   const Vec3d n_b = moving.pose.R_wb.transpose_times(n);
   const double length = norm(n);
-  if (moving.part) return along(*moving.part, n_b) + moving.part->radius * length;
+  if (moving.part) return reach_of_core(*moving.part, n_b) + moving.part->radius * length;
   double most = -std::numeric_limits<double>::infinity();
-  for (const ConvexPartPtr& part : moving.body.parts) most = std::max(most, along(*part, n_b) + part->radius * length);
+  for (const ConvexPartPtr& part : moving.body.parts)
+    most = std::max(most, reach_of_core(*part, n_b) + part->radius * length);
   return most;
 }
 

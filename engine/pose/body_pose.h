@@ -1,23 +1,34 @@
 // Updates of poses and joints, and the states that result.
 #pragma once
 
+#include <array>
 #include <cstdint>
+#include <limits>
 
 #include "engine/pose/pose.h"
 #include "wire/types.h"
 
 namespace clearance {
 
-/// A pose update of one body.
+/// Angular velocity, then velocity of the body's origin, world axes; of a body with a parent, relative to it. rad/s, m/s.
+using BodyTwist = std::array<double, 6>;
+/// NaN: an unknown velocity.
+inline constexpr double kUnknownSpeed = std::numeric_limits<double>::quiet_NaN();
+inline constexpr BodyTwist kUnknownTwist{kUnknownSpeed, kUnknownSpeed, kUnknownSpeed,
+                                         kUnknownSpeed, kUnknownSpeed, kUnknownSpeed};
+
+/// A pose update of one body, with its velocity at that pose.
 struct BodyPose {
   std::uint32_t body = kNone;
   Pose pose;  ///< X_wb, or X_pb with a parent
+  BodyTwist velocity = kUnknownTwist;
 };
 
 /// A position update of one joint.
 struct JointPosition {
   std::uint32_t joint = kNone;
-  double position = 0;  ///< radians or metres
+  double position = 0;              ///< radians or metres
+  double velocity = kUnknownSpeed;  ///< rad/s or m/s
 };
 
 /// State of a joint in the newest snapshot.

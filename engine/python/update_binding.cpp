@@ -13,12 +13,15 @@
 namespace clearance::python {
 
 nb::tuple PyUpdates::set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
-                               std::int64_t sequence, std::uint64_t revision) const {
+                               std::int64_t sequence, const std::optional<TwistRows>& velocities,
+                               std::uint64_t revision) const {
   if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
   std::vector<BodyPose> batch(ids.shape(0));
+  const std::span<const BodyTwist> twists = velocities_of(velocities, batch.size());
   for (std::size_t i = 0; i < batch.size(); ++i) {
     batch[i].body = ids.data()[i];
     batch[i].pose = pose_from(poses.data() + 7 * i);
+    if (!twists.empty()) batch[i].velocity = twists[i];
   }
   return update([&](engine::Engine& engine) {
     check_ids(engine, revision, {ids.data(), ids.shape(0)}, true);
@@ -27,10 +30,12 @@ nb::tuple PyUpdates::set_poses(const BodiesArray& ids, const PoseRows& poses, st
 }
 
 nb::tuple PyUpdates::set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
-                                std::int64_t sequence) const {
+                                std::int64_t sequence, const std::optional<PositionRow>& velocities) const {
   if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
   std::vector<JointPosition> batch(ids.shape(0));
-  for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
+  const std::span<const double> speeds = velocities_of(velocities, batch.size());
+  for (std::size_t i = 0; i < batch.size(); ++i)
+    batch[i] = {ids.data()[i], positions.data()[i], speeds.empty() ? kUnknownSpeed : speeds[i]};
   return update([&](engine::Engine& engine) { return engine.set_joints(batch, stamp_ns, sequence); });
 }
 

@@ -64,6 +64,8 @@ struct Job::State {
 std::unique_ptr<Job::State> make_cpu_job(const JobContext& context, Plan plan, const ReplyView& reply);
 std::unique_ptr<Job::State> make_dense_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// For Reduce::kNearest with a k.
+/// Bytes that it takes for each pair, on each thread.
+inline constexpr std::uint64_t kBytesOfNearest = 24;
 std::unique_ptr<Job::State> make_nearest_pairs_job(const JobContext& context, Plan&& plan, const ReplyView& reply);
 /// Whether covers may decide states of a plan.
 bool covers_may_decide(const JobContext& context, const Plan& plan);

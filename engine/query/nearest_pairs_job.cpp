@@ -1,5 +1,6 @@
 // The k nearest pairs of each configuration, in the order of the query's pairs.
 #include <algorithm>
+#include <functional>
 
 #include "engine/narrow/group.h"
 #include "engine/query/parallel_job.h"
@@ -7,6 +8,10 @@
 namespace clearance {
 
 namespace {
+
+/// Gap of the boxes, place.
+using OrderedPair = std::pair<double, std::uint64_t>;
+static_assert(sizeof(OrderedPair) + sizeof(BodyPair) == kBytesOfNearest);
 
 class NearestPairsJob final : public ParallelJob {
  public:
@@ -45,31 +50,37 @@ class NearestPairsJob final : public ParallelJob {
     Scratch(const engine::Scene& scene, const EvaluateOptions& options) : evaluator(scene, options) {}
 
     Evaluator evaluator;
-    bool has_begun = false, is_evaluating = false;
-    std::size_t next = 0;       // in `order`
+    bool has_begun = false, is_ordered = false, is_evaluating = false;
     std::uint64_t written = 0;  // rows
     std::vector<BodyPair> storage;
-    std::span<const BodyPair> pairs;                      // all
-    std::vector<std::pair<double, std::uint64_t>> order;  // gap of the boxes, place
+    std::span<const BodyPair> pairs;    // all
+    std::vector<OrderedPair> order;     // a heap of those not evaluated yet, the nearest first
+    std::vector<std::uint64_t> places;  // of those that are evaluated now
     std::vector<PlacedBodies> to_evaluate;
     std::vector<PairAnswer> answers;
     std::vector<Candidate> nearest;
   };
-  static constexpr std::size_t kAtATime = 32;        // pairs, which fill the lanes
-  static constexpr std::size_t kSortedPerUnit = 16;  // of work
+  static constexpr std::size_t kAtATime = 32;                                // pairs, which fill the lanes
+  static constexpr std::size_t kOrderedAtATime = 1024, kSortedPerUnit = 16;  // of work
 
-  // Orders all pairs by the gaps of their boxes, those without usable poses first.
-  void order_pairs(Scratch& s, const BodyPoses& here, WorkMeter& meter) {
-    const std::span<const BodyPair> pairs = s.pairs;
-    s.order.clear();
+  // Adds pairs to the heap by the gaps of their boxes, those without usable poses first. Returns false if the slice
+  // ended before all were added.
+  bool order_pairs(Scratch& s, const BodyPoses& here, WorkMeter& meter) {
     const auto is_placed = [&](std::uint32_t body) {
       return body < scene().bodies().size() && here[body].status == Status::kOk;
     };
-    for (std::size_t i = 0; i < pairs.size(); ++i)
-      s.order.emplace_back(
-          is_placed(pairs[i].a) && is_placed(pairs[i].b) ? box_gap(scene(), here, pairs[i]) : -__builtin_inf(), i);
-    std::sort(s.order.begin(), s.order.end());
-    meter.count(pairs.size() / kSortedPerUnit);
+    while (s.order.size() < s.pairs.size()) {
+      const std::size_t begin = s.order.size(), end = std::min(begin + kOrderedAtATime, s.pairs.size());
+      for (std::size_t i = begin; i < end; ++i) {
+        const BodyPair pair = s.pairs[i];
+        const double gap = is_placed(pair.a) && is_placed(pair.b) ? box_gap(scene(), here, pair) : -__builtin_inf();
+        s.order.emplace_back(gap, i);
+        std::push_heap(s.order.begin(), s.order.end(), std::greater<>());
+      }
+      meter.count((end - begin) / kSortedPerUnit);
+      if (end < s.pairs.size() && meter.is_over()) return false;
+    }
+    return s.is_ordered = true;
   }
 
   // Upper bound that a further pair must beat: that of the last row so far.
@@ -79,15 +90,21 @@ class NearestPairsJob final : public ParallelJob {
   }
 
   bool is_left(const Scratch& s) const {
-    return s.next < s.order.size() && (s.order[s.next].first <= cut_off(s) || s.nearest.size() < rows_);
+    return !s.order.empty() && (s.order.front().first <= cut_off(s) || s.nearest.size() < rows_);
   }
 
   // Begins to evaluate the next pairs.
   void begin_some(Scratch& s, const BodyPoses& here) {
-    const std::size_t some = std::min({s.order.size() - s.next, kAtATime, std::max<std::size_t>(rows_, 8)});
+    const std::size_t some = std::min({s.order.size(), kAtATime, std::max<std::size_t>(rows_, 8)});
     const double most = cut_off(s);
     s.to_evaluate.clear();
-    for (std::size_t i = 0; i < some; ++i) s.to_evaluate.push_back({s.pairs[s.order[s.next + i].second], &here, most});
+    s.places.clear();
+    for (std::size_t i = 0; i < some; ++i) {
+      std::pop_heap(s.order.begin(), s.order.end(), std::greater<>());
+      s.places.push_back(s.order.back().second);
+      s.order.pop_back();
+      s.to_evaluate.push_back({s.pairs[s.places.back()], &here, most});
+    }
     s.answers.resize(some);
     s.evaluator.begin(s.to_evaluate, s.answers);
     s.is_evaluating = true;
@@ -98,7 +115,7 @@ class NearestPairsJob final : public ParallelJob {
     const double most = cut_off(s);
     for (std::size_t i = 0; i < s.answers.size(); ++i) {
       const PairAnswer& answer = s.answers[i];
-      const std::uint64_t place = s.order[s.next + i].second;
+      const std::uint64_t place = s.places[i];
       evaluated_.fetch_add(reached_narrow_phase(answer), std::memory_order_relaxed);
       if (answer.status == Status::kBeyond && most < plan_.query.max_distance) continue;
       const double upper = std::isnan(answer.distance) ? -__builtin_inf() : answer.upper;
@@ -108,7 +125,6 @@ class NearestPairsJob final : public ParallelJob {
               [](const Candidate& p, const Candidate& q) { return p.rank < q.rank; });
     meter.count(s.nearest.size() / kSortedPerUnit);
     if (s.nearest.size() > rows_) s.nearest.resize(rows_);
-    s.next += s.answers.size();
     s.is_evaluating = false;
   }
 
@@ -116,11 +132,13 @@ class NearestPairsJob final : public ParallelJob {
   bool answer(std::uint64_t k, Scratch& s, const BodyPoses& here, WorkMeter& meter) {
     if (!s.has_begun) {
       s.has_begun = true;
-      s.next = s.written = 0;
+      s.is_ordered = false;
+      s.written = 0;
       s.nearest.clear();
+      s.order.clear();
       s.pairs = plan_.pairs.slice(0, plan_.size.pairs, s.storage);
-      order_pairs(s, here, meter);
     }
+    if (!s.is_ordered && !order_pairs(s, here, meter)) return false;
     while (s.is_evaluating || is_left(s)) {
       if (!s.is_evaluating) begin_some(s, here);
       if (!s.evaluator.advance(meter)) return false;

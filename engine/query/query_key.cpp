@@ -32,6 +32,7 @@ QueryKey::QueryKey(const QueryView& query) : query_(query), has_growths_(!query.
   query_.margins = kept(query.margins, margins_);
   query_.pair_margins = kept(query.pair_margins, pair_margins_);
   query_.weights = kept(query.weights, weights_);
+  query_.speed_errors = kept(query.speed_errors, speed_errors_);
 }
 
 bool QueryKey::is_of(const QueryView& query) const {
@@ -46,7 +47,8 @@ bool QueryKey::is_of(const QueryView& query) const {
   });
   return same && same_bits(query.pairs, query_.pairs) && same_bits(query.bodies, query_.bodies) &&
          same_bits(query.joints, query_.joints) && same_bits(query.margins, query_.margins) &&
-         same_bits(query.pair_margins, query_.pair_margins) && same_bits(query.weights, query_.weights);
+         same_bits(query.pair_margins, query_.pair_margins) && same_bits(query.weights, query_.weights) &&
+         same_bits(query.speed_errors, query_.speed_errors);
 }
 
 }  // namespace clearance

@@ -22,7 +22,7 @@ class QueryKey {
   std::vector<BodyPair> pairs_;
   std::vector<std::uint32_t> bodies_, joints_;
   std::vector<MarginEntry> margins_;
-  std::vector<double> pair_margins_, weights_;
+  std::vector<double> pair_margins_, weights_, speed_errors_;
 };
 
 }  // namespace clearance

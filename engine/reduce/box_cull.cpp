@@ -130,6 +130,10 @@ void write_beyond_rows(const ReplyView& reply, std::uint64_t first, std::span<co
   fill(reply.hessian_joints, reply.joints * reply.joints * first, reply.joints * reply.joints * count, row.normal.x);
   for (double* const column : {reply.rate, reply.curvature, reply.smooth_radius})
     fill(column, first, count, row.normal.x);
+  for (std::uint64_t i = first; reply.rate_bounds && i < first + count; ++i) {
+    reply.rate_bounds[2 * i] = -std::numeric_limits<double>::infinity();
+    reply.rate_bounds[2 * i + 1] = std::numeric_limits<double>::infinity();
+  }
   for (BodyPair* const column : {reply.pair, reply.pair_lower})
     if (column) std::copy(pairs.begin(), pairs.end(), column + first);
   fill(reply.configuration, first, count, configuration);

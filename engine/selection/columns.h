@@ -15,6 +15,8 @@ struct SecondOrderRow {
   double rate = __builtin_nan("");           ///< m/s
   double curvature = __builtin_nan("");      ///< m/s^2
   double smooth_radius = __builtin_nan("");  ///< metres
+  double rate_lower = -__builtin_inf();      ///< m/s
+  double rate_upper = __builtin_inf();       ///< m/s
   std::vector<double> hessian_joints{};      ///< (J, J), or empty if not requested
 };
 
@@ -130,6 +132,10 @@ inline void write_second_order(const ReplyView& reply, std::uint64_t index, cons
   if (reply.rate) reply.rate[index] = row.rate;
   if (reply.curvature) reply.curvature[index] = row.curvature;
   if (reply.smooth_radius) reply.smooth_radius[index] = row.smooth_radius;
+  if (reply.rate_bounds) {
+    reply.rate_bounds[2 * index] = row.rate_lower;
+    reply.rate_bounds[2 * index + 1] = row.rate_upper;
+  }
   if (!reply.hessian_joints) return;
   const std::size_t size = std::size_t{reply.joints} * reply.joints;
   double* const out = reply.hessian_joints + index * size;

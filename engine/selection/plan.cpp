@@ -126,6 +126,19 @@ void take_joints(const QueryView& query, const engine::Scene& scene, Plan& plan)
   plan.joints.assign(query.joints.begin(), query.joints.end());
 }
 
+void take_speed_errors(const QueryView& query, Plan& plan) {
+  const std::size_t wanted = query.joints.size() + 2 * query.bodies.size();
+  const std::span<const double> errors = query.speed_errors;
+  if (!errors.empty() && errors.size() != wanted)
+    reject("speed_errors: expected " + std::to_string(wanted) +
+           " numbers, one for each joint and two for each body, got " + std::to_string(errors.size()));
+  for (std::size_t i = 0; i < errors.size(); ++i)
+    if (!(errors[i] >= 0 && std::isfinite(errors[i])))
+      reject("speed_errors[" + std::to_string(i) + "]: expected a number >= 0, got " + std::to_string(errors[i]));
+  plan.speed_errors.assign(errors.begin(), errors.end());
+  plan.query.speed_errors = plan.speed_errors;
+}
+
 void check_growths(std::span<const double> growths) {
   const auto wrong =
       std::find_if_not(growths.begin(), growths.end(), [](double g) { return g >= 0 && g <= kMostGrowth; });
@@ -179,6 +192,7 @@ Planner::Planner(const QueryView& query, const engine::Scene& scene, std::shared
   plan.query.joints = plan.joints;
   plan.weights.assign(query.weights.begin(), query.weights.end());
   plan.query.weights = plan.weights;
+  take_speed_errors(query, plan);
   plan.query.configurations = {};
   plan.query.positions = {};
   plan.query.growths = {};

@@ -29,6 +29,7 @@ struct Plan {
   std::span<const double> velocities, twists;  ///< (K, J) and (K, given_bodies, 6), or empty; likewise
   std::vector<double> kept_velocities, kept_twists;
   std::vector<double> weights;       ///< of the joints, for kFieldFreeScale
+  std::vector<double> speed_errors;  ///< (J + 2 given_bodies,), or empty
   std::vector<LinkMotion> motions;   ///< of each robot moved by the joints
   std::vector<std::uint32_t> moved;  ///< bodies and their followers, parents first
   std::shared_ptr<const PoseSnapshot> snapshot;

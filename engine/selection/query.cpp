@@ -10,6 +10,7 @@ QueryView for_pairs(QueryView query) {
   query.margins = {};
   query.pair_margins = {};
   query.weights = {};
+  query.speed_errors = {};
   query.growths = {};
   query.max_evaluations = 0;
   query.control_points = 2;

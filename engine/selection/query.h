@@ -47,6 +47,9 @@ struct QueryView {
   /// bodies: rad/s, and m/s of the origin, world axes. Those that are not given are 0.
   std::span<const double> velocities{};
   std::span<const double> twists{};
+  /// For kFieldRateBounds: (J + 2 M,) bounds >= 0 on the errors of velocities: of the joints, rad/s and m/s, then of each
+  /// body rad/s and m/s. Empty for none.
+  std::span<const double> speed_errors{};
   std::uint32_t k = 0;  ///< of Reduce::kNearest: the k nearest pairs of each configuration; 0 for the nearest per body
   /// Maximum evaluations per motion; 0 if there are no motions. Configurations 2k and 2k + 1 are the ends of motion k,
   /// so the answer has K / 2 motions. Joints and bodies move in a straight line, and bodies turn the shorter way at
@@ -112,6 +115,7 @@ struct ReplyView {
   double* rate = nullptr;                  ///< (rows,)
   double* curvature = nullptr;             ///< (rows,)
   double* smooth_radius = nullptr;         ///< (rows,)
+  double* rate_bounds = nullptr;           ///< (rows, 2)
   std::uint32_t joints = 0;                ///< J, the entries per row of gradient_joints
 };
 
@@ -146,6 +150,7 @@ void for_each_column(F&& f, View&... view) {
   f(view.rate..., 1);
   f(view.curvature..., 1);
   f(view.smooth_radius..., 1);
+  f(view.rate_bounds..., 2);
 }
 
 /// A view of columns laid out one after another in the order of Field, each on a 64-byte boundary: the layout of a

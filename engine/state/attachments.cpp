@@ -97,6 +97,7 @@ PoseUpdateResult PoseStore::attach(std::uint32_t child, std::uint32_t parent, co
   ignored.allow_attached(child, allow, scene_);
   next->local[child] = X_pc ? *X_pc : present_pose(bodies, *next, child, parent);
   next->given[child] = 1;
+  next->velocity[child] = parent == kNone ? kUnknownTwist : BodyTwist{};
   changes_.clear();  // followers and enabled pairs change
   const std::vector<BodyPair> changed = changed_pairs(next->ignored->all(), ignored.all());
   if (parent != next->parent[child])

@@ -98,6 +98,7 @@ PoseUpdateResult PoseStore::set_joints(std::span<const JointPosition> positions,
     const SceneJoint& joint = joints[p.joint];
     next->joints.position[p.joint] = p.position;
     next->joints.given[p.joint] = 1;
+    next->joints.velocity[p.joint] = p.velocity;
     next->joints.stamp_ns[p.joint] = stamp_ns;
     next->joints.receipt_ns[p.joint] = now;
     next->joints.sequence[p.joint] = sequence;
@@ -122,6 +123,7 @@ void PoseStore::take_over_joints(const PoseStore& old_store, PoseSnapshot& next)
     if (old.receipt_ns[was] == 0) continue;
     next.joints.position[now] = old.position[was];
     next.joints.given[now] = old.given[was];
+    next.joints.velocity[now] = old.velocity[was];
     next.joints.stamp_ns[now] = old.stamp_ns[was];
     next.joints.receipt_ns[now] = old.receipt_ns[was];
     next.joints.sequence[now] = old.sequence[was];

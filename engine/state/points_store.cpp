@@ -18,6 +18,7 @@ const ReceivedPoints* PoseSnapshot::points_of(std::uint32_t body) const {
 void PoseStore::note_points(PoseSnapshot& next, ReceivedPoints received) {
   auto all = next.points ? std::make_shared<std::vector<ReceivedPoints>>(*next.points)
                          : std::make_shared<std::vector<ReceivedPoints>>();
+  if (!next.scene->bodies()[received.body].is_static) next.velocity[received.body] = kUnknownTwist;  // they may move
   std::erase_if(*all, [&](const ReceivedPoints& of) { return of.body == received.body; });
   all->push_back(std::move(received));
   next.points = std::move(all);

@@ -27,6 +27,7 @@ PoseStore::PoseStore(const engine::Scene& scene, std::chrono::nanoseconds max_st
   first->loaded_ns = monotonic_ns();
   first->local.resize(n);
   first->given.resize(n);
+  first->velocity.resize(n);
   first->placed.resize(n);
   first->stamp_ns.resize(n);
   first->receipt_ns.resize(n);
@@ -37,11 +38,13 @@ PoseStore::PoseStore(const engine::Scene& scene, std::chrono::nanoseconds max_st
     first->parent.push_back(body.parent);
     first->local[i] = body.pose.value_or(Pose{});
     first->given[i] = body.pose.has_value() && !body.requires_pose;
+    if (body.max_speed > 0) first->velocity[i] = kUnknownTwist;
   }
   const std::size_t joints = scene.joints().size();
   for (const SceneJoint& joint : scene.joints()) {
     first->joints.position.push_back(joint.home.value_or(0));
     first->joints.given.push_back(joint.home.has_value());
+    first->joints.velocity.push_back(0);
   }
   first->joints.stamp_ns.resize(joints);
   first->joints.receipt_ns.resize(joints);
@@ -190,6 +193,7 @@ PoseUpdateResult PoseStore::set(std::span<const BodyPose> poses, std::int64_t st
     }
     next->local[p.body] = p.pose;
     next->given[p.body] = 1;
+    next->velocity[p.body] = p.velocity;
     next->stamp_ns[p.body] = stamp_ns;
     next->receipt_ns[p.body] = now;
     next->sequence[p.body] = sequence;

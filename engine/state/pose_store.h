@@ -50,6 +50,9 @@ struct PoseSnapshot {
 
   std::vector<Pose> local;          ///< as given: X_wb, or X_pb of a body with a parent
   std::vector<std::uint8_t> given;  ///< whether `local` was ever given
+  /// At `local`, relative to the parent. 0 while nothing moves a body from its place in the scene or its attachment; of
+  /// a link, that of its root alone. NaN if unknown.
+  std::vector<BodyTwist> velocity;
   std::vector<std::uint32_t> parent;
   std::shared_ptr<const std::vector<std::uint32_t>> order;  ///< parents before children
   bool has_followers = false;                               ///< some body has a parent
@@ -62,6 +65,7 @@ struct PoseSnapshot {
   /// Columns of Scene::joints().
   struct Joints {
     std::vector<double> position;
+    std::vector<double> velocity;  ///< at `position`; 0 while the joint is where the scene puts it, NaN if unknown
     std::vector<std::uint8_t> given;
     std::vector<std::int64_t> stamp_ns, receipt_ns, sequence;
   } joints;
@@ -71,6 +75,7 @@ struct PoseSnapshot {
   static void for_each_column(F&& f) {
     f(&PoseSnapshot::local);
     f(&PoseSnapshot::given);
+    f(&PoseSnapshot::velocity);
     f(&PoseSnapshot::placed);
     f(&PoseSnapshot::stamp_ns);
     f(&PoseSnapshot::receipt_ns);

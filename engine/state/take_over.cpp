@@ -38,6 +38,7 @@ std::vector<std::uint32_t> PoseStore::take_over_poses(const PoseStore& old_store
     next.parent[now] = leader;
     next.local[now] = old.local[was];
     next.given[now] = old.given[was];
+    next.velocity[now] = old.velocity[was];
     next.stamp_ns[now] = old.stamp_ns[was];
     next.receipt_ns[now] = old.receipt_ns[was];
     next.sequence[now] = old.sequence[was];

@@ -52,9 +52,10 @@ struct Update {
   ResourceQuota::Share points = {};
   PoseUpdateResult result = {};
 
-  void apply(std::span<const std::byte> content);
-  void apply_poses(std::span<const std::byte> content);
-  void apply_joints(std::span<const std::byte> content);
+  /// \param content the payload with its records
+  void apply(const ReplyWriter& answers, std::span<const std::byte> content, std::uint64_t& ignored);
+  void apply_poses(const wire::PosesParts& parts);
+  void apply_joints(const wire::JointUpdateParts& parts);
   void apply_points(std::span<const std::byte> content);
   std::vector<std::byte> apply_on_worker(const ReplyWriter& answers, std::uint64_t& ignored);
   /// Returns true if the daemon has replaced the engine, whose successor then needs the same update.
@@ -65,39 +66,46 @@ struct Update {
   }
 };
 
-void Update::apply(std::span<const std::byte> content) {
-  switch (static_cast<FrameType>(header.type)) {
-    case FrameType::kSetPoints:
-      return apply_points(content);
-    case FrameType::kSetJoints:
-      count_copied(content.size());
-      return apply_joints(content);
-    default:
-      count_copied(content.size());
-      return apply_poses(content);
+void Update::apply(const ReplyWriter& answers, std::span<const std::byte> content, std::uint64_t& ignored) {
+  const auto type = static_cast<FrameType>(header.type);
+  if (type == FrameType::kSetPoints) return apply_points(without_records(answers, header, content, ignored));
+  count_copied(content.size());
+  const wire::PayloadParts whole = wire::split_payload(header, content);
+  const auto accept = [&](const wire::UpdateExtras& extras) {
+    ignored += extras.passed_over.size();
+    answers.check_epoch(header, extras.epoch);
+  };
+  if (type == FrameType::kSetJoints) {
+    const wire::JointUpdateParts parts = wire::parse_joint_update(whole.body, whole.records);
+    accept(parts.extras);
+    return apply_joints(parts);
   }
+  const wire::PosesParts parts = wire::parse_poses(whole.body, whole.records);
+  accept(parts.extras);
+  apply_poses(parts);
 }
 
-void Update::apply_poses(std::span<const std::byte> content) {
-  const wire::PosesParts parts = wire::parse_poses(content);
+void Update::apply_poses(const wire::PosesParts& parts) {
+  const wire::Records<double>& velocities = parts.extras.velocities;
   std::vector<BodyPose> poses(parts.poses.size());
   std::vector<std::uint32_t> ids(parts.poses.size());
   for (std::uint64_t i = 0; i < parts.poses.size(); ++i) {
     const wire::PoseRecord record = parts.poses[i];
     poses[i] = {record.body, pose_of(record.pose)};
+    for (std::size_t k = 0; k < 6 && velocities.size() > 0; ++k) poses[i].velocity[k] = velocities[6 * i + k];
     ids[i] = record.body;
   }
   check_scene(*engine, header, ids, true);
   result = engine->set_poses(poses, parts.header.stamp_ns, parts.header.sequence, client);
 }
 
-void Update::apply_joints(std::span<const std::byte> content) {
-  const wire::JointUpdateParts parts = wire::parse_joint_update(content);
+void Update::apply_joints(const wire::JointUpdateParts& parts) {
+  const wire::Records<double>& velocities = parts.extras.velocities;
   std::vector<JointPosition> positions(parts.joints.size());
   std::vector<std::uint32_t> ids(parts.joints.size());
   for (std::uint64_t i = 0; i < parts.joints.size(); ++i) {
     const wire::JointRecord record = parts.joints[i];
-    positions[i] = {record.joint, record.position};
+    positions[i] = {record.joint, record.position, velocities.size() > 0 ? velocities[i] : kUnknownSpeed};
     ids[i] = record.joint;
   }
   check_joint_scene(*engine, header, ids);
@@ -128,7 +136,7 @@ void Update::apply_points(std::span<const std::byte> content) {
 /// Returns the reply's payload.
 std::vector<std::byte> Update::apply_on_worker(const ReplyWriter& answers, std::uint64_t& ignored) {
   if (fetch) payload = std::exchange(fetch, nullptr)();
-  apply(without_records(answers, header, payload.span(), ignored));
+  apply(answers, payload.span(), ignored);
   const wire::PosesResult done = result_of(result, engine->scene_revision());
   const auto bytes = bytes_of(done);
   return {bytes.begin(), bytes.end()};
@@ -152,10 +160,8 @@ void StateUpdates::set_poses(Request& request) {
   const bool moves_many = request.type->type == FrameType::kSetJoints && engine.scene().bodies().size() > kFewBodies;
   if (request.is_large() || moves_many || context_.has_pose_updates(request.sink->client()))
     return set_poses_on_worker(request);
-  const auto content =
-      without_records(context_.answers, request.header, request.payload, context_.stats.records_ignored);
   Update update{context_.engine, request.header, request.sink->client()};
-  update.apply(content);
+  update.apply(context_.answers, request.payload, context_.stats.records_ignored);
   count(update.result);
   context_.reply(request, bytes_of(result_of(update.result, engine.scene_revision())));
 }

@@ -16,8 +16,9 @@
 namespace clearance {
 
 /// Channels that the daemon listens to, without the prefix.
-inline constexpr const char* kLcmChannelsIn[] = {"CLEARANCE_POSES", "CLEARANCE_JOINTS",   "CLEARANCE_POINTS",
-                                                 "CLEARANCE_QUERY", "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS"};
+inline constexpr const char* kLcmChannelsIn[] = {
+    "CLEARANCE_POSES",  "CLEARANCE_JOINTS", "CLEARANCE_MOVING_POSES", "CLEARANCE_MOVING_JOINTS",
+    "CLEARANCE_POINTS", "CLEARANCE_QUERY",  "CLEARANCE_FRAME_IN",     "CLEARANCE_STATUS"};
 
 class LcmPort {
  public:

@@ -1,5 +1,7 @@
 #include "server/lcm/lcm_pose_intake.h"
 
+#include <algorithm>
+
 #include "server/base/log.h"
 #include "server/base/log_text.h"
 
@@ -22,7 +24,27 @@ void LcmPoseIntake::set_scene(const engine::Scene& scene) {
   }
 }
 
-bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
+namespace {
+
+BodyTwist velocity_in(const clearance_lcm::pose_update_t&, std::size_t) {
+  return kUnknownTwist;
+}
+BodyTwist velocity_in(const clearance_lcm::moving_pose_update_t& update, std::size_t i) {
+  BodyTwist velocity;
+  std::copy_n(update.velocities[i].begin(), velocity.size(), velocity.begin());
+  return velocity;
+}
+double velocity_in(const clearance_lcm::joint_update_t&, std::size_t) {
+  return kUnknownSpeed;
+}
+double velocity_in(const clearance_lcm::moving_joint_update_t& update, std::size_t i) {
+  return update.velocities[i];
+}
+
+}  // namespace
+
+template <class Update>
+void LcmPoseIntake::take_poses(const Update& update) {
   const engine::Scene& scene = handler_.engine().scene();
   poses_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
@@ -30,12 +52,21 @@ bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
     if (body == kNone)
       reject_name(update.names[i], "a pose for '%', which is not a body of this scene");
     else
-      add_pose(body, update.poses[i]);
+      add_pose(body, update.poses[i], velocity_in(update, static_cast<std::size_t>(i)));
   }
-  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
-bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
+bool LcmPoseIntake::take(const clearance_lcm::pose_update_t& update) {
+  take_poses(update);
+  return apply_poses({"CLEARANCE_POSES", 0, update.publisher_id, update.sequence, update.stamp_ns});
+}
+bool LcmPoseIntake::take(const clearance_lcm::moving_pose_update_t& update) {
+  take_poses(update);
+  return apply_poses({"CLEARANCE_MOVING_POSES", 3, update.publisher_id, update.sequence, update.stamp_ns});
+}
+
+template <class Update>
+void LcmPoseIntake::take_positions(const Update& update) {
   const engine::Scene& scene = handler_.engine().scene();
   positions_.clear();
   for (std::int32_t i = 0; i < update.count; ++i) {
@@ -43,9 +74,17 @@ bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
     if (joint == kNone)
       reject_name(update.names[i], "a position of '%', which is not a joint of this scene");
     else
-      add_position(joint, update.positions[i]);
+      add_position(joint, update.positions[i], velocity_in(update, static_cast<std::size_t>(i)));
   }
+}
+
+bool LcmPoseIntake::take(const clearance_lcm::joint_update_t& update) {
+  take_positions(update);
   return apply_positions({"CLEARANCE_JOINTS", 1, update.publisher_id, update.sequence, update.stamp_ns});
+}
+bool LcmPoseIntake::take(const clearance_lcm::moving_joint_update_t& update) {
+  take_positions(update);
+  return apply_positions({"CLEARANCE_MOVING_JOINTS", 4, update.publisher_id, update.sequence, update.stamp_ns});
 }
 
 std::optional<std::uint32_t> LcmPoseIntake::body_of(const clearance_lcm::points_t& points) {
@@ -73,18 +112,18 @@ void LcmPoseIntake::reject_right(const std::string& name, const char* what) {
   metrics_.log_rate_limited("not_allowed", std::string(what).replace(std::string_view(what).find('%'), 1, name));
 }
 
-void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose) {
+void LcmPoseIntake::add_pose(std::uint32_t body, const std::vector<double>& pose, const BodyTwist& velocity) {
   if (body < allowed_.size() && !allowed_[body])
     return reject_right(handler_.engine().scene().bodies()[body].name,
                         "a pose for '%', whose poses are not accepted from LCM (--lcm-poses)");
-  poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}});
+  poses_.push_back({body, {{pose[0], pose[1], pose[2]}, pose[3], pose[4], pose[5], pose[6]}, velocity});
 }
 
-void LcmPoseIntake::add_position(std::uint32_t joint, double position) {
+void LcmPoseIntake::add_position(std::uint32_t joint, double position, double velocity) {
   if (joint < allowed_joints_.size() && !allowed_joints_[joint])
     return reject_right(handler_.engine().scene().joints()[joint].name,
                         "a position of '%', which is not accepted from LCM (--lcm-poses)");
-  positions_.push_back({joint, position});
+  positions_.push_back({joint, position, velocity});
 }
 
 template <class Use>

@@ -7,6 +7,8 @@
 #include <vector>
 
 #include "clearance_lcm/joint_update_t.hpp"
+#include "clearance_lcm/moving_joint_update_t.hpp"
+#include "clearance_lcm/moving_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "server/lcm/lcm_metrics.h"
@@ -26,6 +28,8 @@ class LcmPoseIntake {
   /// Applies poses. Returns whether they were accepted.
   bool take(const clearance_lcm::pose_update_t& update);
   bool take(const clearance_lcm::joint_update_t& update);
+  bool take(const clearance_lcm::moving_pose_update_t& update);
+  bool take(const clearance_lcm::moving_joint_update_t& update);
   /// Body of a message with points. If they are rejected, counts and logs that, and returns nothing.
   std::optional<std::uint32_t> body_of(const clearance_lcm::points_t& points);
   /// Whether a cloud is newer than its publisher's last one.
@@ -45,8 +49,12 @@ class LcmPoseIntake {
   }
   void reject_name(const std::string& name, const char* what);
   void reject_right(const std::string& name, const char* what);
-  void add_pose(std::uint32_t body, const std::vector<double>& pose);
-  void add_position(std::uint32_t joint, double position);
+  template <class Update>
+  void take_poses(const Update& update);
+  template <class Update>
+  void take_positions(const Update& update);
+  void add_pose(std::uint32_t body, const std::vector<double>& pose, const BodyTwist& velocity);
+  void add_position(std::uint32_t joint, double position, double velocity);
   template <class Apply>
   bool apply(const Message& message, std::span<const std::uint32_t> ids, std::optional<OwnerLog>& owners, Apply apply);
   bool apply_poses(const Message& message);

@@ -29,7 +29,8 @@ void reject_columns(std::uint32_t fields) {
                                     {kFieldHessianJoints, "hessian_joints"},
                                     {kFieldRate, "rate"},
                                     {kFieldCurvature, "curvature"},
-                                    {kFieldSmoothRadius, "smooth_radius"}})
+                                    {kFieldSmoothRadius, "smooth_radius"},
+                                    {kFieldRateBounds, "rate_bounds"}})
     if (fields & field)
       throw wire::WireError(wire::ErrorCode::kBadQuery, std::string("query: fields: reply_t has no column ") + name);
 }

@@ -28,6 +28,8 @@ namespace {
 using Clock = std::chrono::steady_clock;
 using clearance_lcm::frame_t;
 using clearance_lcm::joint_update_t;
+using clearance_lcm::moving_joint_update_t;
+using clearance_lcm::moving_pose_update_t;
 using clearance_lcm::points_t;
 using clearance_lcm::pose_update_t;
 using clearance_lcm::query_t;
@@ -52,6 +54,8 @@ class LcmTransport final : public Transport {
     };
     listen("CLEARANCE_POSES", &LcmTransport::on_poses<pose_update_t>);
     listen("CLEARANCE_JOINTS", &LcmTransport::on_poses<joint_update_t>);
+    listen("CLEARANCE_MOVING_POSES", &LcmTransport::on_poses<moving_pose_update_t>);
+    listen("CLEARANCE_MOVING_JOINTS", &LcmTransport::on_poses<moving_joint_update_t>);
     listen("CLEARANCE_POINTS", &LcmTransport::on_points);
     listen("CLEARANCE_QUERY", &LcmTransport::on_query);
     listen("CLEARANCE_FRAME_IN", &LcmTransport::on_frame);

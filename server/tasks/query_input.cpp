@@ -39,6 +39,7 @@ QueryView view_of(const wire::QueryParts& parts, std::uint64_t scene_revision) {
   q.margins = view_as<MarginEntry>(parts.margins);
   q.pair_margins = view_as<double>(parts.pair_margins);
   q.weights = view_as<double>(parts.weights);
+  q.speed_errors = view_as<double>(parts.speed_errors);
   q.scene_revision = scene_revision;
   return q;
 }

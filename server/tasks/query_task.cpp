@@ -198,8 +198,8 @@ void QueryTask::list(const WorkBudget& budget) {
 
 /// Takes quota for the request, its pairs and the largest reply.
 void QueryTask::reserve(ReplySink& sink) {
-  const std::uint64_t bytes =
-      reply_.most_bytes() + payload_bytes_ + (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
+  const std::uint64_t bytes = reply_.most_bytes() + payload_bytes_ + engine_->list_bytes(*prepared_) +
+                              (whole_table_ ? 0 : reply_.size().pairs * sizeof(BodyPair));
   pending_.share.give_back();
   daemon_.quotas.check_bytes(client(), service_class(), bytes, sink.unsent_bytes());
   pending_.share = daemon_.quotas.take(client(), service_class(), bytes);

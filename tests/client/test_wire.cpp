@@ -97,6 +97,27 @@ TEST(Wire, AbsurdCountsDoNotOverflow) {
   EXPECT_THROW(parse_reply(reply), WireError);
 }
 
+TEST(Wire, VelocitiesOfAnUpdateAreARecordOfThePosesSize) {
+  const Bytes poses = poses_payload(2);
+  const std::vector<double> twelve{1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12};
+  const auto records = [&](std::size_t count) {
+    return velocity_records(std::as_bytes(std::span(twelve).first(count)));
+  };
+  const PosesParts parts = parse_poses(poses, records(12));
+  ASSERT_EQ(parts.extras.velocities.size(), 12u);
+  EXPECT_EQ(parts.extras.velocities[11], 12);
+  EXPECT_EQ(parse_poses(poses).extras.velocities.size(), 0u);
+  EXPECT_EQ(error_of([&] { parse_poses(poses, records(11)); }, ErrorCode::kBadFrame),
+            "poses: velocities (record 1): 2 times 6 numbers need a payload of 96 bytes, got 88");
+  PosesHeader header;
+  header.count = 3;
+  Bytes joints = single(header);
+  for (std::uint32_t j = 0; j < 3; ++j) put(joints, JointRecord{j, 0, 0.5});
+  EXPECT_EQ(parse_joint_update(joints, records(3)).extras.velocities[2], 3);
+  EXPECT_EQ(error_of([&] { parse_joint_update(joints, records(12)); }, ErrorCode::kBadFrame),
+            "joints: velocities (record 1): 3 times 1 numbers need a payload of 24 bytes, got 96");
+}
+
 TEST(Wire, BadQueryValuesAreNamed) {
   struct Case {
     std::size_t at;

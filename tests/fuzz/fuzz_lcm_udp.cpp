@@ -16,8 +16,9 @@
 namespace clearance::fuzz {
 namespace {
 
-constexpr const char* kChannels[] = {"CLEARANCE_POSES",    "CLEARANCE_JOINTS", "CLEARANCE_QUERY",
-                                     "CLEARANCE_FRAME_IN", "CLEARANCE_STATUS", "OTHER"};
+constexpr const char* kChannels[] = {"CLEARANCE_POSES",        "CLEARANCE_JOINTS",       "CLEARANCE_QUERY",
+                                     "CLEARANCE_FRAME_IN",     "CLEARANCE_STATUS",       "OTHER",
+                                     "CLEARANCE_MOVING_POSES", "CLEARANCE_MOVING_JOINTS"};
 
 /// A daemon on its own network. It is kept, because opening one takes longer than a thousand inputs.
 class Network {

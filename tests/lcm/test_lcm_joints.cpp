@@ -1,5 +1,6 @@
 // Joint positions and queries in joint space over LCM alone.
 #include "clearance_lcm/joint_update_t.hpp"
+#include "tests/engine/evaluate_query.h"
 #include "tests/lcm/lcm_transport_fixture.h"
 #include "tests/source_file.h"
 
@@ -47,6 +48,42 @@ TEST_F(LcmJoints, PositionsApplyAsAWholeWithTheRulesOfPoses) {
   publish_positions(positions(2, 0.9));
   ASSERT_TRUE(until_counter("lcm.reordered", 1));
   EXPECT_EQ(position_of_joint(0), 0.4);
+}
+
+TEST_F(LcmJoints, VelocitiesComeOnChannelsOfTheirOwn) {
+  start("", {}, arm_scene());
+  const BodyPair pair{engine_->scene().find_body("table"), engine_->scene().find_body("ball0")};
+  QueryView query;
+  query.pairs = {&pair, 1};
+  query.all_pairs = false;
+  query.fields = kFieldRate;
+  const auto rate = [&] { return test::evaluate(*engine_, query).view.rate[0]; };
+  clearance_lcm::moving_pose_update_t moving{};
+  moving.publisher_id = moving.sequence = moving.stamp_ns = 1;
+  moving.count = 1;
+  moving.names = {"ball0"};
+  moving.poses = {{0, 0, 2, 1, 0, 0, 0}};
+  moving.velocities = {{0, 0, 0, 0.5, 0, -0.25}};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_MOVING_POSES", moving));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 1));
+  EXPECT_NEAR(rate(), -0.25, 1e-6);
+  publish(update(1, 0));  // the first on its channel, and newer
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 2));
+  EXPECT_TRUE(std::isnan(rate())) << "a pose without a velocity is not at rest";
+  EXPECT_EQ(counter("lcm.repeated"), 0u);
+
+  clearance_lcm::moving_joint_update_t joints{};
+  joints.publisher_id = joints.sequence = 1;
+  joints.count = 1;
+  joints.names = {"arm0/joint1"};
+  joints.positions = {0.25};
+  joints.velocities = {2};
+  ASSERT_TRUE(bus_->publish_message("CLEARANCE_MOVING_JOINTS", joints));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 3));
+  EXPECT_EQ(position_of_joint(0), 0.25);
+  publish_positions(positions(1, 0.5));
+  ASSERT_TRUE(until_counter("lcm.pose_messages", 4));
+  EXPECT_EQ(position_of_joint(0), 0.5);
 }
 
 TEST_F(LcmJoints, NamesAreLookedUpAndUnknownOnesCounted) {

@@ -105,6 +105,25 @@ TEST(LcmCheck, JointUpdate) {
   test_sizes(positions({}), {32});
   test_sizes(positions({"arm/joint1", "", "a longer name"}), {32, 36, 51});
 }
+TEST(LcmCheck, MovingPoseUpdate) {
+  for (const pose_update_t& pose : {poses({}), poses({"base", "", "a longer name"})}) {
+    clearance_lcm::moving_pose_update_t message{};
+    message.count = pose.count;
+    message.names = pose.names;
+    message.poses = pose.poses;
+    message.velocities.assign(pose.names.size(), std::vector<double>(6, 0.5));
+    test_sizes(message, {32});
+  }
+}
+TEST(LcmCheck, MovingJointUpdate) {
+  for (const joint_update_t& position : {positions({}), positions({"arm/joint1", "", "a longer name"})}) {
+    clearance_lcm::moving_joint_update_t message{};
+    message.count = position.count;
+    message.names = position.names;
+    message.positions = message.velocities = position.positions;
+    test_sizes(message, {32});
+  }
+}
 TEST(LcmCheck, Query) {
   const std::size_t parameters = 8 + 3 * 8 + 4 * 8 + 4 * 8 + 3 * 4 + 4;
   const std::size_t bodies = parameters + 4 + 16, configurations = bodies + 4 + 12;

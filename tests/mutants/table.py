@@ -12,6 +12,7 @@ from __future__ import annotations
 from decision_table import DECISION_MUTANTS
 from kernel_table import KERNEL_MUTANTS
 from mutant import mutants_of
+from second_order_table import SECOND_ORDER_MUTANTS
 
 #: The engine's sources that compile a mutated header. Kernels are compiled into their tests.
 SOURCES_OF_HEADERS = {
@@ -531,4 +532,5 @@ MUTANTS = [
     ),
     *DECISION_MUTANTS,
     *KERNEL_MUTANTS,
+    *SECOND_ORDER_MUTANTS,
 ]

@@ -67,6 +67,7 @@ POSITIONS = [*MASKED, "here", 3, np.zeros(3), np.zeros((1, 2)), [[1], [2, 3]]]
 MARGINS = ["1.5", True, 1j, math.nan, None, [], ["0.1"], [[0.1]], {"cup": 0.1}, {("cup",): 0.1},
            {("nonesuch", "*"): 0.1}, {("cup", "*"): "0.1"}, {("cup", "*"): -0.1}, {("cup", "*"): math.inf},
            {("cup", 1.5): 0.1}]  # fmt: skip
+VELOCITIES = ["fast", 3, [1.0, 2.0], [["0"] * 6], {"nonesuch": 0.0}, np.zeros((1, 7)), np.zeros((2, 6)), *MASKED]
 
 _ONE = {"configurations": np.tile(IDENTITY, (1, 1, 1)).astype(float), "bodies": ["cup"]}
 
@@ -85,7 +86,7 @@ QUERY = {
     "abs_tol": [*NUMBERS, None],
     "rel_tol": NUMBERS_FROM_0,
     "signed_distance": BOOLS,
-    "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 25, -1],
+    "fields": ["lowr", b"lower", 3.5, True, [], ["lower", 3], 1 << 26, -1],
     "timeout_s": NUMBERS_FROM_0,
 }  # fmt: skip
 #: Of options that only prepared queries take.
@@ -93,6 +94,7 @@ PREPARED = {
     "precision": WORDS,
     "max_results": COUNTS,
     "max_pose_age_ns": INTEGERS,
+    "speed_errors": ["x", 3, [[0.1]], [True]],
 }
 #: Of such options of a client.
 PREPARED_BY_A_CLIENT = {"copy": BOOLS, "deadline_ns": INTEGERS}
@@ -126,11 +128,11 @@ FRONT = {
     "pair_table": ({}, {"pairs": QUERY["pairs"], "bodies": BODY_LISTS}),
     "set_poses": ({"poses": {"cup": IDENTITY}}, {
         "poses": [{"cup": bad} for bad in POSE] + [{"nonesuch": IDENTITY}, {1.5: IDENTITY}, *POSE, None],
-        "bodies": BODY_LISTS, "stamp_ns": INTEGERS, "sequence": INTEGERS}),
+        "bodies": BODY_LISTS, "stamp_ns": INTEGERS, "sequence": INTEGERS, "velocities": VELOCITIES}),
     "joints": ({}, {"group": [*JOINTS, None]}),
     "set_joints": ({"positions": {}}, {
         "positions": [*POSITIONS, None, {"nonesuch": 0.0}, {1.5: 0.0}, {7: 0.0}], "joints": JOINTS,
-        "stamp_ns": INTEGERS, "sequence": INTEGERS}),
+        "stamp_ns": INTEGERS, "sequence": INTEGERS, "velocities": VELOCITIES}),
     "set_points": ({"body": "cup", "xyz": [[0, 0, 0]]}, {
         "body": [*BODIES, None], "xyz": VERTICES, "radius": NUMBERS, "stamp_ns": INTEGERS, "sequence": INTEGERS}),
     "attach": ({"child": "cup", "parent": "gripper"}, {

@@ -110,7 +110,7 @@ def test_renormalised_is_a_flag_and_stale_a_status(engine):
     ({"fields": ["lower", 3]}, ValueError, r"fields: no column is named 3"),
     ({"fields": []}, ValueError, r"fields: expected at least one column"),
     ({"fields": 3.5}, TypeError, r"fields: expected column names, got 3\.5"),
-    ({"fields": 1 << 25}, ValueError, r"fields: unknown bits in 0x2000000"),
+    ({"fields": 1 << 26}, ValueError, r"fields: unknown bits in 0x4000000"),
     ({"timeout_s": -1}, ValueError, r"timeout_s: expected a number >= 0, got -1"),
     ({"timeout_s": "soon"}, TypeError, r"timeout_s: expected a number, got 'soon'"),
     ({"radius": 1}, TypeError, r"radius"),

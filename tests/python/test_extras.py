@@ -17,6 +17,7 @@ NAMES = [
     "drake",
     "ompl",
     "jax",
+    "torch",
     "viewer",
     "examples",
     "site",

@@ -85,6 +85,29 @@ def test_the_k_nearest_pairs_are_the_least_of_all_in_their_order(engine, k):
         assert np.allclose(r.gradient_joints[i], every.gradient_joints[i, least], atol=2e-2, equal_nan=True)
 
 
+def test_rows_change_only_where_a_pair_becomes_nearer(arm_front):
+    arm, k, steps = arm_front.joints("arm"), 6, 40
+    options = {"reduce": "nearest", "k": k, "joints": "arm", "fields": ["distance", "upper", "normal", "rate"]}
+    prepared, every = arm_front.prepare(**options), arm_front.prepare(joints="arm", fields=["distance", "upper"])
+    stops = rows_of(arm, 5, seed=13)
+    walk = np.concatenate([np.linspace(a, b, steps) for a, b in zip(stops, stops[1:])])
+    order = {tuple(pair): i for i, pair in enumerate(every.run(walk[:1]).pairs.tolist())}
+    before, changes = None, 0
+    for row in walk[:, None]:
+        kept = [order[tuple(pair)] for pair in prepared.run(row).pairs[0].tolist()]
+        assert kept == sorted(kept), "they are in the order of the pairs"
+        upper = every.run(row).upper[0]
+        assert upper[kept].max() <= np.delete(upper, kept).min() * (1 + 1e-6), "they are the nearest"
+        changes += before is not None and kept != before
+        before = kept
+    assert 3 < changes < len(walk) / 3
+    # The same after other states, and of a query that has seen none.
+    again = [prepared.run(row[None]) for row in walk[[100, 3, 100]]]
+    fresh = arm_front.prepare(**options).run(walk[100][None])
+    for r in (again[0], again[2]):
+        assert np.array_equal(r.pairs, fresh.pairs) and r.upper.tobytes() == fresh.upper.tobytes()
+
+
 def test_a_pair_without_usable_poses_counts_as_the_nearest(urdf):
     scene = arm_scene(urdf)
     scene.add_sphere("unseen", 0.1)
@@ -114,7 +137,7 @@ def test_wrong_arguments_are_named(arm_front):
     rows = rows_of(arm_front.joints("arm"), 2)
     for arguments, inputs, error, text in (
         ({"fields": "rate"}, (rows[:1],), ValueError, r"velocities: expected shape \(2, 8\), got \(1, 8\)"),
-        ({}, (rows,), clearance.QueryError, "velocities: only for the columns rate and curvature"),
+        ({}, (rows,), clearance.QueryError, "velocities: only for the columns rate, rate_bounds and curvature"),
         ({"fields": "rate"}, (None, rows), ValueError, "twists: only together with configurations of bodies"),
         ({"k": 3}, (), clearance.QueryError, "k: only for reduce nearest"),
         ({"reduce": "any", "fields": "rate"}, (), clearance.QueryError, "fields: reduce any has no rate"),

@@ -71,7 +71,7 @@ def test_records_of_a_frame():
     assert frame[-32:] == bytes.fromhex("0100010008000000 0700000000000000 f401000003000000 6162630000000000")
 
 
-@pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord", "QueryRecord"])
+@pytest.mark.parametrize("name", ["FrameType", "ErrorCode", "ReplyRecord", "QueryRecord", "UpdateRecord"])
 def test_enums(root, name):
     header = (root / "wire" / "protocol.h").read_text()
     body = re.sub(r"//.*", "", re.search(rf"enum class {name} : [\w:]+ {{(.*?)}};", header, re.S).group(1))

@@ -18,7 +18,8 @@ struct OwnedQuery {
         joints(original.joints.begin(), original.joints.end()),
         margins(original.margins.begin(), original.margins.end()),
         pair_margins(original.pair_margins.begin(), original.pair_margins.end()),
-        weights(original.weights.begin(), original.weights.end()) {
+        weights(original.weights.begin(), original.weights.end()),
+        speed_errors(original.speed_errors.begin(), original.speed_errors.end()) {
     if (!original.configurations.empty() || !original.positions.empty() || !original.growths.empty() ||
         !original.velocities.empty() || !original.twists.empty())
       throw std::invalid_argument(
@@ -29,6 +30,7 @@ struct OwnedQuery {
     query.margins = margins;
     query.pair_margins = pair_margins;
     query.weights = weights;
+    query.speed_errors = speed_errors;
   }
   OwnedQuery(const OwnedQuery&) = delete;
   OwnedQuery& operator=(const OwnedQuery&) = delete;
@@ -37,7 +39,7 @@ struct OwnedQuery {
   std::vector<IdPair> pairs;
   std::vector<std::uint32_t> bodies, joints;
   std::vector<MarginEntry> margins;
-  std::vector<double> pair_margins, weights;
+  std::vector<double> pair_margins, weights, speed_errors;
 };
 
 }  // namespace clearance

@@ -25,6 +25,8 @@ namespace clearance {
 
 /// x, y, z, qw, qx, qy, qz; metres. X_wb, or X_parent_body for a body with a parent.
 using Pose7 = std::array<double, 7>;
+/// Angular velocity, then velocity of the body's origin, world axes; of a body with a parent, relative to it. rad/s, m/s.
+using Twist6 = std::array<double, 6>;
 /// Body ids, or group selectors (types.h).
 using IdPair = std::array<std::uint32_t, 2>;
 
@@ -50,6 +52,9 @@ struct Query {
   /// bodies: rad/s, and m/s of the origin, world axes. Empty for 0.
   std::span<const double> velocities = {};
   std::span<const double> twists = {};
+  /// For kFieldRateBounds: (J + 2 M,) bounds >= 0 on the errors of these: of the joints, rad/s and m/s, then of each body
+  /// rad/s and m/s. Empty for none.
+  std::span<const double> speed_errors = {};
   bool check_scene = true;  ///< whether to reject an answer for another scene than the client's
 };
 

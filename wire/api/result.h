@@ -74,6 +74,8 @@ class Result {
   /// (rows,) m/s and m/s^2: first and second derivative by time at the query's velocities, if these stay constant.
   std::span<const double> rate() const { return column<double>(kFieldRate); }
   std::span<const double> curvature() const { return column<double>(kFieldCurvature); }
+  /// (rows * 2,) m/s: certified interval of the one-sided derivatives by time; infinite where a velocity is unknown.
+  std::span<const double> rate_bounds() const { return column<double>(kFieldRateBounds); }
   /// (rows,) metres; kFieldSmoothRadius.
   std::span<const double> smooth_radius() const { return column<double>(kFieldSmoothRadius); }
   std::span<const IdPair> pair_lower() const { return column<IdPair>(kFieldPairLower); }

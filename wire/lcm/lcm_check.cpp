@@ -84,7 +84,7 @@ class Walk {
   std::string problem_;
 };
 
-constexpr std::uint64_t kPoseBytes = 7 * 8;
+constexpr std::uint64_t kPoseBytes = 7 * 8, kTwistBytes = 6 * 8;
 
 /// Reads the members of an update by name.
 void walk_update(Walk& walk, std::uint64_t value_bytes, const char* values) {
@@ -105,6 +105,18 @@ std::string check_pose_update(std::span<const std::byte> packet) {
 std::string check_joint_update(std::span<const std::byte> packet) {
   Walk walk(packet, "joint_update_t", clearance_lcm::joint_update_t::getHash());
   walk_update(walk, sizeof(double), "positions");
+  return walk.end();
+}
+
+std::string check_moving_pose_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "moving_pose_update_t", clearance_lcm::moving_pose_update_t::getHash());
+  walk_update(walk, kPoseBytes + kTwistBytes, "poses and velocities");
+  return walk.end();
+}
+
+std::string check_moving_joint_update(std::span<const std::byte> packet) {
+  Walk walk(packet, "moving_joint_update_t", clearance_lcm::moving_joint_update_t::getHash());
+  walk_update(walk, 2 * sizeof(double), "positions and velocities");
   return walk.end();
 }
 

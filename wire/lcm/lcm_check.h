@@ -10,6 +10,8 @@
 
 #include "clearance_lcm/frame_t.hpp"
 #include "clearance_lcm/joint_update_t.hpp"
+#include "clearance_lcm/moving_joint_update_t.hpp"
+#include "clearance_lcm/moving_pose_update_t.hpp"
 #include "clearance_lcm/points_t.hpp"
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
@@ -19,6 +21,8 @@ namespace clearance {
 /// Each returns a description of the packet's error, or an empty text.
 std::string check_pose_update(std::span<const std::byte> packet);
 std::string check_joint_update(std::span<const std::byte> packet);
+std::string check_moving_pose_update(std::span<const std::byte> packet);
+std::string check_moving_joint_update(std::span<const std::byte> packet);
 std::string check_points(std::span<const std::byte> packet);
 std::string check_query(std::span<const std::byte> packet);
 std::string check_frame(std::span<const std::byte> packet);
@@ -28,6 +32,12 @@ inline std::string check_packet(std::span<const std::byte> packet, const clearan
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::joint_update_t&) {
   return check_joint_update(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::moving_pose_update_t&) {
+  return check_moving_pose_update(packet);
+}
+inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::moving_joint_update_t&) {
+  return check_moving_joint_update(packet);
 }
 inline std::string check_packet(std::span<const std::byte> packet, const clearance_lcm::points_t&) {
   return check_points(packet);

@@ -22,22 +22,26 @@ nb::tuple done(const UpdateResult& r) {
 }  // namespace
 
 nb::tuple PyClientScene::set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
-                                   std::int64_t sequence) const {
+                                   std::int64_t sequence, const std::optional<TwistRows>& velocities) const {
   if (ids.shape(0) != poses.shape(0)) throw nb::value_error("poses: expected one pose for each body");
   std::vector<std::pair<std::uint32_t, Pose7>> batch(ids.shape(0));
   for (std::size_t i = 0; i < batch.size(); ++i) {
     batch[i].first = ids.data()[i];
     std::copy_n(poses.data() + 7 * i, 7, batch[i].second.begin());
   }
-  return done(use().with([&](Client& client) { return client.set_poses(batch, stamp_ns, sequence); }));
+  return done(use().with([&](Client& client) {
+    return client.set_poses(batch, stamp_ns, sequence, velocities_of(velocities, batch.size()));
+  }));
 }
 
 nb::tuple PyClientScene::set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
-                                    std::int64_t sequence) const {
+                                    std::int64_t sequence, const std::optional<PositionRow>& velocities) const {
   if (ids.shape(0) != positions.shape(0)) throw nb::value_error("positions: expected one for each joint");
   std::vector<std::pair<std::uint32_t, double>> batch(ids.shape(0));
   for (std::size_t i = 0; i < batch.size(); ++i) batch[i] = {ids.data()[i], positions.data()[i]};
-  return done(use().with([&](Client& client) { return client.set_joints(batch, stamp_ns, sequence); }));
+  return done(use().with([&](Client& client) {
+    return client.set_joints(batch, stamp_ns, sequence, velocities_of(velocities, batch.size()));
+  }));
 }
 
 nb::tuple PyClientScene::set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,

@@ -27,10 +27,10 @@ class PyClientScene {
 
   Connection& use() const { return *connection_; }
 
-  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns,
-                      std::int64_t sequence) const;
+  nb::tuple set_poses(const BodiesArray& ids, const PoseRows& poses, std::int64_t stamp_ns, std::int64_t sequence,
+                      const std::optional<TwistRows>& velocities) const;
   nb::tuple set_joints(const BodiesArray& ids, const PositionRow& positions, std::int64_t stamp_ns,
-                       std::int64_t sequence) const;
+                       std::int64_t sequence, const std::optional<PositionRow>& velocities) const;
   nb::tuple set_points(std::uint32_t body, const CloudRows& xyz, const std::optional<double>& radius,
                        std::int64_t stamp_ns, std::int64_t sequence) const;
   /// Returns joints as in _joints.py, and groups.
@@ -66,11 +66,11 @@ template <class T>
 void bind_client_scene(nb::class_<T>& client) {
   client
       .def("set_poses", &PyClientScene::set_poses, nb::arg("ids"), nb::arg("poses"), nb::arg("stamp_ns"),
-           nb::arg("sequence"))
+           nb::arg("sequence"), nb::arg("velocities").none())
       .def("set_points", &PyClientScene::set_points, nb::arg("body"), nb::arg("xyz"), nb::arg("radius").none(),
            nb::arg("stamp_ns"), nb::arg("sequence"))
       .def("set_joints", &PyClientScene::set_joints, nb::arg("ids"), nb::arg("positions"), nb::arg("stamp_ns"),
-           nb::arg("sequence"))
+           nb::arg("sequence"), nb::arg("velocities").none())
       .def("joints", &PyClientScene::joints)
       .def("attach", &PyClientScene::attach, nb::arg("child"), nb::arg("parent"), nb::arg("pose").none(),
            nb::arg("allow"))

@@ -6,6 +6,7 @@
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 
+#include <array>
 #include <cstdint>
 #include <optional>
 #include <span>
@@ -29,6 +30,20 @@ using PositionsArray = nb::ndarray<const double, nb::shape<-1, -1>, nb::c_contig
 using CloudRows = nb::ndarray<const float, nb::shape<-1, 3>, nb::c_contig, nb::device::cpu>;
 using PositionRow = nb::ndarray<const double, nb::shape<-1>, nb::c_contig, nb::device::cpu>;
 using PoseRows = nb::ndarray<const double, nb::shape<-1, 7>, nb::c_contig, nb::device::cpu>;
+using TwistRows = nb::ndarray<const double, nb::shape<-1, 6>, nb::c_contig, nb::device::cpu>;
+using SixNumbers = std::array<double, 6>;
+
+/// Of an update of `count` entries. Throws ValueError unless there are none, or one for each entry.
+inline std::span<const SixNumbers> velocities_of(const std::optional<TwistRows>& rows, std::size_t count) {
+  if (!rows) return {};
+  if (rows->shape(0) != count) throw nb::value_error("velocities: expected one for each body");
+  return {reinterpret_cast<const SixNumbers*>(rows->data()), count};
+}
+inline std::span<const double> velocities_of(const std::optional<PositionRow>& row, std::size_t count) {
+  if (!row) return {};
+  if (row->shape(0) != count) throw nb::value_error("velocities: expected one for each joint");
+  return {row->data(), count};
+}
 
 using BytesOfMargins =
     nb::ndarray<const std::uint8_t, nb::shape<-1, sizeof(MarginEntry)>, nb::c_contig, nb::device::cpu>;
@@ -43,6 +58,7 @@ struct Query : QueryOptions {
   std::optional<BytesOfMargins> margins;
   std::optional<PairMargins> pair_margins;
   std::optional<PositionRow> weights;       ///< (J,)
+  std::optional<PositionRow> speed_errors;  ///< (J + 2 M,)
   std::optional<PositionsArray> growths;    ///< (K, M) of one run's bodies
   std::optional<PositionRow> velocities;    ///< (K * J,) of the next run
   std::optional<PositionRow> twists;        ///< (K * M * 6,) of the next run
@@ -117,6 +133,7 @@ void copy_margins(const Query& q, To& to) {
   if (q.margins) to.margins = {reinterpret_cast<const MarginEntry*>(q.margins->data()), q.margins->shape(0)};
   if (q.pair_margins) to.pair_margins = {q.pair_margins->data(), q.pair_margins->shape(0)};
   if (q.weights) to.weights = {q.weights->data(), q.weights->shape(0)};
+  if (q.speed_errors) to.speed_errors = {q.speed_errors->data(), q.speed_errors->shape(0)};
   if (q.growths) to.growths = {q.growths->data(), q.growths->shape(0) * q.growths->shape(1)};
   if (q.velocities) to.velocities = {q.velocities->data(), q.velocities->shape(0)};
   if (q.twists) to.twists = {q.twists->data(), q.twists->shape(0)};
@@ -152,6 +169,7 @@ void bind_query(nb::module_& m) {
   query.def("set_margins", [](T& q, BytesOfMargins margins) { q.margins = std::move(margins); });
   query.def("set_pair_margins", [](T& q, PairMargins margins) { q.pair_margins = std::move(margins); });
   query.def("set_weights", [](T& q, PositionRow weights) { q.weights = std::move(weights); });
+  query.def("set_speed_errors", [](T& q, PositionRow errors) { q.speed_errors = std::move(errors); });
   query.def("set_growths", [](T& q, PositionsArray growths) { q.growths = std::move(growths); });
   query.def(
       "at_velocities",

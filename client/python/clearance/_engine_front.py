@@ -19,7 +19,7 @@ from ._query.future import Future, Task, Worker
 from ._query.query import POINTS_BY_DEFAULT, Query, Run
 from ._scene.scene import Scene, name_table
 from ._scene_changes import NewBody
-from ._updates import UpdateResult
+from ._updates import UpdateResult, Velocities
 from ._words import BACKENDS, COVERS, DEFAULT_FIELDS, NONE, BackendWord, CoversWord, Status
 
 
@@ -178,15 +178,17 @@ class Engine(Front):
         pass
 
     def _send_poses(
-        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities, revision: int
     ) -> UpdateResult:
-        return UpdateResult(*self._engine.set_poses(ids, poses, stamp_ns, sequence, revision))
+        return UpdateResult(*self._engine.set_poses(ids, poses, stamp_ns, sequence, velocities, revision))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         return self._engine.joints()
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
-        return UpdateResult(*self._engine.set_joints(ids, positions, stamp_ns, sequence))
+    def _send_joints(
+        self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities
+    ) -> UpdateResult:
+        return UpdateResult(*self._engine.set_joints(ids, positions, stamp_ns, sequence, velocities))
 
     def _send_points(
         self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int

@@ -15,7 +15,7 @@ from ._names import BodyInfo, NameTable
 from ._query.future import Future, Task, Worker
 from ._query.query import Query, Run
 from ._scene_changes import NewBody
-from ._updates import UpdateResult
+from ._updates import UpdateResult, Velocities
 from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce
 from .wire import ErrorCode
 
@@ -140,15 +140,17 @@ class RemoteFront(Front):
     # The connection sends the scene revision of its own copy of the scene, and needs none of these.
 
     def _send_poses(
-        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities, revision: int
     ) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence))
+        return UpdateResult(*self._guarded(self._use().set_poses, ids, poses, stamp_ns, sequence, velocities))
 
     def _load_joints(self) -> tuple[list[Any], list[Any]]:
         return self._use().joints()
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
-        return UpdateResult(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence))
+    def _send_joints(
+        self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities
+    ) -> UpdateResult:
+        return UpdateResult(*self._guarded(self._use().set_joints, ids, positions, stamp_ns, sequence, velocities))
 
     def _send_points(
         self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int, revision: int

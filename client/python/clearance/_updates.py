@@ -8,7 +8,7 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import to_cloud, to_integer, to_list, to_number
+from ._arguments import contiguous, to_cloud, to_floats, to_integer, to_list, to_number
 from ._joints import JointsRef, JointTable
 from ._limits import beyond_limits
 from ._names import BodyRef, NameTable
@@ -28,6 +28,29 @@ class UpdateResult:
     fixed: int  #: static bodies, ignored
 
 
+#: (N, 6) or (N,), in the order of an update's entries.
+Velocities = Optional[np.ndarray]
+
+
+def _in_order(velocities: Mapping[Any, Any], entries: Any, what: str) -> list[Any]:
+    """Returns the velocities in the order of the entries, which must have the same keys."""
+    if not isinstance(entries, Mapping):
+        raise TypeError(f"{what}: a dict only together with a dict, not with an array")
+    if velocities.keys() != entries.keys():
+        odd = sorted(map(str, velocities.keys() ^ entries.keys()))[0]
+        raise ValueError(f"{what}: expected the same keys as the entries of the update, but only one has {odd!r}")
+    return [velocities[key] for key in entries]
+
+
+def _velocities(velocities: Any, shape: tuple[int, ...], expected: str) -> np.ndarray:
+    each = contiguous(to_floats(velocities, "velocities", expected))
+    if shape[0] == 0 == each.size:
+        return each.reshape(shape)
+    if each.shape != shape:
+        raise ValueError(f"velocities: expected {expected}, shape {shape}, got {np.shape(velocities)}")
+    return each
+
+
 class Updates:
     """The methods of Front for updates; each update applies as a whole, in one snapshot."""
 
@@ -44,11 +67,13 @@ class Updates:
         raise NotImplementedError
 
     def _send_poses(
-        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, revision: int
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities, revision: int
     ) -> UpdateResult:
         raise NotImplementedError
 
-    def _send_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> UpdateResult:
+    def _send_joints(
+        self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int, velocities: Velocities
+    ) -> UpdateResult:
         raise NotImplementedError
 
     def _send_points(
@@ -72,6 +97,7 @@ class Updates:
         bodies: Optional[Sequence[BodyRef]] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
+        velocities: Any = None,
     ) -> UpdateResult:
         """Applies poses of one or more bodies as one snapshot.
 
@@ -83,6 +109,9 @@ class Updates:
             caller's last stamp for one of the bodies. After a restart of its clock, a caller must send one update
             without a stamp.
         sequence: the caller's count of its updates, returned with answers (snapshot_sequence); 0 for none.
+        velocities: of the bodies at these poses, for `rate`: {body: twist} of the same bodies, or (M, 6) in the order
+            of `poses`: rad/s, then m/s of the body's origin, world axes; of a body with a parent, relative to it. NaN
+            is an unknown velocity. Default: all are unknown, and rates of these bodies NaN.
 
         A pose with NaN, or with a quaternion that cannot be normalised, is stored, and the body has the status
         BAD_POSE. Raises ValueError for a wrong shape, a matrix that is not rigid, masked entries or an unknown name,
@@ -103,7 +132,12 @@ class Updates:
             if array.ndim != 2 or len(array) != len(ids):
                 raise ValueError(f"poses: expected one pose for each of {len(ids)} bodies, got shape {np.shape(poses)}")
         stamp, number = to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence")
-        return self._send_poses(ids, array, stamp, number, names.revision)
+        speeds = None
+        if velocities is not None:
+            if isinstance(velocities, Mapping):
+                velocities = _in_order(velocities, poses, "velocities")
+            speeds = _velocities(velocities, (len(ids), 6), "one twist of 6 numbers for each pose")
+        return self._send_poses(ids, array, stamp, number, speeds, names.revision)
 
     def set_points(
         self,
@@ -141,6 +175,7 @@ class Updates:
         joints: Optional[JointsRef] = None,
         stamp_ns: int = 0,
         sequence: int = 0,
+        velocities: Any = None,
     ) -> UpdateResult:
         """Sets positions of robots' joints, and with them the poses of their links, as one snapshot.
 
@@ -148,6 +183,8 @@ class Updates:
             `joints`.
         joints: as in distances(), only with an array.
         stamp_ns, sequence: as in set_poses().
+        velocities: of the joints at these positions, rad/s and m/s, for `rate`: {joint: speed} of the same joints, or
+            (J,) in the order of `positions`. NaN is an unknown speed. Default: all are unknown.
 
         A position that is NaN or beyond 1e6 is stored, and the links that it moves have the status BAD_POSE. One beyond
         the joint's limits is used, with a warning (JointLimitWarning) if it looks like degrees. Raises QueryError as
@@ -157,7 +194,13 @@ class Updates:
         ids, row = table.update(positions, joints)
         if not ((row >= table.lower[ids]) & (row <= table.upper[ids])).all():
             beyond_limits(row[None], table.joints(ids), "positions")
-        return self._send_joints(ids, row, to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence"))
+        stamp, number = to_integer(stamp_ns, "stamp_ns"), to_integer(sequence, "sequence")
+        speeds = None
+        if velocities is not None:
+            if isinstance(velocities, Mapping):
+                velocities = _in_order(velocities, positions, "velocities")
+            speeds = _velocities(velocities, (len(ids),), "one number for each position")
+        return self._send_joints(ids, row, stamp, number, speeds)
 
     def attach(
         self, child: BodyRef, parent: Optional[BodyRef], pose: Any = None, allow: Sequence[BodyRef] = ()

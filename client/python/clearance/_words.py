@@ -93,6 +93,7 @@ class Field(enum.IntFlag):
     RATE = 1 << 22
     CURVATURE = 1 << 23
     SMOOTH_RADIUS = 1 << 24
+    RATE_BOUNDS = 1 << 25
 
 
 class Column(NamedTuple):
@@ -133,6 +134,7 @@ COLUMNS: dict[str, Column] = {
     "rate": Column(22, np.dtype("<f8"), ()),
     "curvature": Column(23, np.dtype("<f8"), ()),
     "smooth_radius": Column(24, np.dtype("<f8"), ()),
+    "rate_bounds": Column(25, np.dtype("<f8"), (2,)),
 }
 #: Columns with an entry for each joint of the query, or for each two: the number of these axes.
 BY_JOINT = {"gradient_joints": 1, "hessian_joints": 2}

@@ -42,7 +42,7 @@ import numpy as np
 
 from ._arguments import did_you_mean
 from ._device import xla_ffi
-from ._device.host_rows import HostRows
+from ._device.host_rows import HostFunction, weighed
 from ._device.plan import DevicePlan
 from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
@@ -95,12 +95,6 @@ class Rows:
         return jax.ShapeDtypeStruct((*self.plan.shape, *per_row), column.dtype)
 
 
-def _weighed(weights: Any, gradient: Any) -> Any:
-    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
-    each = weights.reshape(weights.shape + (1,) * (gradient.ndim - weights.ndim))
-    return jnp.where(each == 0, 0.0, each * gradient)
-
-
 class Distances:
     """Distances of a plan's pairs as a function of its bodies' poses, with a gradient (jax.custom_vjp).
 
@@ -132,10 +126,10 @@ def _forward(of: Distances, poses: Any) -> Any:
 
 def _backward(of: Distances, kept: Any, by_distance: Any) -> Any:
     poses, gradient = kept
-    weighed = _weighed(by_distance, gradient)  # (K, P, 2, 6)
+    each = weighed(jnp, by_distance, gradient)  # (K, P, 2, 6)
     by_twist = jnp.zeros((*poses.shape[:2], 6), poses.dtype)
     for side, (columns, slots) in enumerate(of.sides):
-        by_twist = by_twist.at[:, slots].add(weighed[:, columns, side])
+        by_twist = by_twist.at[:, slots].add(each[:, columns, side])
     return (pose_gradient(jnp, poses, by_twist),)
 
 
@@ -172,26 +166,15 @@ def _forward_joints(of: JointDistances, positions: Any) -> Any:
 
 
 def _backward_joints(of: JointDistances, gradient: Any, by_distance: Any) -> Any:
-    weighed = _weighed(by_distance, gradient)  # (K, P, J) or (K, J)
-    return (weighed.sum(1) if weighed.ndim == 3 else weighed,)
+    each = weighed(jnp, by_distance, gradient)  # (K, P, J) or (K, J)
+    return (each.sum(1) if each.ndim == 3 else each,)
 
 
 _joint_distances.defvjp(_forward_joints, _backward_joints)
 
 
-class HostJointDistances:
-    """Distances of a prepared query as a function of joint positions, with first and second derivatives
-    (jax.custom_jvp). The query runs on the host, in a callback.
-
-    prepared: a query of distances() of joints alone with the columns "distance", "gradient_joints" and
-        "hessian_joints", reduce "none", "min" or "nearest" with `k`.
-
-    Called with (K, J) float64 positions it returns float64 metres, (K, P), (K,) or (K, k). Derivatives are those of the
-    features that meet: one of several where these change, NaN where there are none (Result.hessian_joints).
-    """
-
-    def __init__(self, prepared: Any):
-        self.rows = HostRows(prepared)
+class HostJointDistances(HostFunction):
+    __doc__ = HostFunction.__doc__
 
     def __call__(self, positions: Any) -> Any:
         return _host_column(self, 0, positions)

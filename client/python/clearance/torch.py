@@ -32,17 +32,11 @@ from typing import Any
 
 import torch
 
-from ._device.host_rows import HostRows
+from ._device.host_rows import HostFunction, HostRows, weighed
 from ._device.plan import DevicePlan
 from ._device.pose_gradient import check_joint_plan, moving_sides, pose_gradient
 
 __all__ = ["Distances", "HostJointDistances", "JointDistances", "hvp"]
-
-
-def _weighed(weights: Any, gradient: Any) -> Any:
-    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient."""
-    each = weights.reshape(weights.shape + (1,) * (gradient.dim() - weights.dim()))
-    return torch.where(each == 0, 0.0, each * gradient)
 
 
 class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not installed it is Any
@@ -58,10 +52,10 @@ class _Run(torch.autograd.Function):  # type: ignore[misc]  # where torch is not
     @staticmethod
     def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
         poses, gradient = ctx.saved_tensors
-        weighed = _weighed(grads[0], gradient)  # (K, P, 2, 6)
+        each = weighed(torch, grads[0], gradient)  # (K, P, 2, 6)
         by_twist = poses.new_zeros((*poses.shape[:2], 6))
         for side, (columns, slots) in enumerate(ctx.distances.sides):
-            by_twist.index_add_(1, slots, weighed[:, columns, side])
+            by_twist.index_add_(1, slots, each[:, columns, side])
         return pose_gradient(torch, poses, by_twist), None
 
 
@@ -103,8 +97,8 @@ class _JointRun(torch.autograd.Function):  # type: ignore[misc]
     @staticmethod
     def backward(ctx: Any, *grads: Any) -> tuple[Any, None]:
         (gradient,) = ctx.saved_tensors
-        weighed = _weighed(grads[0], gradient)  # (K, P, J) or (K, J)
-        return (weighed.sum(1) if weighed.dim() == 3 else weighed), None
+        each = weighed(torch, grads[0], gradient)  # (K, P, J) or (K, J)
+        return (each.sum(1) if each.dim() == 3 else each), None
 
 
 class JointDistances:
@@ -152,7 +146,8 @@ class _HostGradient(torch.autograd.Function):  # type: ignore[misc]
         gradient = _host_column(rows, 1, positions)
         ctx.save_for_backward(positions, weights, gradient)
         ctx.rows = rows
-        return _weighed(weights, gradient).flatten(1, -2).sum(1) if gradient.dim() > 2 else _weighed(weights, gradient)
+        each = weighed(torch, weights, gradient)
+        return each.flatten(1, -2).sum(1) if each.dim() > 2 else each
 
     @staticmethod
     @torch.autograd.function.once_differentiable  # type: ignore[untyped-decorator]
@@ -160,23 +155,12 @@ class _HostGradient(torch.autograd.Function):  # type: ignore[misc]
         positions, weights, gradient = ctx.saved_tensors
         moves = grads[0].reshape(len(positions), *[1] * (gradient.dim() - 2), -1)
         bent = (_host_column(ctx.rows, 2, positions) * moves.unsqueeze(-2)).sum(-1)
-        by_position = _weighed(weights, bent)
+        by_position = weighed(torch, weights, bent)
         return by_position.flatten(1, -2).sum(1) if bent.dim() > 2 else by_position, (gradient * moves).sum(-1), None
 
 
-class HostJointDistances:
-    """Distances of a prepared query as a function of joint positions, with first and second derivatives. The query
-    runs on the host.
-
-    prepared: a query of distances() of joints alone with the columns "distance", "gradient_joints" and
-        "hessian_joints", reduce "none", "min" or "nearest" with `k`.
-
-    Called with (K, J) float64 positions it returns float64 metres, (K, P), (K,) or (K, k). Derivatives are those of the
-    features that meet: one of several where these change, NaN where there are none (Result.hessian_joints).
-    """
-
-    def __init__(self, prepared: Any):
-        self.rows = HostRows(prepared)
+class HostJointDistances(HostFunction):
+    __doc__ = HostFunction.__doc__
 
     def __call__(self, positions: Any) -> Any:
         return _HostRun.apply(positions, self.rows)

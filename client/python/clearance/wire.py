@@ -71,7 +71,14 @@ class QueryRecord(enum.IntEnum):
     GROWTHS = 13  #: (K, M) float64, metres
     VELOCITIES = 18  #: (K, J) float64, rad/s and m/s
     TWISTS = 19  #: (K, M, 6) float64, rad/s and m/s
+    SPEED_ERRORS = 20  #: (J + 2 M,) float64, for the column rate_bounds
     ROWS = 16  #: uint64 row numbers, for CERTIFY only
+
+
+class UpdateRecord(enum.IntEnum):
+    """Tags of records of SET_POSES and SET_JOINTS."""
+
+    VELOCITIES = 1  #: (count, 6) or (count,) float64; NaN where unknown
 
 
 class ErrorCode(enum.IntEnum):

@@ -166,15 +166,19 @@ class Client:
             "plan(): this pure-Python client has no planner; install the wheel clearance-*.whl for it"
         )
 
-    def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+    def set_poses(
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, velocities: Optional[np.ndarray]
+    ) -> tuple:
         if len(ids) != len(poses):
             raise ValueError("poses: expected one pose for each body")
-        return self._with(self._session.set_poses, ids, poses, stamp_ns, sequence)
+        return self._with(self._session.set_poses, ids, poses, stamp_ns, sequence, velocities)
 
-    def set_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+    def set_joints(
+        self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int, velocities: Optional[np.ndarray]
+    ) -> tuple:
         if len(ids) != len(positions):
             raise ValueError("positions: expected one for each joint")
-        return self._with(self._session.set_joints, ids, positions, stamp_ns, sequence)
+        return self._with(self._session.set_joints, ids, positions, stamp_ns, sequence, velocities)
 
     def set_points(self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int) -> tuple:
         return self._with(self._session.set_points, body, xyz, radius, stamp_ns, sequence)

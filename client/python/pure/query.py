@@ -16,7 +16,8 @@ from .._words import Field, Reduce
 from ..wire import ErrorCode
 
 _MOTION_FIELDS = Field.TIME | Field.FIRST_CONTACT | Field.STEPS
-_SECOND_ORDER = Field.HESSIAN_JOINTS | Field.RATE | Field.CURVATURE | Field.SMOOTH_RADIUS
+_SECOND_ORDER = Field.HESSIAN_JOINTS | Field.RATE | Field.CURVATURE | Field.SMOOTH_RADIUS | Field.RATE_BOUNDS
+_RATES = Field.RATE | Field.CURVATURE | Field.RATE_BOUNDS
 
 CONTRACT = json.loads((pathlib.Path(__file__).parent / "contract.json").read_text())
 #: {name: (tag, kind, default, words, unit, text, bytes in a record, least, most, text of these)}: the rows of
@@ -42,6 +43,7 @@ class Query:
         self.margins: Optional[np.ndarray] = None
         self.pair_margins: Optional[np.ndarray] = None
         self.weights: Optional[np.ndarray] = None
+        self.speed_errors: Optional[np.ndarray] = None
         self.growths: Optional[np.ndarray] = None
         self.velocities: Optional[np.ndarray] = None
         self.twists: Optional[np.ndarray] = None
@@ -75,11 +77,13 @@ class Query:
         yield fields & Field.GRADIENT_JOINTS and self.joints is None, text, bad
         text = "fields: hessian_joints is for a query with joints"
         yield fields & Field.HESSIAN_JOINTS and self.joints is None, text, bad
-        text = "fields: reduce any has no rate, curvature, hessian_joints and smooth_radius"
+        text = "fields: reduce any has no rate, rate_bounds, curvature, hessian_joints and smooth_radius"
         yield fields & _SECOND_ORDER and is_any, text, bad
         for name in ("velocities", "twists"):
-            text = f"{name}: only for the columns rate and curvature"
-            yield getattr(self, name) is not None and not fields & (Field.RATE | Field.CURVATURE), text, bad
+            text = f"{name}: only for the columns rate, rate_bounds and curvature"
+            yield getattr(self, name) is not None and not fields & _RATES, text, bad
+        text = "speed_errors: only for the column rate_bounds"
+        yield self.speed_errors is not None and not fields & Field.RATE_BOUNDS, text, bad
         yield q.k > 0 and q.reduce != Reduce.NEAREST, "k: only for reduce nearest", bad
         text = "fields: time, first_contact and steps are only for motions (max_evaluations)"
         yield fields & _MOTION_FIELDS and not is_motion, text, bad
@@ -128,6 +132,9 @@ class Query:
 
     def set_weights(self, each: np.ndarray) -> None:
         self.weights = each
+
+    def set_speed_errors(self, each: np.ndarray) -> None:
+        self.speed_errors = each
 
     def set_growths(self, rows: np.ndarray) -> None:
         self.growths = rows

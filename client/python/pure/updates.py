@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import wire
 from .._errors import ConnectionError, QueryError
-from ..wire import ErrorCode, FrameType
+from ..wire import ErrorCode, FrameType, UpdateRecord
 from .exchange import text_of
 from .frames import Frame, malformed, record
 from .scenes import SceneRequests
@@ -18,17 +18,26 @@ from .scenes import SceneRequests
 _ATTACH_ALLOW = 1  #: tag of the record of an attachment with the bodies that the child may touch
 
 
+def _velocity_records(velocities: Optional[np.ndarray]) -> bytes:
+    if velocities is None:
+        return b""
+    return record(UpdateRecord.VELOCITIES, np.ascontiguousarray(velocities, "<f8").tobytes())
+
+
 class UpdateRequests(SceneRequests):
     """Requests that change or read the daemon's state."""
 
-    def set_poses(self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+    def set_poses(
+        self, ids: np.ndarray, poses: np.ndarray, stamp_ns: int, sequence: int, velocities: Optional[np.ndarray]
+    ) -> tuple:
         head = np.zeros((), wire._wire.PosesHeader)
         head["count"], head["stamp_ns"], head["sequence"] = len(ids), stamp_ns, sequence
         rows = np.zeros(len(ids), wire._wire.PoseRecord)
         rows["body"], rows["pose"] = ids, poses
+        records = _velocity_records(velocities)
         self._revision_of_ids()
         try:
-            return self._ask_poses([head, rows], self._poses_revision)
+            return self._ask_poses([head, rows], self._poses_revision, records)
         except QueryError as error:
             if error.code != ErrorCode.WRONG_SCENE or self._scene is None:
                 raise
@@ -42,21 +51,25 @@ class UpdateRequests(SceneRequests):
                     raise
             if self._ids_mean_the_same(now, parents=True):
                 self._poses_revision = now.revision  # the next update's, too
-            return self._ask_poses([head, rows], now.revision)
+            return self._ask_poses([head, rows], now.revision, records)
 
-    def _ask_poses(self, parts: Sequence[Any], revision: int) -> tuple:
-        return self._poses_done(self._call(FrameType.SET_POSES, parts, "POSES_DONE", revision))
+    def _ask_poses(self, parts: Sequence[Any], revision: int, records: bytes) -> tuple:
+        return self._poses_done(self._receive(self._send(FrameType.SET_POSES, parts, revision, records), "POSES_DONE"))
 
     def _poses_done(self, frame: Frame) -> tuple:
         done = self._whole(frame, "PosesResult")
         return tuple(int(done[n]) for n in ("revision", "scene_revision", "applied", "bad", "unknown", "fixed"))
 
-    def set_joints(self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int) -> tuple:
+    def set_joints(
+        self, ids: np.ndarray, positions: np.ndarray, stamp_ns: int, sequence: int, velocities: Optional[np.ndarray]
+    ) -> tuple:
         head = np.zeros((), wire._wire.PosesHeader)
         head["count"], head["stamp_ns"], head["sequence"] = len(ids), stamp_ns, sequence
         rows = np.zeros(len(ids), wire._wire.JointRecord)
         rows["joint"], rows["position"] = ids, positions
-        return self._poses_done(self._call(FrameType.SET_JOINTS, [head, rows], "POSES_DONE", self._revision_of_ids()))
+        records = _velocity_records(velocities)
+        request = self._send(FrameType.SET_JOINTS, [head, rows], self._revision_of_ids(), records)
+        return self._poses_done(self._receive(request, "POSES_DONE"))
 
     def set_points(self, body: int, xyz: np.ndarray, radius: Optional[float], stamp_ns: int, sequence: int) -> tuple:
         head = np.zeros((), wire._wire.PointsHeader)

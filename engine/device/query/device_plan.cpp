@@ -25,7 +25,8 @@ std::string beyond_plans(const engine::Scene& scene, const Plan& plan) {
   if (q.reduce == Reduce::kNearest || q.reduce == Reduce::kWithin) return "reduce: expected none, min or any";
   if (q.max_evaluations > 0) return "max_evaluations: motions are not for plans yet";
   if (q.fields & kFieldFreeScale) return "the column free_scale";
-  if (q.fields & kSecondOrderFields) return "fields: hessian_joints, rate, curvature and smooth_radius are the CPU's";
+  if (q.fields & kSecondOrderFields)
+    return "fields: hessian_joints, rate, rate_bounds, curvature and smooth_radius are the CPU's";
   if (q.signed_distance) return "signed_distance: depths are the CPU's";
   // Poses arrive after the query is made, and kernels have no clock.
   if (q.max_pose_age_ns > 0) return "max_pose_age_ns: a plan does not know how old poses are when it runs";

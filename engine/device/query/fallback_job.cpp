@@ -96,7 +96,7 @@ class FallbackJob final : public Job::State {
 std::string beyond_the_device(const Plan& plan) {
   if (plan.query.fields & kFieldFreeScale) return "the column free_scale";
   if (plan.query.fields & kSecondOrderFields)
-    return "a column of second order (hessian_joints, rate, curvature, smooth_radius)";
+    return "a column of second order (hessian_joints, rate, rate_bounds, curvature, smooth_radius)";
   if (plan.query.k > 0) return "k of reduce nearest";
   if (plan.query.max_evaluations == 0) return "";
   if (plan.query.control_points > 2) return "more than two control_points";

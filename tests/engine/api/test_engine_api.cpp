@@ -164,7 +164,9 @@ TEST(EngineApi, APreparedQueryRejectsInputsOfOthersInEachRun) {
     const auto text = [&](const Prepared::Inputs& inputs) {
       return text_of<QueryError>([&] { prepared.run(inputs); });
     };
-    EXPECT_EQ(text({.configurations = poses, .twists = six}), "twists: only for the columns rate and curvature") << run;
+    EXPECT_EQ(text({.configurations = poses, .twists = six}),
+              "twists: only for the columns rate, rate_bounds and curvature")
+        << run;
     EXPECT_EQ(text({.configurations = poses, .growths = one}), "growths: only for motions (max_evaluations)") << run;
   }
 }

@@ -11,6 +11,7 @@
 #include "tests/engine/evaluate_query.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
+#include "tests/oracle/checks/nearest_spans.h"
 #include "tests/temporary_folder.h"
 
 namespace clearance::exact {
@@ -18,105 +19,9 @@ namespace {
 
 using test::Answer;
 using test::evaluate;
-using test::Real;
-using test::RealFrame;
 
-using RealPoint = Vec3<Real>;
-
-constexpr std::uint32_t kFields =
-    kDefaultFields | kFieldGradientJoints | kFieldHessianJoints | kFieldRate | kFieldCurvature | kFieldSmoothRadius;
-
-// Points of two cores, at most three of each, whose affine hulls are nearest.
-struct Spans {
-  std::vector<Vec3d> a, b;
-};
-
-template <class T>
-Vec3<T> moved(const RealFrame& X, const Vec3d& v) {
-  T out[3];
-  for (int i = 0; i < 3; ++i)
-    out[i] = static_cast<T>(Real(X.R[i][0] * v.x + X.R[i][1] * v.y + X.R[i][2] * v.z + X.t.x[i]));
-  return {out[0], out[1], out[2]};
-}
-
-// Distance of the affine hulls of points, and the least weight of a point in the nearest ones. Gauss on the normal
-// equations of |r + W z|.
-template <class T>
-T distance_of(const std::vector<Vec3<T>>& a, const std::vector<Vec3<T>>& b, double* least_weight = nullptr) {
-  std::vector<Vec3<T>> w;
-  for (std::size_t i = 1; i < b.size(); ++i) w.push_back(b[i] - b[0]);
-  for (std::size_t i = 1; i < a.size(); ++i) w.push_back(a[0] - a[i]);
-  const Vec3<T> r = b[0] - a[0];
-  const std::size_t n = w.size();
-  T m[4][5];
-  for (std::size_t i = 0; i < n; ++i) {
-    for (std::size_t j = 0; j < n; ++j) m[i][j] = dot(w[i], w[j]);
-    m[i][n] = -dot(w[i], r);
-  }
-  for (std::size_t i = 0; i < n; ++i)
-    for (std::size_t j = 0; j < n; ++j) {
-      if (i == j) continue;
-      const T f = m[j][i] / m[i][i];
-      for (std::size_t k = 0; k <= n; ++k) m[j][k] -= f * m[i][k];
-    }
-  Vec3<T> nearest = r;
-  T left_b(1), left_a(1);
-  double least = 1;
-  for (std::size_t i = 0; i < n; ++i) {
-    const T z = m[i][n] / m[i][i];
-    nearest = nearest + w[i] * z;
-    (i + 1 < b.size() ? left_b : left_a) -= z;
-    least = std::min(least, static_cast<double>(z));
-  }
-  if (least_weight) *least_weight = std::min({least, static_cast<double>(left_a), static_cast<double>(left_b)});
-  using std::sqrt;
-  const T square = dot(nearest, nearest);
-  return sqrt(square);
-}
-
-void subsets(const std::vector<Vec3d>& points, std::size_t most, std::vector<std::vector<std::size_t>>& out) {
-  const std::size_t n = points.size();
-  for (std::size_t i = 0; i < n; ++i) {
-    out.push_back({i});
-    for (std::size_t j = i + 1; most > 1 && j < n; ++j) {
-      out.push_back({i, j});
-      for (std::size_t k = j + 1; most > 2 && k < n; ++k) out.push_back({i, j, k});
-    }
-  }
-}
-
-// The nearest spans of two hulls: of all vertices, edges and triangles of their points, which include the hulls' own.
-Spans nearest_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, const std::vector<Vec3d>& b,
-                    const RealFrame& X_b) {
-  std::vector<Vec3d> at_a, at_b;
-  for (const Vec3d& v : a) at_a.push_back(moved<double>(X_a, v));
-  for (const Vec3d& v : b) at_b.push_back(moved<double>(X_b, v));
-  std::vector<std::vector<std::size_t>> of_a, of_b;
-  subsets(a, 3, of_a);
-  subsets(b, 3, of_b);
-  Spans best;
-  double least = std::numeric_limits<double>::infinity();
-  for (const auto& i : of_a)
-    for (const auto& j : of_b) {
-      if (i.size() + j.size() > 4) continue;
-      Spans s;
-      std::vector<Vec3d> p, q;
-      for (const std::size_t k : i) p.push_back(at_a[k]), s.a.push_back(a[k]);
-      for (const std::size_t k : j) q.push_back(at_b[k]), s.b.push_back(b[k]);
-      double weight = 0;
-      const double d = distance_of(p, q, &weight);
-      // Of equal ones that with the fewest points counts: it came first, or its weights are not above 0.
-      if (weight > 1e-9 && d < least - 1e-12) least = d, best = s;
-    }
-  return best;
-}
-
-Real real_distance(const Spans& s, const RealFrame& X_a, const RealFrame& X_b) {
-  std::vector<RealPoint> a, b;
-  for (const Vec3d& v : s.a) a.push_back(moved<Real>(X_a, v));
-  for (const Vec3d& v : s.b) b.push_back(moved<Real>(X_b, v));
-  return distance_of(a, b);
-}
+constexpr std::uint32_t kFields = kDefaultFields | kFieldGradientJoints | kFieldHessianJoints | kFieldRate |
+                                  kFieldCurvature | kFieldSmoothRadius | kFieldRateBounds;
 
 // A robot of boxes, capsules and balls on random joints, and such bodies in the world.
 class ShapeScene {
@@ -216,10 +121,20 @@ std::vector<Real> differences(const ShapeScene& scene, std::span<const BodyPair>
   return hessians;
 }
 
+const Real kRealStep = Real(1) / Real(1e15);
+
+// Frames a step before or after a row, along velocities.
+std::vector<RealFrame> moving_frames(const ShapeScene& scene, std::span<const double> row, std::span<const double> v,
+                                     int sign) {
+  std::vector<Real> q;
+  for (std::size_t j = 0; j < row.size(); ++j) q.push_back(Real(row[j]) + sign * kRealStep * Real(v[j]));
+  return scene.frames(q);
+}
+
 TEST(SecondOrder, IsTheSecondDerivativeOfTheExactDistance) {
   test::RobotRandom random(47);
   std::map<std::string, int> met;
-  double worst = 0;
+  double worst = 0, widest = 0;
   for (int i = 0; i < 40; ++i) {
     const ShapeScene scene(random);
     const std::size_t J = scene.joints().size();
@@ -253,6 +168,15 @@ TEST(SecondOrder, IsTheSecondDerivativeOfTheExactDistance) {
       ++met[std::to_string(std::min(spans.back().a.size(), spans.back().b.size())) +
             std::to_string(std::max(spans.back().a.size(), spans.back().b.size()))];
     }
+    const std::vector<RealFrame> ahead = moving_frames(scene, row, v, 1), behind = moving_frames(scene, row, v, -1);
+    for (std::size_t p = 0; p < smooth.size(); ++p) {
+      const auto [a, b] = smooth[p];
+      const Real slope = (real_distance(spans[p], ahead[a], ahead[b]) - real_distance(spans[p], behind[a], behind[b])) /
+                         (2 * kRealStep);
+      const double* const bounds = answer.view.rate_bounds + 2 * rows[p];
+      EXPECT_TRUE(bounds[0] <= slope && slope <= bounds[1]) << bounds[0] << " " << slope << " " << bounds[1];
+      widest = std::max(widest, bounds[1] - bounds[0]);
+    }
     const std::vector<Real> expected = differences(scene, smooth, spans, row);
     for (std::size_t p = 0; p < smooth.size(); ++p) {
       const double* const hessian = answer.view.hessian_joints + rows[p] * J * J;
@@ -275,7 +199,9 @@ TEST(SecondOrder, IsTheSecondDerivativeOfTheExactDistance) {
     }
   }
   RecordProperty("worst", std::to_string(worst));
+  RecordProperty("widest_rate_bounds", std::to_string(widest));
   EXPECT_LT(worst, 1e-9);
+  EXPECT_LT(widest, 1e-3) << "m/s, where features are smooth";
   EXPECT_GT(met["11"], 20) << "vertex and vertex";
   EXPECT_GT(met["12"], 50) << "vertex and edge";
   EXPECT_GT(met["13"], 20) << "vertex and face";

@@ -36,3 +36,27 @@ class HostRows:
     def column(self, order: int, positions: Any) -> np.ndarray:
         """Returns the derivatives of this order at (K, J) positions."""
         return getattr(self._prepared.run(np.ascontiguousarray(positions)), COLUMNS[order])
+
+
+class HostFunction:
+    """Distances of a prepared query as a function of joint positions, with first and second derivatives. The query
+    runs on the host.
+
+    prepared: a query of distances() of joints alone with the columns "distance", "gradient_joints" and
+        "hessian_joints", reduce "none", "min" or "nearest" with `k`.
+
+    Called with (K, J) float64 positions it returns float64 metres, (K, P), (K,) or (K, k). Derivatives are those of the
+    features that meet: one of several where these change, NaN where there are none (Result.hessian_joints).
+    """
+
+    def __init__(self, prepared: Any):
+        self.rows = HostRows(prepared)
+
+
+def weighed(xp: Any, weights: Any, gradient: Any) -> Any:
+    """weights (...) times gradient (..., and more); 0 where a weight is: rows that are beyond have no gradient.
+
+    xp: the arrays' module (torch, jax.numpy).
+    """
+    each = weights.reshape(weights.shape + (1,) * (gradient.ndim - weights.ndim))
+    return xp.where(each == 0, 0.0, each * gradient)

@@ -29,6 +29,7 @@ class Call:
     inputs: ClassVar[tuple[str, ...]] = ("configurations",)  #: parameters that each run gives
     row_inputs: ClassVar[int] = 1  #: number of inputs, all rows of positions, of the usual case
     fixed: ClassVar[dict[str, Any]] = {}  #: options of its queries
+    extra: ClassVar[tuple[str, ...]] = ()  #: arguments of prepare() alone that are no options
 
     def __init__(self, query: Query):
         self.query = query

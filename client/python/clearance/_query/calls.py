@@ -44,6 +44,7 @@ class Configurations(Call):
 
 class Distances(Configurations):
     inputs = ("configurations", "velocities", "twists")
+    extra = ("speed_errors",)
 
     def read(self, configurations: Any = None, velocities: Any = None, twists: Any = None) -> Request:
         run, poses, positions = super().read(configurations)

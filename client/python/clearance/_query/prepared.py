@@ -80,9 +80,10 @@ class Prepared:
             `end` of motions(), `path` of check_path(), `positions` of free_scale(). float64 arrays in C order are read
             in place; others are converted first, which costs about 1 us and more.
 
-        After `configurations` of distances() may come velocities, for the columns "rate" and "curvature": (K, J) rad/s
-        and m/s of `joints`, and then twists, (K, M, 6) of `bodies`: rad/s, and m/s of the origin, world axes; of a body
-        with a parent, relative to it. None, the default, stands still.
+        After `configurations` of distances() may come velocities, for the columns "rate", "rate_bounds" and
+        "curvature": (K, J) rad/s and m/s of `joints`, and then twists, (K, M, 6) of `bodies`: rad/s, and m/s of the
+        origin, world axes; of a body with a parent, relative to it. None, the default, stands still. Without
+        configurations, velocities are those of set_joints() and set_poses().
 
         Raises as that method does, and StaleQuery.
         """
@@ -222,7 +223,7 @@ def check_arguments(
     """
     kind = CALLS[call]
     options = set(module.OPTIONS) - NO_ARGUMENTS - {"max_evaluations"} - set(kind.fixed)
-    known = options.union(everyday, extra)
+    known = options.union(everyday, extra, kind.extra)
     for name in arguments:
         if name not in known:
             hint = _INSTEAD.get(name, did_you_mean(name, known))

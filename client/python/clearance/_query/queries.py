@@ -288,6 +288,8 @@ class Queries:
             k: with reduce="nearest", rows of the min(k, P) nearest pairs of each configuration, in the order of the
                 query's pairs, so that a pair keeps its place among the others from cycle to cycle. A pair without
                 usable poses counts as the nearest. Default: 0, the nearest pair of each body.
+            speed_errors: of distances(), for the column "rate_bounds": (J + 2 M,) bounds >= 0 on the errors of a run's
+                velocities, in rad/s and m/s of each joint, and of its twists, in rad/s and m/s of each body.
             max_pose_age_ns: pairs with an older pose have no distance, but Status.STALE_POSE. Default: 0, any age.
             abs_tol, rel_tol: as in distances(), also for check(), check_path() and free_scale().
             deadline_ns (Client): the daemon rejects a query that it cannot answer in this time. Default: 0, no limit.

@@ -39,6 +39,9 @@ class Source(Protocol):
     def body_states(self) -> list[Any]: ...
 
 
+_SPEED_ERRORS = "one number for each joint and two for each body"
+
+
 class Query:
     """The arguments of a call without its configurations. Thread-safe."""
 
@@ -53,6 +56,7 @@ class Query:
     copy: bool
     weights: Optional[np.ndarray]  #: (J,) of free_scale
     braking: Any  #: of check_stop
+    speed_errors: Optional[np.ndarray]  #: (J + 2 M,) of rate_bounds
 
     def __init__(self, source: Source, call: str, arguments: Mapping[str, Any]):
         self.source = source
@@ -79,8 +83,10 @@ class Query:
         self.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
         self.copy = to_bool(given.pop("copy", True), "copy")
         weights = given.pop("weights", None)
-        self.weights = None if weights is None else _weights(weights)
+        self.weights = None if weights is None else _one_each(weights, "weights", "one number for each joint")
         self.braking = given.pop("braking", None)  # of check_stop
+        errors = given.pop("speed_errors", None)
+        self.speed_errors = None if errors is None else _one_each(errors, "speed_errors", _SPEED_ERRORS)
         self._take_margin(given)
         self._options = dict(_options(source._module.OPTIONS, call, given))
         self.reduce = self._options.get("reduce", 0)
@@ -178,6 +184,8 @@ class Query:
             raw.set_pair_margins(self._pair_margins)
         if self.weights is not None:
             raw.set_weights(self.weights)
+        if self.speed_errors is not None:
+            raw.set_speed_errors(self.speed_errors)
         if moves and self.joints is not None:
             raw.set_limits(self.joints.lower, self.joints.upper)
         return Run(self, raw, mask, names, bodies, joints, points)
@@ -308,8 +316,8 @@ def _some(ids: np.ndarray, what: str) -> np.ndarray:
     return ids
 
 
-def _weights(weights: Any) -> np.ndarray:
-    each = to_floats(weights, "weights", "one number for each joint")
+def _one_each(numbers: Any, what: str, expected: str) -> np.ndarray:
+    each = to_floats(numbers, what, expected)
     if each.ndim != 1:
-        raise ValueError(f"weights: expected one number for each joint, got shape {each.shape}")
+        raise ValueError(f"{what}: expected {expected}, got shape {each.shape}")
     return each.copy()

@@ -87,7 +87,10 @@ class Result:
     hessian_joints: np.ndarray = _ColumnAttribute(
         "(..., J, J) float64, symmetric: by the positions of two joints (m/rad^2, m/rad, 1/m); NaN where there is none"
     )  # type: ignore[assignment]
-    rate: np.ndarray = _ColumnAttribute("float64, m/s: of the distance at the query's velocities")  # type: ignore[assignment]
+    rate: np.ndarray = _ColumnAttribute("float64, m/s: of the distance at the given velocities; NaN if unknown")  # type: ignore[assignment]
+    rate_bounds: np.ndarray = _ColumnAttribute(
+        "(..., 2) float64, m/s: certified interval of the one-sided derivatives by time; infinite if unknown"
+    )  # type: ignore[assignment]
     curvature: np.ndarray = _ColumnAttribute(
         "float64, m/s^2: second derivative by time while the velocities stay constant; NaN where there is none"
     )  # type: ignore[assignment]
