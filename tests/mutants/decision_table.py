@@ -403,15 +403,20 @@ DECISION_MUTANTS = [
         (
             "span_way",
             "decision/motion_decider.cpp",
-            "@rates.motion.speed * half@ + growth",
-            "0.95 * rates.motion.speed * half",
+            "@rates.motion.speed * half_@ + growth",
+            "0.95 * rates.motion.speed * half_",
         ),
-        ("span_bend", "decision/motion_decider.cpp", "bend = rates.motion.acceleration * @(0.5 * half * half)@", "0.0"),
+        (
+            "span_bend",
+            "decision/motion_decider.cpp",
+            "bend = rates.motion.acceleration * @(0.5 * half_ * half_)@",
+            "0.0",
+        ),
         (
             "span_half_bend",
             "decision/motion_decider.cpp",
-            "bend = rates.motion.acceleration * @(0.5 * half * half)@",
-            "(0.25 * half * half)",
+            "bend = rates.motion.acceleration * @(0.5 * half_ * half_)@",
+            "(0.25 * half_ * half_)",
         ),
         (
             "span_bend_of_pair",
@@ -449,8 +454,8 @@ DECISION_MUTANTS = [
         (
             "span_reach",
             "decision/motion_decider.cpp",
-            "std::abs(end_[j] - start_[j]) * @half@ * kMotionSlack",
-            "0.5 * half",
+            "std::abs(end_[j] - start_[j]) * @half_@ * kMotionSlack",
+            "0.5 * half_",
         ),
         ("span_roots", "decision/kernel/decide_kernel.h", "bound = bound + @placed_.root_ways(begin)@", "Eight(0.0f)"),
         ("span_boxes", "decision/kernel/placed_balls.h", "reach + @Sixteen::load(root_.way + begin)@", "Sixteen(0.0f)"),
@@ -495,7 +500,7 @@ DECISION_MUTANTS = [
         (
             "span_approach_bend",
             "decision/kernel/placed_balls.h",
-            "larger(rise, Eight(0.0f)) + @Eight(spans_[body].bend)@",
+            "larger(rise, Eight(0.0f)) + @Eight(span_of(body).bend)@",
             "Eight(0.0f)",
         ),
         ("span_near", "decision/kernel/ball_pairs.h", "way = kMoves ? @pair_span_.way@ : 0", "0.0f"),
@@ -507,5 +512,14 @@ DECISION_MUTANTS = [
             "length(displacement(points, body, span.twist)) + @Eight(span.bend)@",
             "Eight(0.0f)",
         ),
+    ),
+    *mutants_of(
+        "hit_guess SpansInLanes.*",
+        ("lanes_bend", "decision/kernel/ball_frames.h", "length(by) + @Eight(span.bend)@", "Eight(0.0f)"),
+        ("lanes_half", "decision/kernel/ball_frames.h", "twists[k] * @half@", "0.9 * half"),
+        ("lanes_way", "decision/kernel/placed_balls.h", "@Sixteen::load(roots_[k].way + begin)@", "Sixteen(0.0f)"),
+        ("lanes_number", "decision/kernel/placed_balls.h", "of_spans_[body][i][@number_@]", "0"),
+        ("lanes_twist", "decision/motion_decider.cpp", "lanes_[of.robot].twist(@of.link@, k)", "0"),
+        ("lanes_origin", "decision/motion_decider.cpp", "lanes_[of.robot].pose(@of.link@, k)", "0"),
     ),
 ]
