@@ -504,8 +504,8 @@ DECISION_MUTANTS = [
             "Eight(0.0f)",
         ),
         ("span_near", "decision/kernel/ball_pairs.h", "way = kMoves ? @pair_span_.way@ : 0", "0.0f"),
-        ("span_turned", "decision/kernel/placed_balls.h", "(Eight(w[1]) * r.z - @Eight(w[2]) * r.y@)", "Eight(0.0f)"),
-        ("span_root_bend", "decision/kernel/placed_balls.h", "u * u + s * s + r * r) + @spans[b].bend@", "0.0f"),
+        ("span_turned", "decision/kernel/ball_frames.h", "(turn[1] * r.z - @turn[2] * r.y@)", "T(0.0f)"),
+        ("span_root_bend", "decision/kernel/placed_balls.h", "by.y * by.y + by.z * by.z) + @spans[b].bend@", "0.0f"),
         (
             "span_ball_bend",
             "decision/kernel/placed_balls.h",

@@ -109,6 +109,13 @@ class BodyInStates {
   Eight R_[9], t_[3];
 };
 
+/// shift + turn x r, of a point r from the body's origin.
+template <class T, class Point>
+HWY_INLINE Point displaced(const T* turn, const T* shift, const Point& r) {
+  return {shift[0] + (turn[1] * r.z - turn[2] * r.y), shift[1] + (turn[2] * r.x - turn[0] * r.z),
+          shift[2] + (turn[0] * r.y - turn[1] * r.x)};
+}
+
 /// The movement of one body within half of up to eight spans, which are the lanes.
 class BodyInSpans {
  public:
@@ -123,10 +130,7 @@ class BodyInSpans {
   }
   /// Bounds the way of a point within half a span.
   HWY_INLINE void move(const BodyInStates& body, const SpanBody& span, Centres& point) const {
-    const Eight *const w = part_, *const v = part_ + 3;
-    const EightPoints r = body.from_origin(point);
-    const EightPoints by{v[0] + (w[1] * r.z - w[2] * r.y), v[1] + (w[2] * r.x - w[0] * r.z),
-                         v[2] + (w[0] * r.y - w[1] * r.x)};
+    const EightPoints by = displaced(part_, part_ + 3, body.from_origin(point));
     lesser(length(by) + Eight(span.bend), Eight(span.way)).store(point.way);
   }
 

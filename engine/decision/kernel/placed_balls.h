@@ -80,10 +80,10 @@ class PlacedBalls {
   void take_bodies(const SpanBody* spans) {
     spans_ = spans;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
-      const float *w = spans[b].twist.turn, *v = spans[b].twist.shift;
-      const float x = root_.x[b] - part(9, b), y = root_.y[b] - part(10, b), z = root_.z[b] - part(11, b);
-      const float u = v[0] + (w[1] * z - w[2] * y), s = v[1] + (w[2] * x - w[0] * z), r = v[2] + (w[0] * y - w[1] * x);
-      const float along = __builtin_sqrtf(u * u + s * s + r * r) + spans[b].bend;
+      const Vec3<float> by =
+          displaced(spans[b].twist.turn, spans[b].twist.shift,
+                    Vec3<float>{root_.x[b] - part(9, b), root_.y[b] - part(10, b), root_.z[b] - part(11, b)});
+      const float along = __builtin_sqrtf(by.x * by.x + by.y * by.y + by.z * by.z) + spans[b].bend;
       root_.way[b] = along < spans[b].way ? along : spans[b].way;
     }
   }
@@ -164,10 +164,8 @@ class PlacedBalls {
   /// shift + turn x r of each ball, r from its body's origin.
   HWY_INLINE EightPoints displacement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
     const float *w = twist.turn, *v = twist.shift, *f = frame(body);
-    const EightPoints r = c - EightPoints{Eight(f[9]), Eight(f[10]), Eight(f[11])};
-    return {Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
-            Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
-            Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)};
+    const Eight turn[3] = {Eight(w[0]), Eight(w[1]), Eight(w[2])}, shift[3] = {Eight(v[0]), Eight(v[1]), Eight(v[2])};
+    return displaced(turn, shift, c - EightPoints{Eight(f[9]), Eight(f[10]), Eight(f[11])});
   }
   /// The same, with its length as `way`.
   HWY_INLINE void displace(const EightPoints& c, std::uint32_t body, const SpanTwist& twist, Centres& to) const {

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "engine/robot/lane_kinematics.h"
+#include "engine/robot/link_twists.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/source_file.h"
