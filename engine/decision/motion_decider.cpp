@@ -38,6 +38,7 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
     links_of_span_ += motion.robot().kinematics.links();
   }
   if (plan.query.control_points > 2) changes_.bend = changes_.change;
+  all_in_lanes_ = plan.query.control_points <= 2 && plan.given_bodies == 0;
   rates_.resize(columns);
   twists_.resize(columns);
   origins_.resize(columns);
@@ -53,7 +54,10 @@ MotionDecider::MotionDecider(const CoverPlan& covers, const Plan& plan)
   poses_.resize(plan.bodies.size());
   for (std::uint32_t b = 0; b < covers.view().body_count; ++b) {
     const CoverPlan::LinkOf& of = covers.link_of(b);
-    body_frames_.push_back(of.robot == kNone ? nullptr : lanes_[of.robot].frames()[of.link].part[0].lane);
+    const bool moves = of.robot != kNone;
+    body_frames_.push_back(moves ? lanes_[of.robot].frames()[of.link].part[0].lane : nullptr);
+    body_twists_.push_back(moves ? lanes_[of.robot].twists()[of.link].part[0].lane : nullptr);
+    all_in_lanes_ &= moves && covers.view().bodies[b].is_direct;
   }
   open_.resize(std::size_t{covers.view().obstacle_count} * columns + covers.view().moved_pair_count);
 }
@@ -112,7 +116,10 @@ double MotionDecider::begin_spans() {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
-  if (!curves_.empty()) cut_curves();
+  if (curves_.empty())
+    std::reverse(spans_.begin(), spans_.end());  // most motions begin free, so that the last span hits most often
+  else
+    cut_curves();
   first_ = spans_;
   for (std::size_t i = 1; curves_.empty() && i <= count && first_.size() < kTogether; ++i)
     first_.push_back({static_cast<double>(i) / static_cast<double>(count), 0, 0});
@@ -122,32 +129,20 @@ double MotionDecider::begin_spans() {
 
 Verdict MotionDecider::decide_spans(double half) {
   std::fill(is_left_.begin(), is_left_.end(), 0);
-  int divided = 0;
+  divided_ = 0;
   bool is_first = true;
-  for (; !spans_.empty(); half *= 0.5) {
-    for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half * kMotionSlack;
+  for (half_ = half; !spans_.empty(); half_ *= 0.5) {
+    for (std::size_t j = 0; j < reach_.size(); ++j) reach_[j] = std::abs(end_[j] - start_[j]) * half_ * kMotionSlack;
     next_.clear();
     next_items_.clear();
-    bool is_undecided = false;
+    is_undecided_ = has_lanes_ = false;
     for (std::size_t first = 0; first < spans_.size(); first += kTogether) {
-      const std::size_t together = std::min(kTogether, spans_.size() - first);
-      if (!is_first) place(std::span(spans_).subspan(first, together));
+      const auto together = std::span(spans_).subspan(first, std::min(kTogether, spans_.size() - first));
+      if (!is_first) place(together);
       is_first = false;
-      for (std::size_t k = 0; k < together; ++k) {
-        const Span& span = spans_[first + k];
-        const SpanDecision decision = decide(k, span, half);
-        if (decision.verdict == Verdict::kHit) {
-          remember(decision.hit, k);
-          return Verdict::kHit;
-        }
-        if (decision.verdict == Verdict::kFree) continue;
-        if (decision.open == 0)
-          is_undecided = true;
-        else
-          divide(span, decision.open, half, half > kLeastSpan && ++divided <= kMostSpans);
-      }
+      if (decide_placed(together)) return Verdict::kHit;
     }
-    if (is_undecided) {
+    if (is_undecided_) {
       left_.clear();
       return Verdict::kUnresolved;
     }
@@ -157,8 +152,72 @@ Verdict MotionDecider::decide_spans(double half) {
   return leave_pairs();
 }
 
+// Decides the spans that were placed last, or the first of those. Returns whether one hits.
+bool MotionDecider::decide_placed(std::span<const Span> spans) {
+  const double* const rows = rows_.data();
+  const std::size_t joints = plan_.joints.size();
+  SpanBatch batch{&covers_.view(), nullptr,         0,          bodies_.data(), nullptr,      nullptr,
+                  half_,           poses_.data(),   &pair_span, &take,          this,         open_.data(),
+                  open_.size(),    is_left_.data(), rows,       joints,         reach_.data()};
+  inputs_.clear();
+  for (const Span& span : spans)
+    inputs_.push_back({span.begin == span.end ? nullptr : &items_[span.begin], span.end - span.begin});
+  is_hit_ = false;
+  placed_ = spans;
+  if (all_in_lanes_) {
+    decide_in_lanes(batch);
+    return is_hit_;
+  }
+  batch.count = 1;
+  for (std::size_t k = 0; k < spans.size() && !is_hit_; ++k) {
+    if (!curves_.empty())
+      take_curves(spans[k], half_);
+    else if (!has_rates_)
+      take_rates();
+    take_poses(k);
+    take_twists(middles_[k]);
+    placed_ = spans.subspan(k, 1);
+    batch.spans = &inputs_[k];
+    batch.positions = rows + k * joints;
+    first_placed_ = k;
+    kernel_.run_spans(batch);
+  }
+  return is_hit_;
+}
+
+// Decides all spans that are placed, which are lanes.
+void MotionDecider::decide_in_lanes(SpanBatch& batch) {
+  if (!has_rates_) take_rates();
+  place_links();
+  for (std::size_t m = 0; m < lanes_.size(); ++m) lanes_[m].take_twists(along_[m]);
+  if (!has_lanes_)
+    for (std::uint32_t b = 0; b < covers_.view().body_count; ++b) bound_body(b, 0);
+  has_lanes_ = true;
+  batch.spans = inputs_.data();
+  batch.count = inputs_.size();
+  batch.frames = body_frames_.data();
+  batch.twists = body_twists_.data();
+  kernel_.run_spans(batch);
+}
+
+bool MotionDecider::take(void* self, std::size_t k, const SpanDecision& decision) {
+  return static_cast<MotionDecider*>(self)->take(k, decision);
+}
+
+// Takes the decision on a span that is placed. Returns false after a hit.
+bool MotionDecider::take(std::size_t k, const SpanDecision& decision) {
+  is_hit_ = decision.verdict == Verdict::kHit;
+  if (is_hit_)
+    remember(decision.hit, first_placed_ + k);
+  else if (decision.verdict == Verdict::kUnresolved && decision.open == 0)
+    is_undecided_ = true;
+  else if (decision.verdict == Verdict::kUnresolved)
+    divide(placed_[k], decision.open, half_ > kLeastSpan && ++divided_ <= kMostSpans);
+  return !is_hit_;
+}
+
 // Passes the open items of a span on to both halves. Leaves those to the exact engine for which that is useless.
-void MotionDecider::divide(const Span& span, std::size_t open, double half, bool may_divide) {
+void MotionDecider::divide(const Span& span, std::size_t open, bool may_divide) {
   const DecisionView& view = covers_.view();
   const std::size_t begin = next_items_.size();
   for (const SpanItem& item : std::span(open_).first(open)) {
@@ -170,10 +229,10 @@ void MotionDecider::divide(const Span& span, std::size_t open, double half, bool
     const std::uint64_t position = item.obstacle == kNone
                                        ? view.moved_pairs[item.at].position
                                        : view.position[std::size_t{item.obstacle} * view.columns + item.at];
-    left_.push_back({position, span.middle - half, span.middle + half});
+    left_.push_back({position, span.middle - half_, span.middle + half_});
   }
   if (next_items_.size() == begin) return;
-  for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half, begin, next_items_.size()});
+  for (const double side : {-0.5, 0.5}) next_.push_back({span.middle + side * half_, begin, next_items_.size()});
   if (!curves_.empty()) keep_halves();
 }
 
@@ -216,20 +275,6 @@ void MotionDecider::place(std::span<const Span> spans) {
   are_links_placed_ = false;
 }
 
-// Decides items, or all pairs if there are none, in the span whose middle is placed as number k.
-SpanDecision MotionDecider::decide(std::size_t k, const Span& span, double half) {
-  const std::span<const SpanItem> items = std::span(items_).subspan(span.begin, span.end - span.begin);
-  if (!curves_.empty())
-    take_curves(span, half);
-  else if (!has_rates_)
-    take_rates();
-  take_poses(k);
-  take_twists(middles_[k], half);
-  return kernel_.run_span({&covers_.view(), poses_.data(), bodies_.data(), &pair_span, this,
-                           items.empty() ? nullptr : items.data(), items.size(), open_.data(), open_.size(),
-                           is_left_.data(), rows_.data() + k * plan_.joints.size(), reach_.data()});
-}
-
 // Velocity and place of a body in the middle of a span, in the common frame.
 void MotionDecider::take_twist(std::uint32_t b) {
   const DecidedBody& body = covers_.view().bodies[b];
@@ -249,8 +294,7 @@ void MotionDecider::take_twist(std::uint32_t b) {
 }
 
 // Velocities of the bodies in the middle of a span.
-void MotionDecider::take_twists(double middle, double half) {
-  half_ = half;
+void MotionDecider::take_twists(double middle) {
   for (std::size_t m = 0; m < robots_.size(); ++m) {
     const std::size_t links = plan_.motions[m].robot().kinematics.links();
     robots_[m].at(std::span(links_).subspan(links_begin_[m], links), along_[m],
@@ -262,19 +306,39 @@ void MotionDecider::take_twists(double middle, double half) {
     if (!body.packets && (body.pose == kNone || body.carrier != kNone)) continue;  // it is not decided, nor carries any
     take_twist(b);
     if (!body.packets) continue;
-    const SpanRates::Rates& rates = rates_[b];
-    const double bend = rates.motion.acceleration * (0.5 * half * half) + rates.twist_error * half,
-                 growth = growths_[b] = given_.growth(body.pose, middle, half);
-    bodies_[b] = {within_half(twists_[b], half), static_cast<float>((rates.motion.speed * half + growth) * kUp),
-                  static_cast<float>((bend + growth) * kUp)};
+    bound_body(b, given_.growth(body.pose, middle, half_));
+    bodies_[b].twist = within_half(twists_[b], half_);
   }
 }
 
-PairSpan MotionDecider::pair_span(void* self, std::uint32_t pair) {
-  return static_cast<MotionDecider*>(self)->pair_span(pair);
+// Bounds a body's movement within half a span.
+// \param growth of the body, metres
+void MotionDecider::bound_body(std::uint32_t b, double growth) {
+  const SpanRates::Rates& rates = rates_[b];
+  const double bend = rates.motion.acceleration * (0.5 * half_ * half_) + rates.twist_error * half_;
+  growths_[b] = growth;
+  bodies_[b].way = static_cast<float>((rates.motion.speed * half_ + growth) * kUp);
+  bodies_[b].bend = static_cast<float>((bend + growth) * kUp);
 }
 
-PairSpan MotionDecider::pair_span(std::uint32_t index) {
+Twist MotionDecider::twist_of(std::uint32_t body, std::size_t k) const {
+  if (!all_in_lanes_) return twists_[body];
+  const CoverPlan::LinkOf& of = covers_.link_of(body);
+  return lanes_[of.robot].twist(of.link, k);
+}
+
+Vec3d MotionDecider::origin_of(std::uint32_t body, std::size_t k) const {
+  if (!all_in_lanes_) return origins_[body];
+  const CoverPlan::LinkOf& of = covers_.link_of(body);
+  return lanes_[of.robot].pose(of.link, k).translation;
+}
+
+PairSpan MotionDecider::pair_span(void* self, std::size_t k, std::uint32_t pair) {
+  return static_cast<MotionDecider*>(self)->pair_span(k, pair);
+}
+
+// Movement of a pair in a span that is placed.
+PairSpan MotionDecider::pair_span(std::size_t k, std::uint32_t index) {
   const MovedPair& pair = covers_.view().moved_pairs[index];
   std::optional<SpanRates::PairRates>& known = pair_rates_[index];
   std::vector<SpanRates::View>& views = views_[index];
@@ -282,10 +346,11 @@ PairSpan MotionDecider::pair_span(std::uint32_t index) {
   if (!known) known = covers_.rates()->of_pair(views, changes_);
   const SpanRates::PairRates rates = *known;
   const auto seen = [&](std::uint32_t body) -> Twist {
-    if (rates.seer == kNone) return twists_[body];
+    if (rates.seer == kNone) return twist_of(body, k);
     if (rates.seer == body) return {};
-    const Twist &own = twists_[body], &seer = twists_[rates.seer];
-    return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, origins_[body] - origins_[rates.seer]))};
+    const Twist own = twist_of(body, k), seer = twist_of(rates.seer, k);
+    const Vec3d apart = origin_of(body, k) - origin_of(rates.seer, k);
+    return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, apart))};
   };
   const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2,
                growth = growths_[pair.a] + growths_[pair.b];

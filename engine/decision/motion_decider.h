@@ -63,13 +63,19 @@ class MotionDecider {
   void place(std::span<const Span> spans);
   void place_links();
   void take_poses(std::size_t k);
-  SpanDecision decide(std::size_t k, const Span& span, double half);
-  void divide(const Span& span, std::size_t open, double half, bool may_divide);
+  bool decide_placed(std::span<const Span> spans);
+  void decide_in_lanes(SpanBatch& batch);
+  static bool take(void* self, std::size_t k, const SpanDecision& decision);
+  bool take(std::size_t k, const SpanDecision& decision);
+  void divide(const Span& span, std::size_t open, bool may_divide);
   Verdict leave_pairs();
-  void take_twists(double middle, double half);
+  void take_twists(double middle);
   void take_twist(std::uint32_t body);
-  static PairSpan pair_span(void* self, std::uint32_t pair);
-  PairSpan pair_span(std::uint32_t pair);
+  void bound_body(std::uint32_t body, double growth);
+  Twist twist_of(std::uint32_t body, std::size_t k) const;
+  Vec3d origin_of(std::uint32_t body, std::size_t k) const;
+  static PairSpan pair_span(void* self, std::size_t k, std::uint32_t pair);
+  PairSpan pair_span(std::size_t k, std::uint32_t pair);
 
   const CoverPlan& covers_;
   const Plan& plan_;
@@ -95,6 +101,8 @@ class MotionDecider {
   std::vector<LaneKinematics> lanes_;                  // of each robot
   bool are_links_placed_ = false;                      // whether lanes_ are at positions_
   std::vector<const double*> body_frames_;             // by body, in lanes_; null for a body that no link moves
+  std::vector<const double*> body_twists_;             // likewise
+  bool all_in_lanes_ = false;                          // whether links move all bodies, along straight motions
   std::vector<Pose> poses_, links_;       // of one span: (Plan::bodies,); of the links of each robot in turn
   std::vector<std::size_t> links_begin_;  // by robot: in links_
   std::size_t links_of_span_ = 0;
@@ -104,7 +112,14 @@ class MotionDecider {
   std::vector<Vec3d> origins_;   // likewise
   std::vector<double> growths_;  // by body: the most in the span
   std::vector<SpanBody> bodies_;
-  double half_ = 0;  // of the span under way
+  // Of the spans under way.
+  double half_ = 0;
+  std::span<const Span> placed_;  // of which the first is placed as number first_placed_
+  std::size_t first_placed_ = 0;
+  bool has_lanes_ = false;  // whether bodies_ are those of half_, in lanes
+  std::vector<SpanInput> inputs_;
+  int divided_ = 0;
+  bool is_undecided_ = false, is_hit_ = false;
   std::vector<SpanItem> items_, next_items_, open_;
   std::vector<Span> spans_, next_;
   std::vector<Span> first_;  // placed at first: spans_ and instants between

@@ -12,13 +12,15 @@ bool are_placed(const LinkMotion& motion) {
 }
 
 StateLanes::StateLanes(const CoverPlan& covers, const Plan& plan)
-    : covers_(covers), plan_(plan), can_place_(plan.given_bodies == 0) {
+    : covers_(covers), plan_(plan), can_place_(plan.given_bodies == 0), poses_(plan.bodies.size()) {
   std::vector<const double*> of_pose(plan.given_bodies);
   for (const LinkMotion& motion : plan.motions) {
     can_place_ &= are_placed(motion);
     std::vector<DoubleInLanes>& positions = positions_.emplace_back();
     for (const double position : motion.positions()) std::fill_n(positions.emplace_back().lane, kMostLanes, position);
     const LaneKinematics& robot = robots_.emplace_back(motion.robot().kinematics);
+    row_.emplace_back(motion.positions().begin(), motion.positions().end());
+    links_.emplace_back(motion.robot().kinematics.links());
     for (const std::uint32_t link : motion.links()) of_pose.push_back(robot.frames()[link].part[0].lane);
   }
   const std::span bodies(covers.view().bodies, covers.view().body_count);
@@ -43,6 +45,27 @@ void StateLanes::place(std::uint64_t first, std::size_t count) {
       }
     robots_[m].place(positions_[m]);
   }
+}
+
+const Pose* StateLanes::place_one(std::uint64_t state) {
+  assert(can_place_);
+  const std::span<const double> positions = plan_.positions.subspan(state * plan_.joints.size(), plan_.joints.size());
+  bool usable = covers_.holds_for(positions);
+  Pose* body = poses_.data();
+  for (std::size_t m = 0; m < row_.size(); ++m) {
+    for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
+      const double position = positions[moving.at];
+      const bool is_good = -kMaxPosition <= position && position <= kMaxPosition;
+      row_[m][moving.column] = is_good ? position : 0;
+      usable &= is_good;
+    }
+    Status status;
+    plan_.motions[m].robot().kinematics.place(row_[m], {}, links_[m], {&status, 1});
+    usable &= status == Status::kOk;
+    for (const std::uint32_t link : plan_.motions[m].links()) *body++ = links_[m][link];
+  }
+  usable_[0] = usable;
+  return poses_.data();
 }
 
 }  // namespace clearance

@@ -24,7 +24,9 @@ class StateLanes {
   bool can_place() const { return can_place_; }
   /// Places states [first, first + count), count <= 8.
   void place(std::uint64_t first, std::size_t count);
-  /// DecisionBatch::frames and usable, valid until the next call.
+  /// Places one state alone, faster. Returns DecisionBatch::poses, valid until the next call.
+  const Pose* place_one(std::uint64_t state);
+  /// DecisionBatch::frames of place(), and usable of both, valid until the next call.
   const double* const* frames() const { return frames_.data(); }
   const std::uint8_t* usable() const { return usable_; }
 
@@ -36,6 +38,10 @@ class StateLanes {
   std::vector<LaneKinematics> robots_;
   std::vector<const double*> frames_;  // by body
   std::uint8_t usable_[kMostLanes];
+  // Of one state: (columns,) and (links,) of each robot, and of all bodies.
+  std::vector<std::vector<double>> row_;
+  std::vector<std::vector<Pose>> links_;
+  std::vector<Pose> poses_;
 };
 
 }  // namespace clearance

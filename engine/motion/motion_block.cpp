@@ -39,21 +39,22 @@ std::uint64_t MotionBlock::most(const Plan& plan, int workers) {
 
 MotionBlock::MotionBlock(const MotionQuery& motion_query, const EvaluateOptions& options, std::span<const Aabb> boxes,
                          std::uint64_t most)
-    : motion_query_(motion_query), evaluator_(motion_query.scene, options), poses_(motion_query.plan) {
+    : motion_query_(motion_query), evaluator_(motion_query.scene, options), boxes_(boxes), poses_(motion_query.plan) {
   if (motion_query.plan.query.reduce == Reduce::kAny && !options.reference) {
     EvaluateOptions rough = options;
     rough.limits.rel_tol = std::max(rough.limits.rel_tol, kRough);
     rough_.emplace(motion_query.scene, rough);
   }
-  for (std::uint64_t i = 0; i < most; ++i) searches_.emplace_back(motion_query);
+  searches_.reserve(most);
   const std::uint64_t places =
       std::min({kMostPlaces, kTogether * most, BodyPoses::most(motion_query.scene, motion_query.plan)});
-  for (std::uint64_t i = 0; i < places; ++i) placements_.emplace_back(motion_query.scene, motion_query.plan, boxes);
+  placements_.reserve(places);
   places_.resize(places);
 }
 
 void MotionBlock::begin_searches(std::uint64_t count) {
-  assert(count > 0 && count <= searches_.size());
+  assert(count > 0 && count <= searches_.capacity());
+  while (searches_.size() < count) searches_.emplace_back(motion_query_);
   count_ = count;
   is_evaluating_ = false;
 }
@@ -134,6 +135,7 @@ void MotionBlock::place(WorkMeter& meter) {
   const ConfigurationPoses::PoseBlock given = poses_.at(instants_);
   rotations_.resize(used_ * bodies);
   rotations_of(given.poses, rotations_);
+  while (placements_.size() < used_) placements_.emplace_back(motion_query_.scene, motion_query_.plan, boxes_);
   for (std::size_t k = 0; k < used_; ++k) {
     ConfigurationPoses::PoseBlock own = given.of(k, bodies);
     own.errors = instants_[k].moving->errors;

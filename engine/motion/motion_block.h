@@ -36,15 +36,26 @@ class MotionBlock {
   bool has_begun() const { return count_ > 0; }
   /// \param first first of `count` consecutive motions
   void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
-    begin_each(count, [first](std::uint64_t i) { return OpenMotion{first + i, {}}; }, meter);
+    begin_each(
+        count,
+        [first](std::uint64_t i) {
+          return OpenMotion{first + i, {}};
+        },
+        meter);
   }
   /// Motions that need not be consecutive.
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
-    begin_each(motions.size(), [motions](std::uint64_t i) { return OpenMotion{motions[i], {}}; }, meter);
+    begin_each(
+        motions.size(),
+        [motions](std::uint64_t i) {
+          return OpenMotion{motions[i], {}};
+        },
+        meter);
   }
   /// Likewise, with their open pairs.
   void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
-    begin_each(motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);
+    begin_each(
+        motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);
   }
   /// Continues until the slice ends. Returns true once all motions are answered.
   bool advance(WorkMeter& meter);
@@ -76,9 +87,10 @@ class MotionBlock {
   const MotionQuery& motion_query_;
   Evaluator evaluator_;
   std::optional<Evaluator> rough_;  // coarse first pass, which often decides on which side of its target a pair is
+  const std::span<const Aabb> boxes_;
   MotionPoses poses_;
-  std::vector<MotionSearch> searches_;
-  std::size_t count_ = 0, turn_ = 0;  // the latter is the next search to serve
+  std::vector<MotionSearch> searches_;  // as many as were needed at once; placements_ likewise
+  std::size_t count_ = 0, turn_ = 0;    // the latter is the next search to serve
   std::vector<BodyPoses> placements_;
   std::uint64_t placed_ = 0;  // number of instants so far, which identifies the poses of each
   std::vector<Place> places_;

@@ -40,10 +40,18 @@ class DecisionJob final : public CoveredJob {
   }
   bool answer_in_lanes(std::uint64_t begin, std::uint64_t count, int worker, LeftStates& left) override {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
-    if (count < kFewestInLanes) return false;
     if (!room.lanes) room.lanes.emplace(covers(), plan_);
     if (!room.lanes->can_place()) return false;
-    const std::size_t joints = plan_.joints.size();
+    const std::size_t joints = plan_.joints.size(), stride = plan_.bodies.size();
+    if (count < kFewestInLanes) {
+      for (std::uint64_t k = begin; k < begin + count; ++k) {
+        const Pose* const poses = room.lanes->place_one(k);
+        decide({&covers().view(), poses, stride, 1, room.lanes->usable(), any_hit_, plan_.positions.data() + k * joints,
+                joints},
+               k, room, left);
+      }
+      return true;
+    }
     for (std::uint64_t k = 0; k < count; k += kMostLanes) {
       const std::size_t here = std::min<std::uint64_t>(kMostLanes, count - k);
       room.lanes->place(begin + k, here);

@@ -8,11 +8,13 @@
 
 namespace clearance {
 
-/// Velocity of a body.
-struct Twist {
-  Vec3d turn{0, 0, 0};   ///< angular velocity, radians per unit of time
-  Vec3d shift{0, 0, 0};  ///< velocity of the body's origin, metres per unit of time
+/// Velocity of a body, over a scalar or a SIMD pack.
+template <class T>
+struct TwistOf {
+  Vec3<T> turn{T(0.0), T(0.0), T(0.0)};   ///< angular velocity, radians per unit of time
+  Vec3<T> shift{T(0.0), T(0.0), T(0.0)};  ///< velocity of the body's origin, metres per unit of time
 };
+using Twist = TwistOf<double>;
 
 /// Effect of one position on a path.
 struct Mover {
@@ -70,19 +72,21 @@ CLEARANCE_HD inline Vec3d axis_of_step(const KinematicStep& step) {
 /// \param from, to poses of the parent and of the link
 /// \param axis axis_of_step()
 /// \param change change of each position per unit of time, by column
-template <class Change>
-CLEARANCE_HD inline Twist twist_of_step(const KinematicStep& step, const Vec3d& axis,
-                                        const KinematicFrame<double>& from, const Twist& carrier,
-                                        const KinematicFrame<double>& to, const Change& change) {
+template <class T, class Change>
+CLEARANCE_INLINE TwistOf<T> twist_of_step(const KinematicStep& step, const Vec3d& axis, const KinematicFrame<T>& from,
+                                          const TwistOf<T>& carrier, const KinematicFrame<T>& to,
+                                          const Change& change) {
   using Kind = KinematicStep::Kind;
-  Twist own{carrier.turn, carrier.shift + cross(carrier.turn, to.t - from.t)};
+  using detail::constant;
+  TwistOf<T> own{carrier.turn, carrier.shift + cross(carrier.turn, to.t - from.t)};
   if (step.kind == Kind::kFixed) return own;
-  const double first = (step.mimics ? step.multiplier : 1) * change(step.column);
-  if (step.kind == Kind::kTurning) own.turn += turned(to.q, axis) * first;
-  if (step.kind == Kind::kSliding) own.shift += turned(from.q, step.along[0]) * first;
+  const T first((step.mimics ? step.multiplier : 1) * change(step.column));
+  if (step.kind == Kind::kTurning) own.turn += turned(to.q, constant<T>(axis)) * first;
+  if (step.kind == Kind::kSliding) own.shift += turned(from.q, constant<T>(step.along[0])) * first;
   if (step.kind != Kind::kPlanar) return own;
-  own.shift += turned(from.q, step.along[0] * first + step.along[1] * change(step.column + 1));
-  own.turn += turned(to.q, axis) * change(step.column + 2);
+  own.shift +=
+      turned(from.q, constant<T>(step.along[0]) * first + constant<T>(step.along[1]) * T(change(step.column + 1)));
+  own.turn += turned(to.q, constant<T>(axis)) * T(change(step.column + 2));
   return own;
 }
 

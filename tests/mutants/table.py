@@ -29,6 +29,7 @@ SOURCES_OF_HEADERS = {
     "decision/kernel/decide_kernel.h": ["decision/kernel/decide_baseline.cpp", "decision/kernel/decision_kernels.cpp"],
     "decision/kernel/ball_pairs.h": ["decision/kernel/decide_baseline.cpp", "decision/kernel/decision_kernels.cpp"],
     "decision/kernel/placed_balls.h": ["decision/kernel/decide_baseline.cpp"],
+    "decision/kernel/ball_frames.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/cloud_gaps.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/hit_guess.h": ["decision/kernel/decide_baseline.cpp", "decision/kernel/decision_kernels.cpp"],
     "decision/kernel/table_lookup.h": ["decision/kernel/decide_baseline.cpp"],

@@ -97,6 +97,8 @@ class BodyInStates {
     coordinate(1).store(c.y);
     coordinate(2).store(c.z);
   }
+  /// From the body's origins to a point that is placed.
+  HWY_INLINE EightPoints from_origin(const Centres& c) const { return c.points() - EightPoints{t_[0], t_[1], t_[2]}; }
   /// The rotations row by row, then the translations.
   HWY_INLINE void store(float (&to)[12][kBalls]) const {
     for (int i = 0; i < 9; ++i) R_[i].store(to[i]);
@@ -105,6 +107,35 @@ class BodyInStates {
 
  private:
   Eight R_[9], t_[3];
+};
+
+/// shift + turn x r, of a point r from the body's origin.
+template <class T, class Point>
+HWY_INLINE Point displaced(const T* turn, const T* shift, const Point& r) {
+  return {shift[0] + (turn[1] * r.z - turn[2] * r.y), shift[1] + (turn[2] * r.x - turn[0] * r.z),
+          shift[2] + (turn[0] * r.y - turn[1] * r.x)};
+}
+
+/// The movement of one body within half of up to eight spans, which are the lanes.
+class BodyInSpans {
+ public:
+  /// \param twists (6, 8) of the body, per unit of time
+  /// \param kept receives them, within half a span
+  BodyInSpans(const double* twists, double half, float (&kept)[6][kBalls]) {
+    for (int i = 0; i < 6; ++i, twists += kBalls) {
+      CLEARANCE_LANES
+      for (int k = 0; k < kBalls; ++k) kept[i][k] = static_cast<float>(twists[k] * half);
+      part_[i] = Eight::load(kept[i]);
+    }
+  }
+  /// Bounds the way of a point within half a span.
+  HWY_INLINE void move(const BodyInStates& body, const SpanBody& span, Centres& point) const {
+    const EightPoints by = displaced(part_, part_ + 3, body.from_origin(point));
+    lesser(length(by) + Eight(span.bend), Eight(span.way)).store(point.way);
+  }
+
+ private:
+  Eight part_[6];
 };
 
 /// States in which a body is no farther than its bounds allow.

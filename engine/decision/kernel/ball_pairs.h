@@ -19,12 +19,12 @@ class BallPairs {
 
   /// Decides a pair by its covers' balls.
   /// \param index of a moved pair
-  /// \param span null for states
-  Bits decide(std::uint32_t index, const SpanBatch* span) {
+  /// \param spans null for states
+  Bits decide(std::uint32_t index, const SpanBatch* spans, std::size_t span) {
     const MovedPair& pair = v_.moved_pairs[index];
     const DecidedBody &a = v_.bodies[pair.a], &b = v_.bodies[pair.b];
     if (a.root_packets == 0 || b.root_packets == 0) return kOpen;
-    if constexpr (kMoves) pair_span_ = span->pair(span->context, index);
+    if constexpr (kMoves) pair_span_ = spans->pair(spans->context, span, index);
     const float way = kMoves ? pair_span_.way : 0;
     const Centres *ca = placed_.template children_of_root<kMoves>(pair.a),
                   *cb = placed_.template children_of_root<kMoves>(pair.b);
@@ -34,7 +34,7 @@ class BallPairs {
     for (std::uint32_t p = 0; p < b.root_packets && any_a; ++p)
       any_b |= near_b[p] = placed_.near_root(b.packets[p], cb[p], pair.a, pair.grow + way);
     if (!any_b) return 0;
-    packets_left_ = kMoves && span->is_left[index] ? 0 : kMostPacketPairs;
+    packets_left_ = kMoves && spans->is_left[index] ? 0 : kMostPacketPairs;
     Bits result = 0;
     for (std::uint32_t p = 0; p < a.root_packets; ++p)
       for (std::uint32_t q = 0; q < b.root_packets; ++q) {

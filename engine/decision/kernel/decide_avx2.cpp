@@ -8,8 +8,8 @@ void run_decide_avx2(const DecisionBatch& batch, const DecisionRoom& room) {
   decide_avx2::decide(batch, room);
 }
 
-SpanDecision run_decide_span_avx2(const SpanBatch& batch) {
-  return decide_avx2::decide_span(batch);
+void run_decide_spans_avx2(const SpanBatch& batch) {
+  decide_avx2::decide_spans(batch);
 }
 
 GuessedHit guess_hit_avx2(const HitGuess& guess) {

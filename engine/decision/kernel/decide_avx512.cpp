@@ -8,8 +8,8 @@ void run_decide_avx512(const DecisionBatch& batch, const DecisionRoom& room) {
   decide_avx512::decide(batch, room);
 }
 
-SpanDecision run_decide_span_avx512(const SpanBatch& batch) {
-  return decide_avx512::decide_span(batch);
+void run_decide_spans_avx512(const SpanBatch& batch) {
+  decide_avx512::decide_spans(batch);
 }
 
 GuessedHit guess_hit_avx512(const HitGuess& guess) {

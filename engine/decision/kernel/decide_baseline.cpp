@@ -8,8 +8,8 @@ void run_decide_baseline(const DecisionBatch& batch, const DecisionRoom& room) {
   decide_baseline::decide(batch, room);
 }
 
-SpanDecision run_decide_span_baseline(const SpanBatch& batch) {
-  return decide_baseline::decide_span(batch);
+void run_decide_spans_baseline(const SpanBatch& batch) {
+  decide_baseline::decide_spans(batch);
 }
 
 GuessedHit guess_hit_baseline(const HitGuess& guess) {

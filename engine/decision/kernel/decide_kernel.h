@@ -53,32 +53,41 @@ class Decider {
     return result;
   }
 
-  SpanDecision decide_span(const SpanBatch& batch) {
-    SpanDecision result;
-    if (!placed_.place(batch.poses)) return result;
-    begin(true, static_cast<std::uint32_t>(batch.capacity));
+  void decide_spans(const SpanBatch& batch) {
     span_ = &batch;
-    placed_.take_spans(batch.bodies);
-    for (std::size_t i = 0; batch.items && i < batch.count && !is_over(); ++i) decide_item(batch.items[i]);
-    if (!batch.items) decide_obstacles();
-    if (!batch.items && !is_over()) decide_moved_pairs();
-    if (overflow_) return result;
-    result.open = count_;
-    result.verdict = verdict();
-    if (hit_ != kNoHit) result.hit = ball_hit_;
-    return result;
+    usable_ = batch.frames ? placed_.place(batch) : placed_.place(batch.poses);
+    for (number_ = 0; number_ < batch.count; ++number_)
+      if (!batch.decided(batch.context, number_, decide_span(batch.spans[number_]))) return;
   }
 
  private:
   static constexpr std::uint64_t kNoHit = ~std::uint64_t{0};
   static constexpr int kMostPackets = 160;  // of one body against one obstacle
 
-  static const double* positions(const DecisionBatch& batch, std::size_t k) {
+  SpanDecision decide_span(const SpanInput& span) {
+    SpanDecision result;
+    if (!(usable_ >> number_ & 1)) return result;
+    begin(true, static_cast<std::uint32_t>(span_->capacity));
+    if (span_->frames)
+      placed_.take_span(number_);
+    else
+      placed_.take_bodies(span_->bodies);
+    for (std::size_t i = 0; span.items && i < span.count && !is_over(); ++i) decide_item(span.items[i]);
+    if (!span.items) decide_obstacles();
+    if (!span.items && !is_over()) decide_moved_pairs();
+    if (overflow_) return result;
+    result.open = count_;
+    result.verdict = verdict();
+    if (hit_ != kNoHit) result.hit = ball_hit_;
+    return result;
+  }
+  template <class Batch>
+  static const double* positions(const Batch& batch, std::size_t k) {
     return batch.positions ? batch.positions + k * batch.position_stride : nullptr;
   }
   void begin(bool any_hit, std::uint32_t capacity) {
     any_hit_ = any_hit, capacity_ = capacity;
-    hit_ = kNoHit, count_ = 0, overflow_ = false;
+    hit_ = kNoHit, count_ = 0, overflow_ = false, ball_hit_ = {};
   }
   Verdict verdict() const { return hit_ != kNoHit ? Verdict::kHit : count_ ? Verdict::kUnresolved : Verdict::kFree; }
   bool is_over() const { return overflow_ || (any_hit_ && hit_ != kNoHit); }
@@ -132,7 +141,7 @@ class Decider {
   void decide_item(SpanItem item) {
     if (item.obstacle == kNone) {
       const MovedPair& pair = v_.moved_pairs[item.at];
-      return decide_tabled(pair.table, pair.position, item, [&] { return pairs_.decide(item.at, span_); });
+      return decide_tabled(pair.table, pair.position, item, [&] { return pairs_.decide(item.at, span_, number_); });
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
     if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
@@ -145,7 +154,7 @@ class Decider {
   template <class ByBalls>
   HWY_INLINE void decide_tabled(std::uint32_t table, std::uint64_t position, SpanItem item, const ByBalls& by_balls) {
     if constexpr (!kMoves) return record(position, item, by_balls());
-    const TableLookup::Span span = tables_.in_span(table, span_->positions, span_->reach);
+    const TableLookup::Span span = tables_.in_span(table, positions(*span_, number_), span_->reach);
     if (span.verdict == Verdict::kUnresolved)
       record(position, item, by_balls() & (span.is_middle_free ? ~kNear : ~Bits{0}));
     else if (span.verdict == Verdict::kHit)
@@ -215,7 +224,7 @@ class Decider {
     if (pair.position > hit_) return;
     decide_tabled(pair.table, pair.position, {kNone, k}, [&] {
       const float inner = v_.moved_root_inner[pair.a] + v_.moved_root_inner[pair.b] + pair.shrink;
-      return placed_.distance_of_roots(pair.a, pair.b) < inner ? kHit : pairs_.decide(k, span_);
+      return placed_.distance_of_roots(pair.a, pair.b) < inner ? kHit : pairs_.decide(k, span_, number_);
     });
   }
 
@@ -224,9 +233,10 @@ class Decider {
   TableLookup tables_;
   BallPairs<kMoves> pairs_{v_, placed_};
   const SpanBatch* span_ = nullptr;
+  std::size_t number_ = 0;  // of the span
   BallHit ball_hit_;
   bool any_hit_ = true, overflow_ = false;
-  Bits usable_ = 0;  // states of a batch with frames
+  Bits usable_ = 0;  // states of a batch with frames, or spans
   std::uint64_t hit_ = kNoHit;
   std::uint64_t* open_ = nullptr;
   std::uint32_t capacity_ = 0, count_ = 0;
@@ -247,8 +257,8 @@ inline void decide(const DecisionBatch& batch, const DecisionRoom& room) {
   }
 }
 
-inline SpanDecision decide_span(const SpanBatch& batch) {
-  return Decider<true>(*batch.view).decide_span(batch);
+inline void decide_spans(const SpanBatch& batch) {
+  Decider<true>(*batch.view).decide_spans(batch);
 }
 
 }  // namespace CLEARANCE_ISA

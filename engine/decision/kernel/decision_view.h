@@ -158,21 +158,36 @@ struct SpanItem {
   bool is_near = false;  ///< of an open item: the balls are too coarse for it even in the middle
 };
 
-/// A span of a motion to decide: whether all its pairs are beyond their margins throughout, or one is within its margin
-/// in the middle.
+/// A span of a motion to decide: some of its pairs, or all of them.
+struct SpanInput {
+  const SpanItem* items;  ///< null for all pairs
+  std::size_t count;
+};
+struct SpanDecision;
+
+/// Spans of one motion, of the same length: whether all pairs of one are beyond their margins throughout, or one is
+/// within its margin in the middle. They are decided in order.
 struct SpanBatch {
   const DecisionView* view;
-  const Pose* poses;       ///< in the middle
-  const SpanBody* bodies;  ///< (columns,)
-  PairSpan (*pair)(void* context, std::uint32_t moved_pair);
+  const SpanInput* spans;
+  std::size_t count;       ///< up to 8
+  const SpanBody* bodies;  ///< (columns,); with `frames`, of all spans and without twists
+  /// As in DecisionBatch, in the middles of the spans; null to use `poses`.
+  const double* const* frames;
+  const double* const* twists;  ///< with `frames`: (body_count,) of each body, (6, 8) turn and shift per unit of time
+  double half;                  ///< of that time, until a span's ends
+  const Pose* poses;            ///< in the middle of the only span; null to use `frames`
+  /// Of a moved pair in a span.
+  PairSpan (*pair)(void* context, std::size_t span, std::uint32_t moved_pair);
+  /// Takes the decision on a span. Returns false to leave out the rest.
+  bool (*decided)(void* context, std::size_t span, const SpanDecision& decision);
   void* context;
-  const SpanItem* items;  ///< those to decide; null for all pairs
-  std::size_t count;
-  SpanItem* open;  ///< receives the items left open, in order
+  SpanItem* open;  ///< receives the items that a span leaves open, in order, until decided() returns
   std::size_t capacity;
   const std::uint8_t* is_left = nullptr;  ///< (moved_pairs,) whether a pair is not to be decided: open, and near
-  const double* positions = nullptr;      ///< of joints in the middle; null to use no tables
-  const double* reach = nullptr;          ///< change of each position until the span's ends, >= 0
+  const double* positions = nullptr;      ///< (count, position_stride) of joints in the middles; null to use no tables
+  std::size_t position_stride = 0;
+  const double* reach = nullptr;  ///< change of each position until the spans' ends, >= 0
 };
 /// A ball of a moved body inside an obstacle.
 struct BallHit {
@@ -202,7 +217,7 @@ struct GuessedHit {
 struct DecisionKernel {
   const char* name;  ///< "avx512", "avx2", "baseline"
   void (*run)(const DecisionBatch&, const DecisionRoom&);
-  SpanDecision (*run_span)(const SpanBatch&);
+  void (*run_spans)(const SpanBatch&);
   GuessedHit (*guess_hit)(const HitGuess&);
 };
 /// The versions that this machine can run, the fastest first.

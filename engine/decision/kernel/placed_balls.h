@@ -29,19 +29,15 @@ class PlacedBalls {
   /// \param frames DecisionBatch::frames
   /// \return the states whose poses are within the limits of the bounds
   Bits place(const double* const* frames, std::size_t states) {
-    Bits usable = first(static_cast<std::uint32_t>(states));
-    for (std::uint32_t b = 0; b < v_.columns; ++b) {
-      Centres roots{};
-      if (b < v_.body_count) {
-        const BodyInStates body(frames[b]);
-        usable &= usable_states(v_.bodies[b], frames[b], states);
-        body.store(of_states_[b]);
-        body.place({v_.root_x[b], v_.root_y[b], v_.root_z[b]}, roots);
-      }
-      for (std::size_t k = 0; k < states; ++k)
-        roots_[k].x[b] = roots.x[k], roots_[k].y[b] = roots.y[k], roots_[k].z[b] = roots.z[k];
-    }
-    return usable;
+    return place_in_lanes<false>(frames, states, [](auto&&...) {});
+  }
+  /// The same in the middles of spans, of which take_span() selects one.
+  Bits place(const SpanBatch& spans) {
+    spans_in_lanes_ = spans.bodies;
+    return place_in_lanes<true>(
+        spans.frames, spans.count, [&](std::uint32_t b, const BodyInStates& body, Centres& root) {
+          BodyInSpans(spans.twists[b], spans.half, of_spans_[b]).move(body, spans.bodies[b], root);
+        });
   }
   void take_state(std::size_t k) {
     frames_ = &of_states_[0][0][k], by_part_ = kBalls, by_body_ = 12 * kBalls;
@@ -51,6 +47,13 @@ class PlacedBalls {
       Sixteen::load(roots_[k].z + begin).store(root_.z + begin);
     }
     forget();
+  }
+  void take_span(std::size_t k) {
+    take_state(k);
+    for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns)
+      Sixteen::load(roots_[k].way + begin).store(root_.way + begin);
+    spans_ = nullptr;
+    number_ = k;
   }
   /// Returns false for a pose beyond the limits of the bounds.
   bool place(const Pose* poses) {
@@ -72,14 +75,15 @@ class PlacedBalls {
     forget();
     return true;
   }
-  /// \param spans (columns,) of the bodies
-  void take_spans(const SpanBody* spans) {
+  /// Takes the bodies of one span, after place() of its poses.
+  /// \param spans (columns,)
+  void take_bodies(const SpanBody* spans) {
     spans_ = spans;
     for (std::uint32_t b = 0; b < v_.body_count; ++b) {
-      const float *w = spans[b].twist.turn, *v = spans[b].twist.shift;
-      const float x = root_.x[b] - part(9, b), y = root_.y[b] - part(10, b), z = root_.z[b] - part(11, b);
-      const float u = v[0] + (w[1] * z - w[2] * y), s = v[1] + (w[2] * x - w[0] * z), r = v[2] + (w[0] * y - w[1] * x);
-      const float along = __builtin_sqrtf(u * u + s * s + r * r) + spans[b].bend;
+      const Vec3<float> by =
+          displaced(spans[b].twist.turn, spans[b].twist.shift,
+                    Vec3<float>{root_.x[b] - part(9, b), root_.y[b] - part(10, b), root_.z[b] - part(11, b)});
+      const float along = __builtin_sqrtf(by.x * by.x + by.y * by.y + by.z * by.z) + spans[b].bend;
       root_.way[b] = along < spans[b].way ? along : spans[b].way;
     }
   }
@@ -153,17 +157,15 @@ class PlacedBalls {
     points.y.store(c.y);
     points.z.store(c.z);
     if constexpr (kMoves) {
-      const SpanBody& span = spans_[body];
+      const SpanBody& span = span_of(body);
       lesser(length(displacement(points, body, span.twist)) + Eight(span.bend), Eight(span.way)).store(c.way);
     }
   }
   /// shift + turn x r of each ball, r from its body's origin.
   HWY_INLINE EightPoints displacement(const EightPoints& c, std::uint32_t body, const SpanTwist& twist) const {
     const float *w = twist.turn, *v = twist.shift, *f = frame(body);
-    const EightPoints r = c - EightPoints{Eight(f[9]), Eight(f[10]), Eight(f[11])};
-    return {Eight(v[0]) + (Eight(w[1]) * r.z - Eight(w[2]) * r.y),
-            Eight(v[1]) + (Eight(w[2]) * r.x - Eight(w[0]) * r.z),
-            Eight(v[2]) + (Eight(w[0]) * r.y - Eight(w[1]) * r.x)};
+    const Eight turn[3] = {Eight(w[0]), Eight(w[1]), Eight(w[2])}, shift[3] = {Eight(v[0]), Eight(v[1]), Eight(v[2])};
+    return displaced(turn, shift, c - EightPoints{Eight(f[9]), Eight(f[10]), Eight(f[11])});
   }
   /// The same, with its length as `way`.
   HWY_INLINE void displace(const EightPoints& c, std::uint32_t body, const SpanTwist& twist, Centres& to) const {
@@ -177,7 +179,7 @@ class PlacedBalls {
   /// \param low of their gaps in the middle
   HWY_INLINE Eight approach(const Obstacle& obstacle, const Centres& centres, std::uint32_t body,
                             const Eight& low) const {
-    const EightPoints c = centres.points(), d = displacement(c, body, spans_[body].twist);
+    const EightPoints c = centres.points(), d = displacement(c, body, span_of(body).twist);
     const auto highest = [&](const EightPoints& at) {
       alignas(32) float x[kBalls], y[kBalls], z[kBalls];
       at.x.store(x);
@@ -189,7 +191,7 @@ class PlacedBalls {
     };
     const Eight rise = larger(highest({c.x + d.x, c.y + d.y, c.z + d.z}), highest(c - d)) - low;
     const Eight rounding = Eight(4 * obstacle.error) + Eight(0x1p-19f) * length(d);
-    return larger(rise, Eight(0.0f)) + Eight(spans_[body].bend) + rounding;
+    return larger(rise, Eight(0.0f)) + Eight(span_of(body).bend) + rounding;
   }
   /// The children of a body's root, computed once for a state.
   template <bool kMoves>
@@ -218,8 +220,39 @@ class PlacedBalls {
     has_frame_[body] = true;
     return frame_[body];
   }
+  HWY_INLINE const SpanBody& span_of(std::uint32_t body) const {
+    if (spans_) return spans_[body];
+    if (!has_span_[body]) {
+      const auto part = [&](int i) { return of_spans_[body][i][number_]; };
+      span_[body] = {{{part(0), part(1), part(2)}, {part(3), part(4), part(5)}},
+                     spans_in_lanes_[body].way,
+                     spans_in_lanes_[body].bend};
+    }
+    has_span_[body] = true;
+    return span_[body];
+  }
   void forget() {
-    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = has_frame_[b] = false;
+    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = has_frame_[b] = has_span_[b] = false;
+  }
+  /// \param move called with each body and its root's centres
+  template <bool kMoves, class Move>
+  HWY_INLINE Bits place_in_lanes(const double* const* frames, std::size_t states, const Move& move) {
+    Bits usable = first(static_cast<std::uint32_t>(states));
+    for (std::uint32_t b = 0; b < v_.columns; ++b) {
+      Centres roots{};
+      if (b < v_.body_count) {
+        const BodyInStates body(frames[b]);
+        usable &= usable_states(v_.bodies[b], frames[b], states);
+        body.store(of_states_[b]);
+        body.place({v_.root_x[b], v_.root_y[b], v_.root_z[b]}, roots);
+        move(b, body, roots);
+      }
+      for (std::size_t k = 0; k < states; ++k) {
+        roots_[k].x[b] = roots.x[k], roots_[k].y[b] = roots.y[k], roots_[k].z[b] = roots.z[k];
+        if constexpr (kMoves) roots_[k].way[b] = roots.way[k];
+      }
+    }
+    return usable;
   }
   static bool is_near(double x, double y, double z, double farthest) {
     const auto is_within = [&](double t) { return -farthest <= t && t <= farthest; };
@@ -268,10 +301,13 @@ class PlacedBalls {
   Frame64 exact_[kMostDecidedBodies];
   struct Roots {
     alignas(32) float x[kMostDecidedBodies], y[kMostDecidedBodies], z[kMostDecidedBodies];
-  } roots_[kBalls];  // of eight states
-  struct MovedRoots : Roots {
-    float way[kMostDecidedBodies];
-  } root_;
+    float way[kMostDecidedBodies];  // of spans
+  } roots_[kBalls], root_;          // of eight states, and of one
+  const SpanBody* spans_in_lanes_ = nullptr;
+  std::size_t number_ = 0;                         // of the span in lanes
+  float of_spans_[kMostDecidedBodies][6][kBalls];  // twists within half of each span
+  mutable SpanBody span_[kMostDecidedBodies];      // of one of them, once needed
+  mutable bool has_span_[kMostDecidedBodies];
   mutable float frame_[kMostDecidedBodies][12];  // side by side, once needed
   mutable bool has_frame_[kMostDecidedBodies];
   bool has_children_[kMostDecidedBodies];

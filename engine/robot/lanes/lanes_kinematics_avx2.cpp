@@ -7,7 +7,8 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsAvx2;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsAvx2 =
     kinematic_functions<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>();
-extern const PlaceLanes kPlaceLanesAvx2;  // lane_kinematics.cpp
-constexpr PlaceLanes kPlaceLanesAvx2 = place_lanes<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>;
+extern const LaneFunctions kLaneFunctionsAvx2;  // lane_kinematics.cpp
+constexpr LaneFunctions kLaneFunctionsAvx2 =
+    lane_functions<lanes_kinematics_avx2::Pack<double>, lanes_kinematics_avx2::PackIo>();
 
 }  // namespace clearance

@@ -7,8 +7,8 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsAvx512;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsAvx512 =
     kinematic_functions<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>();
-extern const PlaceLanes kPlaceLanesAvx512;  // lane_kinematics.cpp
-constexpr PlaceLanes kPlaceLanesAvx512 =
-    place_lanes<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>;
+extern const LaneFunctions kLaneFunctionsAvx512;  // lane_kinematics.cpp
+constexpr LaneFunctions kLaneFunctionsAvx512 =
+    lane_functions<lanes_kinematics_avx512::Pack<double>, lanes_kinematics_avx512::PackIo>();
 
 }  // namespace clearance

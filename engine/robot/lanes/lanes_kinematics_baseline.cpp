@@ -7,8 +7,8 @@ namespace clearance {
 extern const KinematicFunctions kKinematicsBaseline;  // kinematics.cpp
 constexpr KinematicFunctions kKinematicsBaseline =
     kinematic_functions<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>();
-extern const PlaceLanes kPlaceLanesBaseline;  // lane_kinematics.cpp
-constexpr PlaceLanes kPlaceLanesBaseline =
-    place_lanes<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>;
+extern const LaneFunctions kLaneFunctionsBaseline;  // lane_kinematics.cpp
+constexpr LaneFunctions kLaneFunctionsBaseline =
+    lane_functions<lanes_kinematics_baseline::Pack<double>, lanes_kinematics_baseline::PackIo>();
 
 }  // namespace clearance

@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <limits>
 #include <tuple>
 #include <vector>
@@ -18,6 +19,12 @@
 namespace clearance::test {
 namespace {
 
+engine::Scene scene_of(bool with_held, bool with_loose) {
+  engine::Scene scene = crowded_scene(!with_loose, with_held);
+  if (with_loose) scene.add_sphere("loose", 0.1, {.pose = Pose{{0, 0, 8}}});
+  return scene;
+}
+
 // The arm in the crowded scene with its covers, and states of it.
 struct Crowded {
   engine::Scene scene;
@@ -26,7 +33,8 @@ struct Crowded {
   ArmStates arm;
   Plan plan;
 
-  explicit Crowded(int states, bool with_held = true) : scene(crowded_scene(true, with_held)), arm(scene, states) {
+  explicit Crowded(int states, bool with_held = true, bool with_loose = false)
+      : scene(scene_of(with_held, with_loose)), arm(scene, states) {
     arm.query.fields = kFieldVerdict;
     for (const Body& body : scene.bodies())
       if (body.robot != kNone) covers.request({body.parts});
@@ -166,6 +174,65 @@ TEST(StateLanes, DecideAsPosesDo) {
       ++seen[static_cast<std::size_t>(std::get<0>(by_frame))];
     }
   for (const std::size_t count : seen) EXPECT_GT(count, 0u);
+  for (std::uint32_t k = 0; k < kStates; ++k) {
+    const Pose* const poses = lanes.place_one(k);
+    EXPECT_EQ(lanes.usable()[0], k != bad) << k;
+    if (k == bad) continue;
+    EXPECT_EQ(std::memcmp(poses, &block.poses[k * plan.bodies.size()], plan.bodies.size() * sizeof(Pose)), 0) << k;
+  }
+}
+
+// A motion's spans side by side, or one after another where the query gives a body's poses, too: the same decisions, to
+// the open pairs and their times.
+TEST(SpansInLanes, AreDecidedAsAlone) {
+  constexpr std::uint32_t kMotions = 3000;
+  Crowded together(2 * kMotions, false, true), alone(2 * kMotions, false, true);
+  const std::vector<std::uint32_t> loose{alone.scene.find_body("loose")};
+  const std::vector<Pose> far(2 * kMotions, Pose{{0, 0, 8}});
+  const std::size_t joints = alone.arm.joints.size();
+  for (std::size_t i = 0; i < kMotions * joints; ++i)  // a quarter of the way
+    for (Crowded* each : {&together, &alone}) {
+      double* const start = &each->arm.positions[i / joints * 2 * joints + i % joints];
+      start[joints] = start[0] + 0.25 * (start[joints] - start[0]);
+    }
+  alone.arm.query.bodies = loose;
+  alone.arm.query.configurations = far;
+  std::vector<BodyPair> pairs;
+  std::array<std::size_t, 3> seen{};
+  std::size_t open = 0;
+  for (const double margin : {0.0, 0.02}) {
+    for (Crowded* each : {&together, &alone}) {
+      each->arm.query.max_evaluations = 64;
+      each->arm.query.margin = margin;
+      each->make();
+      pairs.resize(together.plan.pairs.size());
+      together.plan.pairs.copy(0, pairs.size(), pairs.data());
+      std::erase_if(pairs, [&](const BodyPair& pair) { return pair.a == loose[0] || pair.b == loose[0]; });
+      each->arm.query.pairs = pairs;
+      each->arm.query.all_pairs = false;
+      each->make();
+    }
+    ASSERT_EQ(alone.plan.given_bodies, 1u);
+    ASSERT_EQ(alone.plan.pairs.size(), together.plan.pairs.size());
+    const auto covers = CoverPlan::make(together.scene, together.plan, together.covers, nullptr),
+               same = CoverPlan::make(alone.scene, alone.plan, alone.covers, nullptr);
+    ASSERT_TRUE(covers && covers->rates() && same && same->rates());
+    for (std::uint32_t i = 0; i < kMotions; ++i) {
+      MotionDecider in_lanes(*covers, together.plan), one_by_one(*same, alone.plan);
+      const Verdict verdict = in_lanes.decide(i);
+      EXPECT_EQ(verdict, one_by_one.decide(i)) << margin << " " << i;
+      ++seen[static_cast<std::size_t>(verdict)];
+      if (verdict != Verdict::kUnresolved) continue;
+      ASSERT_EQ(in_lanes.open().size(), one_by_one.open().size()) << margin << " " << i;
+      open += in_lanes.open().size();
+      for (std::size_t k = 0; k < in_lanes.open().size(); ++k) {
+        const OpenPair &a = in_lanes.open()[k], &b = one_by_one.open()[k];
+        EXPECT_EQ(std::tie(a.position, a.begin, a.end), std::tie(b.position, b.begin, b.end)) << margin << " " << i;
+      }
+    }
+  }
+  for (const std::size_t count : seen) EXPECT_GT(count, 20u);
+  EXPECT_GT(open, 20u);
 }
 
 }  // namespace

@@ -5,6 +5,7 @@
 #include <cstring>
 
 #include "engine/robot/lane_kinematics.h"
+#include "engine/robot/link_twists.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/source_file.h"
@@ -184,7 +185,7 @@ TEST(Kinematics, AllInstructionSetsGiveTheSameBits) {
 }
 
 // A bad configuration does not affect its neighbours in other lanes.
-TEST(Kinematics, StatesInLanesHaveTheSameBits) {
+TEST(Kinematics, StatesInLanesHaveTheSameBitsAndTwists) {
   RobotRandom random(5);
   for (const char* file : {"arm.urdf", "every_joint.urdf"}) {
     const RobotModel robot = read_urdf(kFolder + file);
@@ -197,14 +198,24 @@ TEST(Kinematics, StatesInLanesHaveTheSameBits) {
     std::vector<Pose> poses(kMostLanes * robot.links.size());
     std::vector<Status> status(kMostLanes);
     kinematics.place(q, {}, poses, status);
-    for (const PlaceLanes kernel : lane_kinematics()) {
+    std::vector<double> change(positions.size());
+    for (double& each : change) each = random.uniform(-2, 2);
+    const LinkTwists link_twists(kinematics);
+    std::vector<Twist> twists(robot.links.size());
+    for (const LaneFunctions& kernel : lane_kinematics()) {
       LaneKinematics lanes(kinematics);
       lanes.place(positions, kernel);
-      for (std::size_t k = 0; k < kMostLanes; ++k)
+      lanes.take_twists(change, kernel);
+      for (std::size_t k = 0; k < kMostLanes; ++k) {
+        const std::span of_state = std::span(poses).subspan(k * robot.links.size(), robot.links.size());
+        link_twists.at(of_state, change, twists);
         for (std::uint32_t link = 0; link < robot.links.size(); ++link) {
           const Pose pose = lanes.pose(link, k);
-          EXPECT_EQ(std::memcmp(&pose, &poses[k * robot.links.size() + link], sizeof pose), 0) << file << " " << link;
+          const Twist twist = lanes.twist(link, k);
+          EXPECT_EQ(std::memcmp(&pose, &of_state[link], sizeof pose), 0) << file << " " << link;
+          EXPECT_EQ(std::memcmp(&twist, &twists[link], sizeof twist), 0) << file << " " << link;
         }
+      }
     }
   }
 }
@@ -244,6 +255,19 @@ TEST(Kinematics, PositionsThatCannotBeUsedAreBadPoses) {
   std::vector<Status> status(1);
   Kinematics(scaled).place(q, roots, alone, status);
   EXPECT_EQ(status[0], Status::kBadPose);
+  std::vector<DoubleInLanes> positions(columns);
+  for (std::size_t c = 0; c < columns; ++c)
+    for (std::size_t k = 0; k < kMostLanes; ++k) positions[c].lane[k] = k == 3 ? q[c] : good[c];
+  const Kinematics of_scaled(scaled);
+  for (const LaneFunctions& kernel : lane_kinematics()) {
+    LaneKinematics lanes(of_scaled);
+    lanes.place(positions, kernel);
+    for (std::uint32_t link = 0; link < links; ++link)
+      for (std::size_t k = 0; k < kMostLanes; ++k) {
+        const bool root = std::count(of_scaled.roots().begin(), of_scaled.roots().end(), link) > 0;
+        EXPECT_EQ(std::isnan(lanes.pose(link, k).translation.x), k == 3 && !root) << link << " " << k;
+      }
+  }
 }
 
 }  // namespace
