@@ -176,6 +176,10 @@ PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_
   return prepared;
 }
 
+bool Engine::has_job(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
+  return pool && pool->has(query.configuration_count, impl_->poses.snapshot());
+}
+
 PreparedQuery Engine::prepare(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
   PreparedQuery prepared = begin_preparing(query, pool);
   prepared.advance();

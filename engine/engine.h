@@ -160,6 +160,8 @@ class Engine {
   /// stay. Both throw QueryError.
   /// \param pool of earlier jobs of this query with other configurations, and for its next one; may be null
   PreparedQuery prepare(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
+  /// Whether prepare() repeats a job of the pool, which may be null, so that the query is valid with any inputs that fit.
+  bool has_job(const QueryView& query, const std::shared_ptr<JobPool>& pool) const;
   /// Prepares a query in slices. The caller calls PreparedQuery::advance().
   PreparedQuery begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;

@@ -11,15 +11,15 @@ namespace clearance {
 struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   Prepared(std::shared_ptr<Impl> of, const Query& query) : engine(std::move(of)), owned(query) {
     view = view_without_inputs(owned.query);
-    const SceneInfo scene = scene_names_of(*engine->engine());
-    view.scene_revision = scene.revision;
-    names = names_in(owned.query, scene, joints());
+    const std::shared_ptr<engine::Engine> now = engine->engine();
+    view.scene_revision = now->scene_revision();
+    names = names_in(owned.query, scene_names(*now), joints(*now));
+    last.jobs = engine->jobs_of(view);
     // Throws for a query that is invalid with any inputs, by one configuration or motion.
     if (!owned.bodies.empty() || !owned.joints.empty())
       view.configuration_count = view.max_evaluations ? view.control_points : 1;
-    translated([&] { engine->engine()->size(view); });
+    if (!now->has_job(view, last.jobs)) translated([&] { now->size(view); });
     view.configuration_count = 0;
-    last.jobs = engine->jobs_of(view);
   }
 
   Result run(const clearance::Prepared::Inputs& inputs) override {
@@ -45,10 +45,10 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   }
 
   bool is_stale() override {
-    if (engine->engine()->scene_revision() == view.scene_revision) return false;
-    const SceneInfo now = scene_names_of(*engine->engine());
-    why = changed_name(names, owned.query, now, joints());
-    if (why.empty()) view.scene_revision = now.revision;
+    const std::shared_ptr<engine::Engine> now = engine->engine();
+    if (now->scene_revision() == view.scene_revision) return false;
+    why = changed_name(names, owned.query, scene_names(*now), joints(*now));
+    if (why.empty()) view.scene_revision = now->scene_revision();
     return !why.empty();
   }
 
@@ -76,7 +76,11 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
       return f();
     });
   }
-  JointsInfo joints() const { return owned.joints.empty() ? JointsInfo() : joints_of(*engine->engine()); }
+  SceneInfo scene_names(const engine::Engine& now) const {
+    const bool names_any = !owned.query.pairs.empty() || !owned.query.margins.empty() || !owned.bodies.empty();
+    return names_any ? scene_names_of(now) : SceneInfo();
+  }
+  JointsInfo joints(const engine::Engine& now) const { return owned.joints.empty() ? JointsInfo() : joints_of(now); }
 
   const std::shared_ptr<Impl> engine;
   OwnedQuery owned;

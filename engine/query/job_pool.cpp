@@ -34,21 +34,32 @@ bool JobPool::allows(const QuerySize& size) {
   return size.pairs <= kMostPairs && size.configurations * size.pairs <= kMostPairs;
 }
 
-Job::StatePtr JobPool::take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot) {
+// The mutex is locked.
+JobPool::Jobs::const_reverse_iterator JobPool::find(std::uint32_t configurations,
+                                                    const std::shared_ptr<const PoseSnapshot>& snapshot) const {
   const auto is_of_snapshot = [&](const std::weak_ptr<const PoseSnapshot>& kept) {
     return !kept.owner_before(snapshot) && !snapshot.owner_before(kept);
   };
-  const std::lock_guard lock(mutex_);
-  const auto found = std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const std::unique_ptr<Job::State>& job) {
-    return job->repeatable_plan()->query.configuration_count == query.configuration_count &&
-           is_of_snapshot(job->kept_for);
+  return std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const std::unique_ptr<Job::State>& job) {
+    return job->repeatable_plan()->query.configuration_count == configurations && is_of_snapshot(job->kept_for);
   });
+}
+
+bool JobPool::has(std::uint32_t configurations, const std::shared_ptr<const PoseSnapshot>& snapshot) const {
+  const std::lock_guard lock(mutex_);
+  return find(configurations, snapshot) != jobs_.rend();
+}
+
+Job::StatePtr JobPool::take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot) {
+  const std::lock_guard lock(mutex_);
+  const auto found = find(query.configuration_count, snapshot);
   if (found == jobs_.rend()) return nullptr;
-  Plan& plan = *(*found)->repeatable_plan();
+  const auto place = jobs_.begin() + (std::next(found).base() - jobs_.cbegin());
+  Plan& plan = *(*place)->repeatable_plan();
   plan.take_configurations(query);
   plan.snapshot = std::move(snapshot);
-  Job::StatePtr job(found->release());
-  jobs_.erase(std::next(found).base());
+  Job::StatePtr job(place->release());
+  jobs_.erase(place);
   return job;
 }
 

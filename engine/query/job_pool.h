@@ -32,13 +32,19 @@ class JobPool {
   /// its Job::State::pool. Throws QueryError for configurations that do not fit the query's bodies and joints.
   /// \param snapshot moved into the job, if there is one
   Job::StatePtr take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot);
+  /// Whether take() has a job for as many configurations on this snapshot, so that the query was found valid there.
+  bool has(std::uint32_t configurations, const std::shared_ptr<const PoseSnapshot>& snapshot) const;
   /// Puts back a job whose answer is complete.
   void put_back(std::unique_ptr<Job::State> job);
 
  private:
+  using Jobs = std::vector<std::unique_ptr<Job::State>>;
+  Jobs::const_reverse_iterator find(std::uint32_t configurations,
+                                    const std::shared_ptr<const PoseSnapshot>& snapshot) const;
+
   std::size_t most_;
-  std::mutex mutex_;
-  std::vector<std::unique_ptr<Job::State>> jobs_;  // the last one put back is at the end
+  mutable std::mutex mutex_;
+  Jobs jobs_;  // the last one put back is at the end
 };
 
 }  // namespace clearance

@@ -23,8 +23,11 @@ CLOSE = [("arm/finger", "egg"), ("egg", "post")]
 def controls(points, seed, turn=(1, 0.2, -0.1, 0.3)):
     """(1, points, 7) control poses of the cart, which carries the arm, and of the egg; they keep their rotation."""
     rng = np.random.default_rng(seed)
-    cart = [[at(*rng.uniform(-0.1, 0.1, 2), -0.2, turn) for _ in range(points)]]
-    egg = [[at(*(np.array([0.2, -1.2, 0.9]) + rng.uniform(-0.4, 0.4, 3)), turn) for _ in range(points)]]
+
+    def around(place, way):
+        return [[[*(np.array(place) + rng.uniform(-1, 1, 3) * way), *turn] for _ in range(points)]]
+
+    cart, egg = around([0, 0, -0.2], [0.1, 0.1, 0]), around([0.2, -1.2, 0.9], 0.4)
     return {"cart": BodyPath(cart), "egg": BodyPath(egg, radius=0.05, growth=0.2)}
 
 

@@ -1,6 +1,7 @@
 // Names of the ids in a query, by which a prepared query notices that ids have another meaning.
 #pragma once
 
+#include <charconv>
 #include <cstdint>
 #include <string>
 #include <vector>
@@ -11,6 +12,12 @@ namespace clearance {
 
 /// Names in the order of for_each_id().
 using QueryNames = std::vector<std::string>;
+
+/// A number as std::to_string() writes it, without its time.
+inline std::string limit_text(double limit) {
+  char digits[400];
+  return {digits, std::to_chars(digits, digits + sizeof digits, limit, std::chars_format::fixed, 6).ptr};
+}
 
 /// Calls f(kind, name) for each id of a query, with "" for ids outside the scene. Moved bodies have their parent's name
 /// added, since their poses are relative to it; joints have their limits.
@@ -37,8 +44,8 @@ void for_each_id(const Query& query, const SceneInfo& scene, const JointsInfo& j
     if (id >= joints.joints.size())
       f("joint", std::string());
     else
-      f("joint", joints.joints[id].name + " from " + std::to_string(joints.joints[id].lower) + " to " +
-                     std::to_string(joints.joints[id].upper));
+      f("joint", joints.joints[id].name + " from " + limit_text(joints.joints[id].lower) + " to " +
+                     limit_text(joints.joints[id].upper));
   }
 }
 

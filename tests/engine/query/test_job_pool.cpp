@@ -239,7 +239,9 @@ TEST(JobPool, NoneAnswersForASnapshotThatIsGone) {
       SCOPED_TRACE("change " + std::to_string(done) + ", reduce " + std::to_string(static_cast<int>(reduce)));
       q.reduce = reduce;
       const std::uint64_t before = jobs_reused(engine);
+      EXPECT_FALSE(engine.has_job(q, pools[reduce]));
       const Answer now = repeat(engine, q, pools[reduce]), again = repeat(engine, q, pools[reduce]);
+      EXPECT_TRUE(engine.has_job(q, pools[reduce]));
       EXPECT_EQ(jobs_reused(engine), before + 1);
       EXPECT_EQ(now.info.snapshot_revision, engine.pose_revision());
       EXPECT_EQ(again.info.snapshot_revision, engine.pose_revision());
@@ -336,8 +338,11 @@ TEST(JobPool, KeepsJobsOfSeveralNumbersOfConfigurations) {
     q.configuration_count = count;
     q.positions = std::span(arm.positions).first(count * arm.joints.size());
     const std::uint64_t before = jobs_reused(engine);
+    const bool has = engine.has_job(q, pool);
     expect_same(repeat(engine, q, pool), repeat(engine, q, std::make_shared<JobPool>()));
-    return jobs_reused(engine) > before;
+    EXPECT_EQ(has, jobs_reused(engine) > before);
+    EXPECT_FALSE(engine.has_job(q, nullptr));
+    return has;
   };
   EXPECT_FALSE(ask(1));
   EXPECT_FALSE(ask(6));
