@@ -1,4 +1,4 @@
-// check_stop(): robots that brake at the last proved moment, and the numbers of a rail in closed form.
+// Robots that brake at the last moment that check_stop() proves.
 #include <gtest/gtest.h>
 
 #include "tests/oracle/stops/approaches.h"
