@@ -52,7 +52,7 @@ bench:  ## measure latency and throughput; another benchmark by SUITE="robots rr
 tradeoff:  ## measure what accuracy costs: time against tolerance, margin and model; rewrites docs/tradeoff.md and its picture
 	@python3 bench/run.py $(if $(QUICK),--quick) tradeoff $(OPTIONS)
 
-certify:  ## check a million pairs of every hard class of hulls and meshes, 30,000 motions of each kind, a million states and 100,000 edges of each robot and 30,000 certificates of each class against exact arithmetic, on THREADS=all cores; rewrites docs/results/*accuracy.csv
+certify:  ## check a million pairs of every hard class of hulls and meshes, 30,000 motions of each kind, ten million stops, a million states and 100,000 edges of each robot and 30,000 certificates of each class against exact arithmetic, on THREADS=all cores; rewrites docs/results/*accuracy.csv
 	@tools/setup.sh
 	@tools/build.sh release clearance-certify clearance-certificates
 	@tools/certify.sh

@@ -33,9 +33,9 @@ struct Mover {
 
 /// How a robot brakes, and who moves meanwhile.
 struct Braking {
-  std::span<const double> deceleration;  ///< (J,) rad/s^2 and m/s^2, above 0: what every brake reaches at least
-  double reaction_s =
-      0;  ///< seconds from the measurement of the positions until the brakes act, at unchanged velocities
+  std::span<const double> deceleration;  ///< (J,) rad/s^2 and m/s^2, positive; what every brake reaches at least
+  /// Seconds from the measurement of the positions until the brakes act, at unchanged velocities.
+  double reaction_s = 0;
   /// Each must have received a pose. Its age counts, and so does the time to standstill.
   std::span<const Mover> others = {};
   /// All joints stop at one time, on a straight line: the proof covers harder braking along it, too. Otherwise each
@@ -185,8 +185,8 @@ double greatest_scale(IsFree&& is_free) {
 
 /// Returns whether a robot that brakes stops before any contact, and the greatest speed for which it does.
 ///
-/// Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; what they do
-/// once the robot stands is not considered. Throws std::invalid_argument for arguments that do not fit, or others without
+/// Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; their motion
+/// after standstill is not considered. Throws std::invalid_argument for arguments that do not fit, or others without
 /// a received pose, and otherwise as check_path().
 /// \param engine an Engine or a Client
 /// \param state (J,) positions and velocities of `joints` now; its pairs, and a margin that is kept from everything

@@ -49,6 +49,9 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "plan = engine": NEEDS + "a GPU; make gpu-test",
         "client = clearance": NEEDS + "a GPU; make gpu-test",
     },
+    "docs/control.md": {
+        "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
+    },
     "docs/examples.md": {
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",

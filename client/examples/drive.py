@@ -5,12 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 HOLD = 0.005  # seconds during which a command is valid
-STOP = 0.02  # seconds from a command's end to a standstill, at a constant deceleration
+BRAKE = 30.0  # radians per second^2: deceleration of the fastest joint after a command's end; all stop at one time
 GRID = 1e-3  # seconds between samples of the log
 
 
 class Drive:
-    """Joint positions as a function of time: dq for HOLD after the command, then down to 0 within STOP."""
+    """Joint positions as a function of time: dq for HOLD after the command, then down to 0."""
 
     def __init__(self, q):
         self.q = np.array(q, float)
@@ -24,8 +24,9 @@ class Drive:
         """Equivalent time at full speed since the command, in seconds."""
         if not np.isfinite(self.commanded):
             return 0.0
-        full, ramp = min(now - self.commanded, HOLD), min(max(now - self.commanded - HOLD, 0.0), STOP)
-        return full + ramp - ramp**2 / (2 * STOP)
+        stop = float(np.abs(self.dq).max()) / BRAKE
+        full, ramp = min(now - self.commanded, HOLD), min(max(now - self.commanded - HOLD, 0.0), stop)
+        return full + (ramp - ramp**2 / (2 * stop) if stop > 0 else 0.0)
 
     def advance(self, now: float, log) -> np.ndarray:
         """(J,) present position of the arm; logs the positions since the last call, every GRID."""

@@ -37,7 +37,7 @@ class RunLog:
     def __init__(self, joints: list[str], seconds: float):
         self.joints = joints
         room = int(2500 * seconds) + 1000
-        self.samples, self.ticks = Rows(1 + len(joints), room), Rows(5, room)
+        self.samples, self.ticks = Rows(1 + len(joints), room), Rows(6, room)
         self.misses = Rows(1, 1000)
         self.failures: Counter[str] = Counter()
 
@@ -45,7 +45,7 @@ class RunLog:
         self.samples.add(t, *q)
 
     def tick(self, *row) -> None:
-        """t, seconds that the tick took, lower, upper, amount by which barriers were relaxed."""
+        """t, seconds that the tick took, lower, upper, how far barriers were relaxed, proved share of the speeds."""
         self.ticks.add(*row)
 
     def missed(self, seconds: float) -> None:
@@ -110,6 +110,10 @@ class RunLog:
             f"barriers given up in {(ticks[:, 4] > 1e-3).sum()} ticks, stalls longer than the margin covers:", end=" "
         )
         print(f"{(self.allowed > 0).sum()} samples")
+        slowed = ticks[:, 5] < 1
+        print(
+            f"stops proved at full speed in {(~slowed).sum()} ticks, at {ticks[:, 5].min():.2f} of it or more in others"
+        )
         true, lower = 1e3 * self.truth.min(), 1e3 * ticks[:, 2].min()
         print(f"least true distance {true:.2f} mm, least lower bound {lower:.2f} mm", end="; ")
         print(

@@ -9,9 +9,10 @@ their slopes by joint; a small QP finds the joint speeds nearest to the wanted o
 
     slope . dq  >=  ball's speed - ALPHA (lower - margin)         for each pair
 
-`margin()` explains why it holds, and the source of each number. The drives are simulated realistically: a command is
-valid for HOLD, then they stop within STOP, even if this program fails. At the end ExactArm, which does not use
-Clearance, checks the arm at every millisecond, with the actual positions of the balls.
+`margin()` explains why it holds, and the source of each number. Before they are commanded, check_stop() proves that the
+arm would stop in time from these speeds, or the share of them for which it would. The drives are simulated
+realistically: a command is valid for HOLD, then they brake, even if this program fails. At the end ExactArm, which does
+not use Clearance, checks the arm at every millisecond, with the actual positions of the balls.
 Needs numpy, lcm and proxsuite, and matplotlib for --plot.
 """
 
@@ -28,7 +29,7 @@ from typing import Optional
 import moving_balls
 import numpy as np
 import own_daemon
-from drive import HOLD, STOP, Drive
+from drive import BRAKE, HOLD, Drive
 from proxsuite import proxqp
 from run_log import RunLog
 
@@ -37,7 +38,10 @@ import clearance
 TICK = 1e-3  # seconds
 KEEP = 0.03  # metres: minimum distance to a ball or to the floor
 STALL = 0.1  # seconds without an answer that the margin covers
+LATE = 0.01  # seconds from the measurement of the arm until its command, at most
+SHIFT = 0.01  # metres: how far the command before may take the arm from where it is expected meanwhile
 SPEED = 0.6  # radians per second: limit of each joint
+STOP = SPEED / BRAKE  # seconds from a command's end to a standstill, at most
 REACH = [1.25, 1.25, 0.85, 0.45, 0.35, 0.25]  # metres: bound on the arm's distance from each joint's axis, beyond it
 LINK = 0.5  # metres: the longest link
 ALPHA = 8.0  # 1/s: rate at which the barrier may be approached
@@ -68,6 +72,16 @@ def margin() -> float:
     beside = turn * LINK * way
     bend = 0.5 * turn * SPEED * sum(REACH) * way**2
     return KEEP + moving_balls.MAX_SPEED * STALL + beside + bend
+
+
+def stop_margin() -> float:
+    """What the proof that the arm stops keeps from a ball where its pose may have been received late.
+
+    In addition to KEEP, there are:
+      - a ball, with its speed while its pose is on its way, up to STALL: the engine counts the age from receipt;
+      - the arm, with the command before until the one that is checked.
+    """
+    return KEEP + moving_balls.MAX_SPEED * STALL + SHIFT
 
 
 def scene() -> clearance.Scene:
@@ -151,14 +165,18 @@ class Controller:
         # Within STALL the arm and a ball approach by less than LOOK: pairs left out now cannot be too near then.
         self.query = client.prepare(
             "distances", joints=self.joints, pairs=[("arm", "*")], reduce="within", max_distance=LOOK,
-            fields=["lower", "upper", "status", "pair", "gradient_joints"], rel_tol=1e-3, timeout_s=STALL,
+            fields=["lower", "upper", "status", "pair", "gradient_joints", "rate"], rel_tol=1e-3, timeout_s=STALL,
+        )  # fmt: skip
+        self.stop = client.prepare(
+            "check_stop", joints=self.joints, pairs=[("arm", "*")], deceleration=BRAKE, reaction_s=LATE + HOLD,
+            others=dict.fromkeys(moving_balls.NAMES, moving_balls.MAX_SPEED), margin=stop_margin(), timeout_s=STALL,
         )  # fmt: skip
 
     def tick(self, began: float, now: float) -> None:
         """Queries the present position, and commands speeds; without a usable answer none, so that the drives stop."""
         positions = self.drive.advance(now, self.log)
         try:
-            r = self.query.run(positions[None])
+            r = self.query.run(positions[None], self.drive.dq[None])
         except clearance.ClearanceError as error:
             self.log.failed(type(error).__name__)
             return
@@ -170,16 +188,29 @@ class Controller:
         # Latencies of the pose and of this query are unknown to the engine: measured with one clock.
         late = 1e-9 * max(0, time.time_ns() - r.snapshot_stamp_ns - max(r.pose_age_ns, 0))
         approach = np.where(self.balls[r.pair].any(axis=1), moving_balls.MAX_SPEED, 0.0)
-        least = approach - ALPHA * (lower - approach * late - self.margin)
+        # The present command goes on until the next one: `rate` is what it changes.
+        then = lower - (approach + np.maximum(-r.rate, 0.0)) * late
+        least = approach - ALPHA * (then - self.margin)
         answer = self.safe(wanted(now - began, self.drive.q), r.gradient_joints[nearest], least[nearest])
         if answer is None:
             self.log.failed("no QP")
             return
         speeds, given_up = answer
+        try:
+            scale = self.stop.run(positions, speeds).speed_scale
+        except (clearance.ClearanceError, ValueError) as error:
+            self.log.failed(type(error).__name__)
+            return
+        # If not even rest is proved, a ball has come within the margin, and the barrier leads away from it.
+        commanded = (scale or 1.0) * speeds
         done = time.monotonic()
-        self.drive.command(speeds, done, self.log)
+        shift = (done - now) * float(np.abs(commanded - self.drive.dq) @ REACH)
+        if done - now > LATE or shift > SHIFT or late > STALL:
+            self.log.failed("late")
+            return
+        self.drive.command(commanded, done, self.log)
         low, high = (lower[nearest[0]], r.upper[nearest[0]]) if len(nearest) else (LOOK, LOOK)
-        self.log.tick(now, done - now, low, high, given_up)
+        self.log.tick(now, done - now, low, high, given_up, scale)
 
 
 def run(client, log: RunLog, began: float, seconds: float) -> None:

@@ -19,12 +19,13 @@ bool certify_stops(const CertifyOptions& o) {
   const auto write = [&] {
     if (o.csv.empty()) return;
     std::ofstream out(o.csv);
-    out << "# approaches " << all.approaches << " of " << o.stops << ", seed " << o.seed << ", " << done
-        << " arms\napproaches,contacts,within_10_mm,least_m,braked_harder,joint_by_joint,compared,slower,speed_scale,"
-           "capsule_speed_scale\n"
+    const auto compared = static_cast<double>(all.compared);
+    out << "# approaches " << all.approaches << " of " << o.stops << ", seed " << o.seed << ", " << done << " arms\n"
+        << "approaches,contacts,within_10_mm,least_m,braked_harder,joint_by_joint,compared,slower,slower_still,"
+           "speed_scale,capsule_speed_scale\n"
         << all.approaches << ',' << all.contacts << ',' << all.close << ',' << all.least << ',' << all.harder << ','
-        << all.apart << ',' << all.compared << ',' << all.slower << ',' << all.speed / static_cast<double>(all.compared)
-        << ',' << all.capsule_speed / static_cast<double>(all.compared) << '\n';
+        << all.apart << ',' << all.compared << ',' << all.slower << ',' << all.slower_still << ','
+        << all.speed / compared << ',' << all.capsule_speed / compared << '\n';
     if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
   };
   in_parallel(shares, o.threads, [&](std::size_t k) {
@@ -34,7 +35,7 @@ bool certify_stops(const CertifyOptions& o) {
     if (found.wrong() > 0) std::cerr << "stops, share " << k << ": " << found.text() << '\n';
     if (++done % 20 == 0) {
       std::cerr << all.approaches << " approaches\n";
-      write();  // a run that is stopped keeps what it has found
+      write();  // for a run that is stopped
     }
   });
   write();

@@ -54,9 +54,9 @@ struct Yard {
   }
 };
 
-/// The share s with s v reaction + (s v)^2 / (2 a) = room.
-double greatest(double room, double reaction, double v, double a) {
-  return a / v * (std::sqrt(reaction * reaction + 2 * room / a) - reaction);
+/// The share s with s v reaction + (s v)^2 / (2 a) = free_way.
+double greatest(double free_way, double reaction, double v, double a) {
+  return a / v * (std::sqrt(reaction * reaction + 2 * free_way / a) - reaction);
 }
 
 TEST(StopCheck, StopsBeforeAWall) {

@@ -64,12 +64,14 @@ PYTHON_ONLY = {
         "scene_revision": "in scene()",
         "pose_revision": "in results of updates",
         "plan_on_device": "device queries take arrays of PyTorch and JAX",
+        "explain_stop": "a table, not for control loops",
     },
     "Client": {
         "groups": "in scene()",
         "scene_revision": "in scene()",
         "backend": "in scene()",
         "close": "the destructor",
+        "explain_stop": "as of an Engine",
     },
     "Scene": {
         "add_body": "add_* by a word",

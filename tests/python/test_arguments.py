@@ -293,7 +293,14 @@ def test_docstrings_of_queries_state_each_default(front, name):
 
 def test_every_argument_of_both_fronts(front):
     calls = {**FRONT, **(CLIENT if isinstance(front, clearance.Client) else {})}
-    elsewhere = {"prepare", "free_scale", "plan", "explain_path", "check_stop"}  # below; files of their own
+    elsewhere = {
+        "prepare",
+        "free_scale",
+        "plan",
+        "explain_path",
+        "check_stop",
+        "explain_stop",
+    }  # below; files of their own
     named = public_methods(type(front)) - elsewhere
     assert named == set(calls), "a call is missing from the table"
     scene_revision, snapshot = front.scene_revision, front.distances().snapshot_revision

@@ -14,7 +14,7 @@ from patience import PATIENCE_S
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "client/examples"))
 
-from drive import HOLD, STOP, Drive  # noqa: E402
+from drive import BRAKE, HOLD, Drive  # noqa: E402
 from exact_arm import ExactArm  # noqa: E402
 
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
@@ -78,14 +78,14 @@ class Samples(list):
 
 
 def test_a_drive_without_a_new_command_stops():
-    log, drive = Samples(), Drive([0.0])
+    log, drive, stop = Samples(), Drive([0.0]), 2.0 / BRAKE
     drive.start(10.0)
     assert drive.advance(10.5, log)[0] == 0.0
     drive.command([2.0], 10.5, log)
     assert drive.advance(10.5 + HOLD, log)[0] == pytest.approx(2.0 * HOLD)
     drive.advance(11.5, log)
-    assert drive.q[0] == pytest.approx(2.0 * (HOLD + STOP / 2)), "as far as the margin counts with"
-    late = [q for t, q in log if t > 10.5 + HOLD + STOP]
+    assert drive.q[0] == pytest.approx(2.0 * (HOLD + stop / 2)), "as far as the margin counts with"
+    late = [q for t, q in log if t > 10.5 + HOLD + stop]
     assert len(late) > 100 and np.ptp(late) < 1e-12, "and it stands still from then on"
     assert (np.diff([t for t, _ in log]) <= 1e-3 + 1e-9).all(), "where it was meanwhile is known to a millisecond"
 

@@ -48,9 +48,9 @@ def at(x, y=0.0):
     return [x, y, 0, 1, 0, 0, 0]
 
 
-def greatest(room, reaction, v, a):
-    """The share s with s v reaction + (s v)^2 / (2 a) = room."""
-    return a / v * (math.sqrt(reaction**2 + 2 * room / a) - reaction)
+def greatest(way, reaction, v, a):
+    """The share s with s v reaction + (s v)^2 / (2 a) = way."""
+    return a / v * (math.sqrt(reaction**2 + 2 * way / a) - reaction)
 
 
 def test_a_cart_before_a_wall(front):
@@ -141,7 +141,34 @@ def test_prepared_ones_keep_their_margins_when_the_scene_changes(front):
     front.remove_body("crate")
 
 
-def test_what_is_no_stop_is_rejected_by_name(front):
+def test_the_terms_of_a_separation_distance(front):
+    # 0.25 m in the reaction of 0.5 s, 0.5 m in 2 s of braking; the person stands 2.8 m before the cart.
+    front.set_poses({"person": at(3.0, 0.0), "hand": at(0.0, 40.0)})
+    for together in (True, False):
+        terms = front.explain_stop(
+            [0, 0], [0.5, 0], "r", 0.25, 0.5, {"person": 0.2}, [("r", "person")], margin=0.1, together=together
+        )
+        (person,) = terms
+        assert person.body == "person" and person.distance == pytest.approx((2.8, 2.8))
+        assert person.reaction == pytest.approx(0.25, abs=2e-4) and person.reaction >= 0.25
+        assert person.stopping == pytest.approx(0.5, abs=2e-4) and person.stopping >= 0.5
+        assert person.human >= 0.2 * (2.5 + person.age_s) and person.intrusion == 0.1
+        assert person.human == pytest.approx(0.2 * (2.5 + person.age_s))
+        assert person.required == person.human + person.reaction + person.stopping + person.intrusion
+        assert person.left == person.distance[0] - person.required
+    # Nothing is left for a faster person, as check_stop() finds.
+    arguments = {"joints": "r", "deceleration": 0.25, "reaction_s": 0.5, "pairs": [("r", "person")]}
+    for speed in (0.3, 1.2):
+        (terms,) = front.explain_stop([0, 0], [0.5, 0], others={"person": speed}, **arguments)
+        assert (
+            (terms.left > 0)
+            == (speed == 0.3)
+            == front.check_stop([0, 0], [0.5, 0], others={"person": speed}, **arguments).check.free
+        )
+    assert [t.body for t in front.explain_stop([0, 0], [1, 0], "r", 1, others={"person": 1})] == ["person", "hand"]
+
+
+def test_wrong_arguments_are_rejected_by_name(front):
     def stop(positions=(0, 0), velocities=(1, 0), joints="r", deceleration=1.0, **more):
         return front.check_stop(positions, velocities, joints, deceleration, **more)
 

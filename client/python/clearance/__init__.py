@@ -48,6 +48,7 @@ from ._query.plan import PathPlan
 from ._query.prepared import Prepared
 from ._query.result import Result
 from ._query.stop import StopCheck
+from ._query.stop_terms import Separation
 from ._query.trajectory import Trajectory
 from ._scene_changes import SceneChanged
 from ._updates import UpdateResult
@@ -107,6 +108,7 @@ __all__ = [
     "Scene",
     "SceneChanged",
     "SceneError",
+    "Separation",
     "StaleQuery",
     "Status",
     "StopCheck",

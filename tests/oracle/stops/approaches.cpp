@@ -17,8 +17,9 @@
 namespace clearance::stops {
 namespace {
 
-constexpr int kMoments = 16;     // of an approach, at which it is checked
-constexpr int kCompareEach = 8;  // approaches: one is compared with capsules
+constexpr int kMoments = 16;          // of an approach, at which it is checked
+constexpr int kCompareEach = 8;       // approaches: one is compared with capsules
+constexpr double kModelError = 2e-4;  // metres: above that of the engine's cylinders in motions
 
 /// An arm in an engine, and persons, who are balls.
 struct World {
@@ -123,7 +124,8 @@ double brake(const ExactArm& arm, Approach a) {
 
 /// The greatest share of the speed by the same law for capsules around the links, with no bounds between 65 states.
 /// \param age seconds since the poses of the persons
-double capsule_scale(const ExactArm& arm, const Approach& a, double age) {
+/// \param more metres that it keeps in addition
+double capsule_scale(const ExactArm& arm, const Approach& a, double age, double more) {
   const auto is_free = [&](double scale) {
     Approach slower = a;
     slower.harder = 1;
@@ -132,7 +134,7 @@ double capsule_scale(const ExactArm& arm, const Approach& a, double age) {
     for (int k = 0; k <= 64; ++k) {
       const auto placed = arm.place(braking(slower, end * k / 64));
       for (const Approach::Person& person : a.persons)
-        if (!(arm.distance(placed, person.at, true) - person.radius > person.speed * (end + age) + a.margin))
+        if (!(arm.distance(placed, person.at, true) - person.radius > person.speed * (end + age) + a.margin + more))
           return false;
     }
     return true;
@@ -189,9 +191,12 @@ StopCheck check(World& world, const Approach& a, double& age) {
 
 void compare(const ExactArm& arm, const Approach& a, double age, const StopCheck& stop, Findings& findings) {
   constexpr double kResolution = 1.5 / (1 << stop_check::kHalvings);  // of both searches
-  const double capsules = capsule_scale(arm, a, age);
+  const double capsules = capsule_scale(arm, a, age, 0);
   ++findings.compared;
-  findings.slower += capsules > stop.speed_scale + kResolution;
+  if (capsules > stop.speed_scale + kResolution) {
+    ++findings.slower;
+    findings.slower_still += capsule_scale(arm, a, age, kModelError) > stop.speed_scale + kResolution;
+  }
   findings.speed += stop.speed_scale;
   findings.capsule_speed += capsules;
 }
@@ -232,6 +237,7 @@ void Findings::add(const Findings& other) {
   apart += other.apart;
   compared += other.compared;
   slower += other.slower;
+  slower_still += other.slower_still;
   least = std::min(least, other.least);
   speed += other.speed;
   capsule_speed += other.capsule_speed;

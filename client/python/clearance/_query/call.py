@@ -1,4 +1,4 @@
-"""What the calls that can be prepared have in common."""
+"""Base of the calls that can be prepared."""
 
 from __future__ import annotations
 

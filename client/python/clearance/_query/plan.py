@@ -16,6 +16,8 @@ from .check import Check
 from .meanwhile import Meanwhile
 from .path_report import PathReport, explain_path
 from .query import Run
+from .stop import Others
+from .stop_terms import Separation, separations
 
 
 @dataclass(frozen=True)
@@ -101,6 +103,28 @@ class Plans:
         long as check_path(), whose verdict is included. Raises as check_path() does.
         """
         return explain_path(self, path, joints, pairs, margin, max_evaluations, meanwhile)
+
+    def explain_stop(
+        self,
+        positions: Any,
+        velocities: Any,
+        joints: JointsRef,
+        deceleration: Any,
+        reaction_s: float = 0.0,
+        others: Others = None,
+        pairs: Pairs = None,
+        margin: float = 0.0,
+        together: bool = True,
+    ) -> tuple[Separation, ...]:
+        """Returns the terms of the protective separation distance from each of the others, and from their followers.
+
+        Arguments are those of check_stop(). Takes two queries of distances for each. Their sum is more cautious than
+        check_stop(), which considers all states of the path at once. Raises as check_stop().
+        """
+        rest = {"joints": joints, "deceleration": deceleration, "reaction_s": reaction_s, "others": others}
+        return separations(
+            self, positions, velocities, {**rest, "pairs": pairs, "margin": margin, "together": together}
+        )
 
 
 def _plan(

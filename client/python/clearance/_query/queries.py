@@ -220,11 +220,11 @@ class Queries:
         pairs, joints, timeout_s: as in check_path().
         margin: metres >= 0 that are kept from everything, such as an intrusion distance. Default: 0.
         together: True, the default: all joints stop at one time, on a straight line, as a stop that keeps the path. The
-            proof then covers harder braking along the line, too. False: each joint stops as soon as it can, at exactly
-            its deceleration.
+            proof then covers harder braking along the line, too. If False, each joint stops as soon as it can, at
+            exactly its deceleration.
 
-        Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; what they
-        do once the robot stands is not considered. Raises ValueError also for others without a received pose, and
+        Others have their whole reach until standstill at every state of the path, as in S_h of ISO 10218-2; their
+        motion after standstill is not considered. Raises ValueError also for others without a received pose, and
         otherwise as check_path() does.
         """
         return self._once("check_stop", locals())

@@ -97,12 +97,12 @@ class Stops(Call):
             raise ValueError("joints: expected some, that move")
         if query.has_margins:
             raise TypeError("margin: expected a number, since others move")
-        self._law: Braking = query.braking
-        if self._law.deceleration.ndim and len(self._law.deceleration) != query.joint_count:
-            raise ValueError(f"deceleration: expected ({query.joint_count},), got {self._law.deceleration.shape}")
+        self.law: Braking = query.braking
+        if self.law.deceleration.ndim and len(self.law.deceleration) != query.joint_count:
+            raise ValueError(f"deceleration: expected ({query.joint_count},), got {self.law.deceleration.shape}")
         self._moving: tuple[Optional[NameTable], list[tuple[int, list[tuple[int, float]]]]] = (None, [])
-        if self._law.others:
-            query.watch(self._margins(0.0, None))
+        if self.law.others:
+            query.watch(self.margins(0.0, None))
 
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -111,11 +111,11 @@ class Stops(Call):
         return {**given, **cls.fixed, "braking": law}
 
     def steps(self, positions: Any = None, velocities: Any = None) -> Steps:
-        q, v = (self._row(value, what) for value, what in ((positions, "positions"), (velocities, "velocities")))
+        q, v = (self.row(value, what) for value, what in ((positions, "positions"), (velocities, "velocities")))
         if not np.isfinite(v).all():
             raise ValueError(f"velocities: expected finite numbers, got {v.tolist()}")
-        ages = self._ages()
-        path, seconds = self._law.path(q, v, 1.0)
+        ages = self.ages()
+        path, seconds = self.law.path(q, v, 1.0)
         joints = self.query.joints
         assert joints is not None
         check = PathCheck(True, None, None, None, Status.BEYOND, curves_beyond_limits(path, joints))
@@ -139,7 +139,7 @@ class Stops(Call):
         for _ in range(_HALVINGS + 1):
             if proved == beyond:
                 break
-            path, seconds = self._law.path(q, v, scale)
+            path, seconds = self.law.path(q, v, scale)
             answer = yield self._run(path, seconds, ages, self.query.mask or 0), None, _rows(path)
             if answer.all_free():
                 proved = scale
@@ -150,7 +150,7 @@ class Stops(Call):
             scale = 0.5 * (proved + beyond)
         return proved
 
-    def _row(self, value: Any, what: str) -> np.ndarray:
+    def row(self, value: Any, what: str) -> np.ndarray:
         if value is None:
             raise ValueError(f"{what}: expected (J,) numbers, got none")
         row = to_floats(value, what, "(J,) numbers")
@@ -162,17 +162,17 @@ class Stops(Call):
 
     def _run(self, path: np.ndarray, seconds: float, ages: list[float], mask: int) -> Run:
         points = path.shape[1]
-        if not self._law.others:
+        if not self.law.others:
             return self.query.run_of(True, mask, points)
-        return self.query.widened(mask, points, self._margins(seconds, ages))
+        return self.query.widened(mask, points, self.margins(seconds, ages))
 
-    def _ages(self) -> list[float]:
+    def ages(self) -> list[float]:
         """Returns the age of each body's pose in seconds, -1 for those without a pose; none if no others move."""
-        if not self._law.others:
+        if not self.law.others:
             return []
         return [-1.0 if state.age_ns is None else 1e-9 * state.age_ns for state in self.query.source.body_states()]
 
-    def _margins(self, seconds: float, ages: Optional[list[float]]) -> np.ndarray:
+    def margins(self, seconds: float, ages: Optional[list[float]]) -> np.ndarray:
         """Returns margins that contain how far others come in some seconds, and came in the ages of their poses."""
         moving = self._movers()
         rows = np.zeros(1 + len(moving), MARGIN_DTYPE)
@@ -190,7 +190,7 @@ class Stops(Call):
         """Returns the others and their followers, each with those that move it and their speeds."""
         names = self.query.names
         if self._moving[0] is not names:
-            speeds = {number: speed for body, speed in self._law.others for number in _ids(names, body)}
+            speeds = {number: speed for body, speed in self.law.others for number in _ids(names, body)}
             self._moving = names, [(b.id, found) for b in names.bodies if (found := _above(names, b.id, speeds))]
         return self._moving[1]
 
