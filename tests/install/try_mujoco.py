@@ -117,7 +117,7 @@ def test_edge():
 
 
 def test_meshes(model):
-    """A solid has room in its notch where its hull has none."""
+    """A bead fits into the notch of a solid, but not of its hull."""
     found = []
     for mesh_as in ("hull", "solid"):
         world = clearance.from_mujoco(model, mesh_as=mesh_as)

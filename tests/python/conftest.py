@@ -31,6 +31,7 @@ os.environ["CLEARANCE_CACHE"] = "off"
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 ROS_PACKAGE = ROOT / "ros" / "clearance_ros"
+ROS_MESSAGES = ROOT / "ros" / "clearance_msgs"
 BUILD = pathlib.Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 INSTALLED = os.environ.get("CLEARANCE_INSTALLED") == "1"
 
@@ -273,7 +274,7 @@ def checker(root):
 def ros(monkeypatch):
     """Modules of the ROS 2 package that need no ROS."""
     monkeypatch.syspath_prepend(str(ROS_PACKAGE))
-    names = ["bridge", "planning_scene"]
+    names = ["bridge", "planning_scene", "trajectory"]
     yield types.SimpleNamespace(**{name: importlib.import_module(f"clearance_ros.{name}") for name in names})
     for name in [name for name in sys.modules if name.partition(".")[0] == "clearance_ros"]:
         del sys.modules[name]

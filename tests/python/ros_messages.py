@@ -1,5 +1,7 @@
-"""Fakes of the messages of ROS and MoveIt."""
+"""Fakes of the messages of ROS and MoveIt, and classes of the interface files of clearance_msgs."""
 
+import re
+from pathlib import Path
 from types import SimpleNamespace as Message
 
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
@@ -45,3 +47,69 @@ def scene(objects=(), attached=(), is_diff=True, names=(), allowed=()):
 
 def joints(ns, **positions):
     return Message(header=header(ns), name=list(positions), position=list(positions.values()))
+
+
+def trajectory(names, *points):
+    """trajectory_msgs/JointTrajectory. points: (seconds, positions, velocities)."""
+    return Message(
+        joint_names=list(names),
+        points=[
+            Message(
+                positions=list(positions), velocities=list(velocities), accelerations=[],
+                time_from_start=Message(sec=int(seconds), nanosec=round(seconds % 1 * 1e9)),
+            )
+            for seconds, positions, *rest in points
+            for velocities in (rest[0] if rest else [],)
+        ],
+    )  # fmt: skip
+
+
+_FIELD = re.compile(r"^([\w/]+)(\[\])? (\w+)(?:=(\w+))?$")
+_PLAIN = {"bool": (False, bool), "string": ("", str), "float64": (0.0, float), "uint8": (0, int), "uint32": (0, int)}
+
+
+def interfaces(folder: Path):
+    """Classes of the .msg files of a package, by name, which have the fields and constants of the files and no others,
+    and the fields of the requests and responses of its .srv files."""
+    made = {file.stem: _class(file.stem, file.read_text()) for file in folder.glob("msg/*.msg")}
+    parts = {file.stem: file.read_text().split("---\n") for file in folder.glob("srv/*.srv")}
+    return made, {name: [_fields(part)[0] for part in both] for name, both in parts.items()}
+
+
+def _fields(text):
+    fields, constants = {}, {}
+    for line in text.splitlines():
+        if line := line.partition("#")[0].strip():
+            kind, array, name, value = _FIELD.fullmatch(line).groups()
+            if value is None:
+                fields[name] = kind, bool(array)
+            else:
+                constants[name] = int(value)
+    return fields, constants
+
+
+def _class(name, text):
+    fields, constants = _fields(text)
+
+    class Made:
+        __slots__ = tuple(fields)
+
+        def __init__(self, **given):
+            for key, (kind, array) in fields.items():
+                plain = _PLAIN.get(kind, (Message(stamp=None), object))[0]
+                setattr(self, key, [] if array else plain)
+            for key, value in given.items():
+                setattr(self, key, value)
+
+        def __setattr__(self, key, value):
+            kind, array = fields[key]  # a KeyError for a field that the file has not
+            wanted = _PLAIN.get(kind, (None, object))[1]
+            values = list(value) if array else [value]
+            assert not array or isinstance(value, list), f"{name}.{key}: expected a list, got {value!r}"
+            assert all(isinstance(item, wanted) for item in values), f"{name}.{key}: expected {kind}, got {value!r}"
+            object.__setattr__(self, key, value)
+
+    Made.__name__ = name
+    for key, value in constants.items():
+        setattr(Made, key, value)
+    return Made

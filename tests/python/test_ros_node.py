@@ -1,6 +1,7 @@
 """The ROS 2 package's node on a fake rclpy, and the files of the package."""
 
 import ast
+import dataclasses
 import importlib
 import math
 import sys
@@ -11,9 +12,9 @@ from types import SimpleNamespace as Message
 import pytest
 
 import clearance
-from conftest import ROS_PACKAGE
+from conftest import ROS_MESSAGES, ROS_PACKAGE
 from patience import PATIENCE_S, wait_until
-from ros_messages import header, joints, scene, thing
+from ros_messages import header, interfaces, joints, scene, thing, trajectory
 from scenes import at
 
 
@@ -37,6 +38,9 @@ def make_node(ros, bridge, monkeypatch):
         def create_subscription(self, kind, topic, call, depth):
             self.calls[topic] = call
 
+        def create_service(self, kind, topic, call):
+            self.calls[topic] = call
+
         def create_timer(self, period, call):
             self.calls["timer"] = call
 
@@ -56,6 +60,10 @@ def make_node(ros, bridge, monkeypatch):
     array = lambda: Message(header=Message(stamp=None), status=[])  # noqa: E731
     module("rclpy")
     module("rclpy.node", Node=Node)
+    messages, services = interfaces(ROS_MESSAGES)
+    module("clearance_msgs")
+    module("clearance_msgs.msg", **messages)
+    module("clearance_msgs.srv", **dict.fromkeys(services, Message))
     module("diagnostic_msgs")
     module("diagnostic_msgs.msg", DiagnosticArray=array, DiagnosticStatus=Message, KeyValue=Message)
     module("sensor_msgs")
@@ -63,7 +71,7 @@ def make_node(ros, bridge, monkeypatch):
     module("std_msgs")
     module("std_msgs.msg", Float64=Message)
     module("moveit_msgs")
-    module("moveit_msgs.msg", PlanningScene=Message)
+    module("moveit_msgs.msg", PlanningScene=Message, DisplayTrajectory=Message)
 
     def make(**parameters):
         given.update(parameters)
@@ -85,10 +93,10 @@ def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
     report = bridge.report(0.5)
     assert [m.data for m in published["~/clearance"]] == [report.least]
     (message,) = published["~/distances"]
-    assert [(s.name, s.message, s.values[0].value) for s in message.status] == [
-        (f"{p.a} - {p.b}", p.status, repr(p.lower)) for p in report.pairs
+    assert [(p.body_a, p.body_b, p.status, p.lower, p.upper, p.beyond_margin) for p in message.pairs] == [
+        (p.a, p.b, clearance.Status[p.status.upper()], p.lower, p.upper, p.lower > 0.02) for p in report.pairs
     ]
-    assert message.header.stamp == "now" and all(len(s.level) == 1 for s in message.status)
+    assert message.header.stamp == "now" and message.least == report.least and message.stale == []
     assert ["planes are not supported" in text for text in published["log"]] == [True]
     with clearance.connect(bridge.daemon.urls["ipc"]) as other:
         other.add_body("new", sphere=0.1, pose=at(5))
@@ -117,7 +125,8 @@ def test_the_node_shows_that_its_publisher_died(make_node):
         node.calls["timer"]()
     assert published["~/clearance"][-1].data == -math.inf
     last = published["~/distances"][-1]
-    assert last.header.stamp == "now" and any(s.message == "stale_pose" for s in last.status)
+    assert last.header.stamp == "now" and any(p.status == p.STALE_POSE for p in last.pairs)
+    assert last.least == -math.inf and last.stale == ["arm/joint1: older than 0.02 s"]
     for message in published["/diagnostics"][-2:]:
         (state,) = message.status
         assert message.header.stamp == "now" and state.level == b"\3", "again, though nothing has changed"
@@ -142,6 +151,50 @@ def test_the_node_shows_that_its_daemon_died(bridge, make_node):
     assert state.level == b"\2" and bridge.daemon.urls["ipc"] in state.message
     node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))  # is reported, and the node continues
     assert len(published["log"]) == 3
+
+
+def test_the_node_checks_trajectories(bridge, make_node):
+    bridge.client.allow("arm", "arm")  # two of its links always overlap
+    node, published = make_node(max_age=PATIENCE_S)
+    request = Message(trajectory=trajectory(["joint1"], (0, [0.2]), (1, [0.3])), margin=0.01)
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert (check.result, check.message) == (check.STALE, "joint_states: no position of arm has come")
+    node.calls["joint_states"](joints(time.time_ns(), joint1=0.2))
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert check.result == check.FREE and check.margin == 0.01 and check.lower > 0.01
+    request.margin = 10.0
+    assert node.calls["~/check_trajectory"](request, Message()).check.result == check.COLLISION
+    request.margin = -1.0
+    assert node.calls["~/check_trajectory"](request, Message()).check.margin == 0.02, "the node's"
+    empty = Message(points=[])
+    plan = [Message(joint_trajectory=request.trajectory, multi_dof_joint_trajectory=empty)]
+    node.calls["display_planned_path"](Message(trajectory=plan))
+    node.calls["display_planned_path"](Message(trajectory=plan * 2))
+    plan[0].multi_dof_joint_trajectory = Message(points=[1])
+    node.calls["display_planned_path"](Message(trajectory=plan))
+    results = [(check.result, check.message.partition(":")[0]) for check in published["~/trajectory_check"]]
+    assert results[0][0] == check.FREE
+    assert results[1:] == [(check.INVALID, "trajectory"), (check.INVALID, "multi_dof_joint_trajectory")]
+    bridge.daemon.stop()
+    assert node.calls["~/check_trajectory"](request, Message()).check.result == check.INVALID
+
+
+def test_the_interfaces_are_whole(ros):
+    """Constants are those of the code, and each file is built."""
+    made, services = interfaces(ROS_MESSAGES)
+    assert {n: getattr(made["PairDistance"], n) for n in clearance.Status.__members__} == clearance.Status.__members__
+    for name in ("FREE", "COLLISION", "UNPROVED", "LIMITS", "STALE", "INVALID"):
+        assert getattr(made["TrajectoryCheck"], name) == getattr(ros.trajectory, name)
+    assert set(made["TrajectoryCheck"].__slots__) == {field.name for field in dataclasses.fields(ros.trajectory.Check)}
+    assert services == {
+        "CheckTrajectory": [
+            {"trajectory": ("trajectory_msgs/JointTrajectory", False), "margin": ("float64", False)},
+            {"check": ("TrajectoryCheck", False)},
+        ]
+    }
+    text = (ROS_MESSAGES / "CMakeLists.txt").read_text()
+    for file in (*ROS_MESSAGES.glob("*/*.msg"), *ROS_MESSAGES.glob("*/*.srv")):
+        assert f'"{file.relative_to(ROS_MESSAGES)}"' in text, file
 
 
 def test_the_package_is_whole():

@@ -76,6 +76,10 @@ class Bridge:
         positions = {n: float(q) for n, q in zip(names, message.position) if n in known}
         return self._send(self.client.set_joints, positions, stamp_ns(message.header))
 
+    def joint_name(self, name: str) -> str:
+        """Returns the scene's name of a joint of ROS."""
+        return self._prefix + name
+
     def _send(self, send: Any, values: dict[str, Any], stamp: int) -> Optional[clearance.UpdateResult]:
         """Sends an update, unless it is empty or an exact repeat; without its stamp if the clock was set back."""
         names = tuple(values)

@@ -1,9 +1,12 @@
 """The node: joint_states and planning scenes in, distances out. Its logic is in bridge.py."""
 
+import dataclasses
 import math
 import os
 
 import rclpy
+from clearance_msgs.msg import Distances, PairDistance, TrajectoryCheck
+from clearance_msgs.srv import CheckTrajectory
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
@@ -11,6 +14,7 @@ from std_msgs.msg import Float64
 
 from . import clearance
 from .bridge import ERROR, OK, STALE, Bridge, level_of
+from .trajectory import INVALID, Check, check_trajectory, trajectory_of
 
 
 class ClearanceNode(Node):
@@ -18,8 +22,10 @@ class ClearanceNode(Node):
 
     Subscribes to joint_states and planning_scene (or monitored_planning_scene, remapped). Publishes ~/clearance, the
     certified lower bound of the least distance in metres, or -inf if an input is missing or older than max_age, or if
-    the daemon does not answer; ~/distances, a status for each pair that may be near; and /diagnostics, the state of
-    inputs and daemon, on change and every second.
+    the daemon does not answer; ~/distances, the pairs that may be near; and /diagnostics, the state of inputs and
+    daemon, on change and every second.
+    Checks planned trajectories, as they will be executed: those of display_planned_path, with results on
+    ~/trajectory_check, and those of the service ~/check_trajectory.
     """
 
     def __init__(self):
@@ -32,14 +38,17 @@ class ClearanceNode(Node):
         self._max_age = float(self.declare_parameter("max_age", 1.0).value)
         self._bridge = Bridge(clearance.connect(url), self.declare_parameter("robot", "").value)
         self._least = self.create_publisher(Float64, "~/clearance", 10)
-        self._distances = self.create_publisher(DiagnosticArray, "~/distances", 10)
+        self._distances = self.create_publisher(Distances, "~/distances", 10)
+        self._checks = self.create_publisher(TrajectoryCheck, "~/trajectory_check", 10)
+        self.create_service(CheckTrajectory, "~/check_trajectory", self._on_request)
         self.create_subscription(JointState, "joint_states", self._guarded(self._bridge.on_joints), 10)
         try:
-            from moveit_msgs.msg import PlanningScene
+            from moveit_msgs.msg import DisplayTrajectory, PlanningScene
         except ImportError:
-            self.get_logger().info("moveit_msgs is not installed: planning scenes are not followed")
+            self.get_logger().info("moveit_msgs is not installed: planning scenes are not followed")  # nor are plans
         else:
             self.create_subscription(PlanningScene, "planning_scene", self._guarded(self._on_scene), 10)
+            self.create_subscription(DisplayTrajectory, "display_planned_path", self._on_plan, 10)
         self._state = self.create_publisher(DiagnosticArray, "/diagnostics", 10)
         self._rate = float(self.declare_parameter("rate", 50.0).value)
         self._reported, self._ticks = None, 0
@@ -68,6 +77,32 @@ class ClearanceNode(Node):
                 self.get_logger().warning(f"{name}: {why}")
         self._said = dict(self._bridge.scene.left_out)
 
+    def _on_plan(self, display):
+        """Checks a planned trajectory, and publishes whether it is free, or where and why not."""
+        try:
+            self._checks.publish(self._checked(trajectory_of(display), self._margin))
+        except ValueError as error:
+            self._checks.publish(_message(Check(INVALID, str(error), self._margin)))
+
+    def _on_request(self, request, response):
+        margin = self._margin if request.margin < 0 else request.margin
+        response.check = self._checked(request.trajectory, margin)
+        return response
+
+    def _checked(self, trajectory, margin):
+        """Never raises for a daemon that does not answer: the trajectory is then not free."""
+        for last in (False, True):
+            try:
+                check = check_trajectory(self._bridge, trajectory, margin, self._max_age)
+                break
+            except clearance.ClearanceError as error:
+                if not self._bridge.recover(error) or last:
+                    check = Check(INVALID, str(error), margin)
+                    break
+        if check.result:
+            self.get_logger().warning(f"trajectory: {check.message}")
+        return _message(check)
+
     def _publish(self):
         try:
             report = self._bridge.report(self._within, self._max_age)
@@ -77,18 +112,20 @@ class ClearanceNode(Node):
                 self._say(ERROR, str(error), -math.inf, 0)
             raise
         self._least.publish(Float64(data=report.least))
-        self._distances.publish(
-            self._array(
-                _status(
-                    level_of(pair, self._margin),
-                    f"{pair.a} - {pair.b}",
-                    pair.status,
-                    lower=repr(pair.lower),
-                    upper=repr(pair.upper),
-                )
-                for pair in report.pairs
+        message = Distances(least=report.least, stale=report.stale)
+        message.header.stamp = self.get_clock().now().to_msg()
+        message.pairs = [
+            PairDistance(
+                body_a=pair.a,
+                body_b=pair.b,
+                status=int(clearance.Status[pair.status.upper()]),
+                beyond_margin=level_of(pair, self._margin) == OK,
+                lower=pair.lower,
+                upper=pair.upper,
             )
-        )
+            for pair in report.pairs
+        ]
+        self._distances.publish(message)
         self._say(STALE if report.stale else OK, "; ".join(report.stale), report.least, report.stamp_ns)
 
     def _say(self, level, text, least, stamp):
@@ -105,6 +142,11 @@ class ClearanceNode(Node):
         message.header.stamp = self.get_clock().now().to_msg()
         message.status.extend(statuses)
         return message
+
+
+def _message(check):
+    fields = dataclasses.asdict(check)
+    return TrajectoryCheck(**{**fields, "joint_names": list(check.joint_names), "positions": list(check.positions)})
 
 
 def _status(level, name, message, **values):

@@ -43,8 +43,8 @@ def from_mujoco(
     pairs, and with each <pair>. A geom without a name is "BODY#INDEX". Margins and gaps do not change shapes. A plane
     is a half-space, without the ends that MuJoCo draws.
 
-    Raises ValueError, naming it, for what has no counterpart: a flex, a geom with a signed distance function, a plane
-    that moves, a <pair> of two static geoms; SceneError for an unusable name or mesh.
+    Raises ValueError, naming it, for a part without a counterpart: a flex, a geom with a signed distance function, a
+    plane that moves, a <pair> of two static geoms; SceneError for an unusable name or mesh.
     """
     to_word(mesh_as, MESH_AS, "mesh_as")
     return MujocoWorld(model, to_text(name, "name"), mesh_as, to_bool(every_geom, "every_geom"))

@@ -18,7 +18,7 @@ class Tree(NamedTuple):
     """A robot: the bodies from the world, or from a ball joint, on."""
 
     name: str
-    parent: Optional[str]  #: body that the base follows; None: the world
+    parent: Optional[str]  #: body that the base follows, or None for the world
     xml: list[str]
 
     def add(
