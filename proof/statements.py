@@ -1,0 +1,132 @@
+"""Runs the statements of a C++ function on terms of Coq: declarations, assignments, loops of fixed length, and
+`if (!any(mask)) continue;`."""
+
+from __future__ import annotations
+
+from cpp import BOOL, SCALAR, TYPES, Parser, Scope, Unknown, path_of
+
+
+class Runner(Parser):
+    """Statements of a body; `result` is the returned term, if any."""
+
+    def __init__(self, tokens: list[str], scope: Scope, kind: str | None = None):
+        super().__init__(tokens)
+        self.scope, self.kind, self.result = scope, kind, None
+        self.skipping = False
+
+    def run(self) -> str | None:
+        while self.at < len(self.tokens) and self.result is None:
+            self.statement()
+        return self.result
+
+    def statement(self) -> None:
+        token = self.peek()
+        if token == "using":
+            while self.next() != ";":
+                pass
+        elif token == "CLEARANCE_UNROLL":
+            self.next()
+        elif token == "return":
+            self.next()
+            self.result = self.scope.term(self.expression(), self.kind)
+            self.take(";")
+        elif token == "for":
+            self.loop()
+        elif token == "if":
+            self.skip_unless()
+        elif token in TYPES:
+            self.declaration()
+        else:
+            self.assignment()
+
+    def declaration(self) -> None:
+        while self.peek() in TYPES:
+            self.next()
+        if self.peek(1) == "=" and self.peek(2) == "[":
+            self.declare_lambda()
+            return
+        while True:
+            name = self.next()
+            if self.peek() == "=":
+                self.next()
+                self.scope.values[name] = self.scope.value(self.expression())
+            elif self.peek() == "(":
+                self.next()
+                self.scope.values[name] = self.scope.value(self.expression())
+                self.take(")")
+            else:
+                raise Unknown(f"{name} without a value")
+            if self.peek() == ";":
+                self.next()
+                return
+            self.take(",")
+
+    def declare_lambda(self) -> None:
+        name = self.next()
+        for token in ("=", "[", "&", "]", "("):
+            self.take(token)
+        names = []
+        while self.peek() != ")":
+            token = self.next()
+            if self.peek() in (",", ")"):
+                names.append(token)
+        for token in (")", "{", "return"):
+            self.take(token)
+        self.scope.lambdas[name] = (names, self.expression())
+        for token in (";", "}", ";"):
+            self.take(token)
+
+    def assignment(self) -> None:
+        target = path_of(self.postfix())
+        if target is None or target not in self.scope.values:
+            raise Unknown(f"an assignment to {target}")
+        self.take("=")
+        kind, old = self.scope.values[target]
+        new = self.scope.term(self.expression(), kind)
+        self.take(";")
+        if self.scope.guard:
+            new = f"(if {self.scope.guard} then {new} else {old})"
+        name = f"step{len(self.scope.lets)}"
+        self.scope.lets.append(f"let {name} := {new} in")
+        self.scope.values[target] = (kind, name)
+
+    def skip_unless(self) -> None:
+        """if (!any(mask)) continue;"""
+        for token in ("if", "("):
+            self.take(token)
+        node = self.expression()
+        for token in (")", "continue", ";"):
+            self.take(token)
+        if node[0] != "unary" or node[1] != "!" or self.scope.guard:
+            raise Unknown("a condition of continue")
+        self.scope.guard = self.scope.term(node[2], BOOL)
+
+    def loop(self) -> None:
+        for token in ("for", "(", "int"):
+            self.take(token)
+        index = self.next()
+        for token in ("=", "0", ";", index, "<"):
+            self.take(token)
+        count = int(self.next())
+        for token in (";", "++", index, ")", "{"):
+            self.take(token)
+        begin, depth = self.at, 1
+        while depth:
+            depth += {"{": 1, "}": -1}.get(self.next(), 0)
+        body = self.tokens[begin : self.at - 1]
+        for i in range(count):
+            unrolled = [str(i) if token == index else token for token in body]
+            Runner(unrolled, self.scope).run()
+            self.scope.guard = None
+
+
+def parameters(kinds: dict[str, str]) -> str:
+    return " ".join(f"({name} : {kind})" for name, kind in kinds.items())
+
+
+def scalar(text_tokens: list[str], scope: Scope) -> str:
+    parser = Parser(text_tokens)
+    term = scope.term(parser.expression(), SCALAR)
+    if parser.at != len(text_tokens):
+        raise Unknown(f"something after an expression: {text_tokens[parser.at :]}")
+    return term
