@@ -13,6 +13,7 @@
 #include "client/client.h"
 #include "client/connection.h"
 #include "client/requests.h"
+#include "wire/record_list.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -83,25 +84,22 @@ struct Client::Impl {
     const std::uint64_t scene_revision = !query.check_scene ? 0 : revision ? *revision : revision_of_ids();
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
-    std::vector<std::byte> records = query_records(query);
-    const std::span<const double> none;
-    wire::insert_joint_records(records, query.joints, has_configurations ? query.positions : none,
-                               has_configurations ? query.growths : none, has_configurations ? query.velocities : none,
-                               has_configurations ? query.twists : none);
+    wire::RecordList records(query_records(query));
+    add_inputs(query, has_configurations, records);
     if (rows)
-      wire::insert_record(records, static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired,
-                          std::as_bytes(*rows));
-    const std::vector<std::byte>& epoch = connection.prepare();
-    records.insert(records.end(), epoch.begin(), epoch.end());
+      records.insert(static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired, std::as_bytes(*rows));
+    records.append(connection.prepare());
+    const std::uint64_t records_bytes = records.bytes();
     std::uint64_t reply_bytes = 0;
     if (is_query)
       reply_bytes = expected_reply_bytes(q, query.pairs, query.joints.size(), scene ? &*scene : nullptr, query.k);
     if (plan)
       reply_bytes = sizeof(wire::FrameHeader) + sizeof(wire::PlanHeader) +
                     std::size_t{kFieldCount} * sizeof(wire::PlanColumnRecord);
-    std::byte* room = begin(payload_bytes + records.size(), reply_bytes);
-    const wire::FrameHeader header = connection.next_header(type, payload_bytes, scene_revision, records.size());
-    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data(), records);
+    std::byte* room = begin(payload_bytes + records_bytes, reply_bytes);
+    const wire::FrameHeader header = connection.next_header(type, payload_bytes, scene_revision, records_bytes);
+    wire::write_query(room, header, q, query.pairs.data(), query.bodies.data(), query.configurations.data());
+    records.write(room + sizeof header + payload_bytes);
     connection.send();
     return header.request_id;
   }

@@ -22,11 +22,10 @@ wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> pla
 }
 
 std::vector<std::byte> query_records(const Query& query) {
-  constexpr std::size_t kOthers = 128;  // headers, padding and the epoch
+  constexpr std::size_t kOthers = 64;  // headers and padding
   std::vector<std::byte> records = wire::option_records(query);
   records.reserve(records.size() + query.margins.size_bytes() + query.pair_margins.size_bytes() +
-                  query.weights.size_bytes() + query.speed_errors.size_bytes() + query.joints.size_bytes() +
-                  query.positions.size_bytes() + query.growths.size_bytes() + kOthers);
+                  query.weights.size_bytes() + query.speed_errors.size_bytes() + kOthers);
   const auto add = [&records](wire::QueryRecord tag, std::span<const std::byte> array) {
     if (!array.empty()) wire::insert_record(records, static_cast<std::uint16_t>(tag), wire::kRecordRequired, array);
   };
@@ -35,6 +34,18 @@ std::vector<std::byte> query_records(const Query& query) {
   add(wire::QueryRecord::kWeights, std::as_bytes(query.weights));
   add(wire::QueryRecord::kSpeedErrors, std::as_bytes(query.speed_errors));
   return records;
+}
+
+void add_inputs(const Query& query, bool with_configurations, wire::RecordList& records) {
+  const auto add = [&records](wire::QueryRecord tag, auto array) {
+    if (!array.empty()) records.insert(static_cast<std::uint16_t>(tag), wire::kRecordRequired, std::as_bytes(array));
+  };
+  add(wire::QueryRecord::kJoints, query.joints);
+  if (!with_configurations) return;
+  add(wire::QueryRecord::kPositions, query.positions);
+  add(wire::QueryRecord::kGrowths, query.growths);
+  add(wire::QueryRecord::kVelocities, query.velocities);
+  add(wire::QueryRecord::kTwists, query.twists);
 }
 
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,

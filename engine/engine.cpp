@@ -21,10 +21,8 @@ namespace clearance::engine {
 
 Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, bool keep_on_cpu) const {
   Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
-  std::string missing = cuda::beyond_the_device(plan);
-  if (!missing.empty() && device && !router && !options.device_fallback)
-    throw QueryError(QueryErrorCode::kNotSupported, missing + ": backend cuda does not answer it, and the CPU may not");
-  if (keep_on_cpu || !missing.empty()) return route;
+  const bool may_fall_back = router || options.device_fallback;
+  if (keep_on_cpu || (may_fall_back && !cuda::beyond_the_device(plan).empty())) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
   return route;
@@ -171,7 +169,10 @@ PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_
       return PreparedQuery(std::move(kept));
     }
   const FpEnvironment environment;
-  PreparedQuery prepared(std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true));
+  auto planner = std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
+  if (impl_->device && !impl_->router && !impl_->options.device_fallback)
+    cuda::reject_beyond_the_device(planner->plan());
+  PreparedQuery prepared(std::move(planner));
   prepared.pool_ = std::move(pool);
   return prepared;
 }

@@ -53,8 +53,8 @@ class Engine {
     std::string broad_phase = "auto";
     std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are rejected
     std::uint64_t device_memory = 0;                  ///< limit on each device's memory, in bytes; 0 for all of it
-    /// Whether the CPU answers a query when the device fails or lacks memory. If not, such queries are rejected
-    /// (kNotSupported, with the reason).
+    /// Whether the CPU answers a query when the device fails, lacks memory or does not support it. If not, such queries
+    /// are rejected (kNotSupported, with the reason).
     bool device_fallback = true;
     /// CUDA devices of backends cuda and auto, by number; empty for the calling thread's current device. Each holds the
     /// scene, and queries are distributed over them. Answers do not depend on their number.

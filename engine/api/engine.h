@@ -40,7 +40,7 @@ struct EngineOptions {
   std::vector<int> devices = {};  ///< GPUs by number, for the backends cuda and auto; empty for the current one
   std::uint64_t max_rows = std::uint64_t{1} << 28;  ///< larger answers are rejected
   std::uint64_t device_memory = 0;                  ///< limit on each device's memory, in bytes; 0 for all of it
-  bool device_fallback = true;  ///< whether the CPU answers a query when the device fails or lacks memory
+  bool device_fallback = true;  ///< whether the CPU answers a query that the device cannot; else it is rejected
   /// When covers are made, which make decisions about bodies that move faster: "background" (on a thread of lowest
   /// priority, after the engine is ready) or "off". Answers do not depend on it.
   std::string covers = "background";

@@ -125,9 +125,11 @@ class DeviceBackend {
 
 /// Reason why no device answers this query yet, or empty.
 std::string beyond_the_device(const Plan& plan);
+/// Throws QueryError with that reason, for engines without a CPU.
+void reject_beyond_the_device(const Plan& plan);
 
 /// A query on the device, continued on the CPU if the device fails. Null, with the plan untouched, if the CPU has to
-/// answer it from the beginning. Throws QueryError if the device fails and fallback is off.
+/// answer it from the beginning. If fallback is off, throws QueryError instead, or if the device fails.
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply);
 
 }  // namespace clearance::cuda

@@ -5,6 +5,7 @@
 #include <random>
 
 #include "tests/client/wire_payloads.h"
+#include "wire/record_list.h"
 #include "wire/wire.h"
 
 namespace clearance::wire {
@@ -158,6 +159,41 @@ TEST(Wire, BadQueryValuesAreNamed) {
   query = query_payload(2, 0, 0);
   overwrite(query, offsetof(QueryHeader, reserved) + 8, std::uint64_t{1});
   EXPECT_EQ(error_of([&] { parse_query(query); }, ErrorCode::kBadFrame), "query: reserved words must be 0");
+}
+
+TEST(Wire, ARecordListWritesTheBytesOfEncodedRecords) {
+  const std::uint32_t joints[] = {3, 4, 5};  // 12 bytes, which records pad
+  const double positions[] = {1, 2, 3, 4, 5, 6}, velocities[] = {7, 8, 9, 10, 11, 12};
+  QueryOptions options;
+  options.margin = 0.25;
+  options.min_pose_stamp_ns = 77;
+  for (const bool with_joints : {false, true}) {
+    const Bytes encoded = option_records(options);
+    ASSERT_FALSE(encoded.empty());
+    Bytes expected = encoded, epoch;
+    if (with_joints) insert_joint_records(expected, joints, positions, {}, velocities);
+    const std::uint64_t rows[] = {9};
+    insert_record(expected, static_cast<std::uint16_t>(QueryRecord::kRows), kRecordRequired,
+                  std::as_bytes(std::span(rows)));
+    append_epoch(epoch, 5, kRecordRequired);
+    expected.insert(expected.end(), epoch.begin(), epoch.end());
+
+    RecordList list(encoded);
+    if (with_joints) {
+      const auto insert = [&list](QueryRecord tag, std::span<const std::byte> array) {
+        list.insert(static_cast<std::uint16_t>(tag), kRecordRequired, array);
+      };
+      insert(QueryRecord::kVelocities, std::as_bytes(std::span(velocities)));
+      insert(QueryRecord::kJoints, std::as_bytes(std::span(joints)));
+      insert(QueryRecord::kPositions, std::as_bytes(std::span(positions)));
+    }
+    list.insert(static_cast<std::uint16_t>(QueryRecord::kRows), kRecordRequired, std::as_bytes(std::span(rows)));
+    list.append(epoch);
+    ASSERT_EQ(list.bytes(), expected.size());
+    Bytes written(expected.size(), std::byte{0xEE});
+    list.write(written.data());
+    EXPECT_EQ(written, expected);
+  }
 }
 
 TEST(Wire, ThereIsAVelocityForEachPosition) {

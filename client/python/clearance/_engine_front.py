@@ -34,7 +34,8 @@ class Engine(Front):
     devices: numbers of the CUDA devices for backends "cuda" and "auto", as in [0, 1]. Each holds the scene, and queries
         are distributed among them. Default: the current device. Raises ValueError for a repeated number and
         RuntimeError for an absent device.
-    device_fallback: whether the CPU answers if the device fails or runs out of memory; otherwise QueryError.
+    device_fallback: whether the CPU answers queries that the device does not support, or when it fails or runs out of
+        memory; otherwise QueryError.
     covers: when covers are made, which make decisions about bodies that move faster: "background" (on a thread of
         lowest priority, after the engine is ready) or "off". Answers do not depend on it.
 

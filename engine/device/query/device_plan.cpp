@@ -4,6 +4,7 @@
 #include <cassert>
 #include <string>
 
+#include "engine/device/query/body_kinds.h"
 #include "engine/device/query/device_query.h"
 #include "engine/device/query/reply_columns.h"
 #include "engine/reduce/reduction.h"
@@ -41,6 +42,8 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
   ResidentQuery(const JobContext& context, Plan&& plan) : DeviceQuery(context, std::move(plan), {}) {}
 
   void begin() override {
+    if (const std::string pair = unsupported_pair(scene(), backend_.device(), plan_, false); !pair.empty())
+      reject(pair);
     workspace_ = backend_.device().make_resident(plan_.query.reduce);
     if (!workspace_) reject("the engine has several devices: make one of a single device");
     in_order_ = backend_.list(plan_);
@@ -102,13 +105,6 @@ class ResidentQuery : public DevicePlan, protected DeviceQuery {
   /// \param chunk settings shared by all
   virtual void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) = 0;
 
-  [[noreturn]] void reject_pair(std::uint64_t index) {
-    BodyPair pair{};
-    plan_.pairs.copy(index, 1, &pair);
-    const std::uint32_t body = backend_.device().hull_of(pair.a) == kNone ? pair.a : pair.b;
-    reject("the device does not hold '" + scene().bodies()[body].name + "'");
-  }
-
   std::shared_ptr<const PairListOnDevice> in_order_;
   std::shared_ptr<const ChunkPlan> chunk_plan_;       // Reduce::kNone only
   std::uint64_t configurations_ = 1, most_rows_ = 0;  // of a chunk
@@ -161,8 +157,6 @@ class ResidentRows final : public ResidentQuery {
  private:
   void assign_pairs(QuerySetup& setup) override {
     chunk_plan_ = backend_.make_chunk_plan(plan_, kMostPlanRows);
-    for (const ChunkPlan::Part& part : chunk_plan_->parts)
-      if (!part.on_cpu.empty()) reject_pair(part.first + part.on_cpu.front());
     assert(in_order_->resident || plan_.size.pairs == 0);
     setup.pairs = chunk_plan_->resident.get();
     configurations_ = chunk_plan_->configurations;
@@ -194,7 +188,7 @@ class ResidentReduction final : public ResidentQuery {
     const std::uint64_t P = plan_.size.pairs, K = plan_.size.configurations;
     if (P == 0) reject("no pairs");
     if (P >= std::uint64_t{1} << 32) reject("too many pairs");
-    if (!in_order_->resident || !in_order_->of_elements.empty()) reject_pair(first_unknown());
+    assert(in_order_->resident && in_order_->of_elements.empty());
     configurations_ = std::clamp<std::uint64_t>(kMostPlanRows / P, 1, K);
     most_rows_ = configurations_ * P;
     setup.pairs = in_order_->resident.get();
@@ -205,14 +199,6 @@ class ResidentReduction final : public ResidentQuery {
     setup.margin = plan_.margins.most();
     setup.beyond = beyond_all_margins(plan_);
   }
-  std::uint64_t first_unknown() const {
-    for (std::uint64_t index = 0; index + 1 < plan_.size.pairs; ++index) {
-      const BodyPair pair = plan_.pairs.at(index);
-      if (backend_.device().hull_of(pair.a) == kNone || backend_.device().hull_of(pair.b) == kNone) return index;
-    }
-    return plan_.size.pairs - 1;
-  }
-
   void launch_chunks(const ChunkSetup& chunk, const ReplyView& rows, void* stream) override {
     ChunkSetup s = chunk;
     s.pair_count = static_cast<std::uint32_t>(plan_.size.pairs);

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <string>
 
+#include "engine/device/query/body_kinds.h"
 #include "engine/device/query/device_query.h"
 #include "engine/motion/motion_job.h"
 
@@ -108,11 +109,37 @@ std::string beyond_the_device(const Plan& plan) {
   return plan.given_bodies > 0 || plan.joints.empty() ? "motions of bodies by their poses" : "";
 }
 
+namespace {
+
+[[noreturn]] void reject_query(const std::string& what) {
+  throw engine::QueryError(QueryErrorCode::kNotSupported,
+                           what + ": backend cuda does not answer it, and the CPU may not");
+}
+
+// Rejects a query that the CPU would answer, or whose pairs it would, before any work.
+void reject_unsupported(const JobContext& context, const Plan& plan) {
+  reject_beyond_the_device(plan);
+  const QueryView& q = plan.query;
+  const bool with_elements = q.reduce != Reduce::kNone && q.max_evaluations == 0 && !q.signed_distance;
+  const std::string pair = unsupported_pair(*context.scene, context.device->device(), plan, with_elements);
+  if (!pair.empty()) reject_query(pair);
+}
+
+}  // namespace
+
+void reject_beyond_the_device(const Plan& plan) {
+  if (const std::string beyond = beyond_the_device(plan); !beyond.empty()) reject_query(beyond);
+}
+
 std::unique_ptr<Job::State> make_device_job(const JobContext& context, Plan& plan, const ReplyView& reply) {
-  const std::string beyond = beyond_the_device(plan);
-  if (!beyond.empty() && !context.device->fallback()) reject(beyond + " is not supported on a device yet");
-  auto query = beyond.empty() ? begin_on_device(context, plan, reply) : nullptr;
+  const bool is_strict = !context.device->fallback() && plan.size.rows > 0;
+  if (is_strict && context.device->usable()) reject_unsupported(context, plan);
+  auto query = beyond_the_device(plan).empty() ? begin_on_device(context, plan, reply) : nullptr;
   if (query) return std::make_unique<FallbackJob>(context, std::move(query), reply);
+  if (is_strict && plan.size.pairs > 0)
+    reject_query(plan.query.max_evaluations > 0
+                     ? "motions of several devices, of more than 65536 pairs, or of robots that carry each other"
+                     : "clouds and meshes on several devices, or within a whole scene");
   context.device->queries_on_cpu.fetch_add(1, std::memory_order_relaxed);
   return nullptr;
 }

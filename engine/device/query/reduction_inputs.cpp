@@ -4,38 +4,13 @@
 #include <utility>
 
 #include "engine/device/device_job.h"
+#include "engine/device/query/body_kinds.h"
 #include "engine/device/query/extents_around.h"
 #include "engine/selection/plan.h"
 
 namespace clearance::cuda {
 
 namespace {
-
-// Kind of a body for reductions on a device. kLeft is a cloud or mesh that the device cannot evaluate. kUnknown has no
-// box on the device either.
-enum class BodyKind : std::uint8_t { kHull, kPoints, kMesh, kLeft, kUnknown };
-BodyKind kind_of(const engine::Scene& scene, const Device& device, std::uint32_t body) {
-  if (body >= scene.bodies().size()) return BodyKind::kUnknown;
-  if (device.hull_of(body) != kNone) return BodyKind::kHull;
-  const Body& of = scene.bodies()[body];
-  if (is_cloud(of)) return BodyKind::kPoints;
-  if (!has_surface(of)) return BodyKind::kUnknown;
-  return of.parts.size() == 1 ? BodyKind::kMesh : BodyKind::kLeft;
-}
-
-// The kernel for pairs of two such bodies, one of which is not a hull. Null if the CPU answers them.
-bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
-  if (a == BodyKind::kMesh && b == BodyKind::kMesh) return &ElementKinds::meshes;
-  if (a != BodyKind::kHull && b != BodyKind::kHull) return nullptr;
-  switch (a == BodyKind::kHull ? b : a) {
-    case BodyKind::kPoints:
-      return &ElementKinds::points_and_hull;
-    case BodyKind::kMesh:
-      return &ElementKinds::mesh_and_hull;
-    default:
-      return nullptr;
-  }
-}
 
 // Lists the pairs in their order. Lists none if the device can evaluate none of them or lacks the pose of a body.
 void list_in_order(const engine::Scene& scene, const Device& device, const Plan& plan, std::vector<PairRef>& refs,
