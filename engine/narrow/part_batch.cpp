@@ -162,7 +162,7 @@ void PartBatch::run_group(const Group& group, WorkMeter& meter) {
     unresolved_.resize(count);
     answers_.resize(count);
   }
-  meter.count(units);
+  meter.count(units * std::max(count, lanes()) / count);  // empty lanes take as long as others
   const NarrowLimits& limits = options_.limits;
   const bool same_hulls = group.same_hulls && !has_round(tasks_[at(group.begin)]);
   const LaneBatch batch{pairs_.data(),     count,

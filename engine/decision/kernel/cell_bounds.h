@@ -34,16 +34,10 @@ class CellBounds {
   }
   float table_high(std::uint32_t table) const { return table_high_[table]; }
   /// Bounds of all roots.
-  void bound(const PlacedBalls& placed) {
+  /// \param most greatest threshold; roots beyond it may have no upper bounds
+  void bound(const PlacedBalls& placed, float most) {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-        const std::size_t at = std::size_t{o} * v_.columns + begin;
-        const Eight outer = Eight::load(v_.root_outer + at), never(-LeastBounds::kFar);
-        PointGaps gaps;
-        placed.root_gaps(v_.obstacles[o], begin, {Eight(0.1f * LeastBounds::kFar) + outer, never, never}, gaps);
-        (Eight::load(gaps.low) - outer).store(room_.lows + at);
-        (Eight::load(gaps.high) - Eight::load(v_.root_inner + at)).store(room_.highs + at);
-      }
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) bound(placed, o, begin, most);
     float* const highs = room_.highs + obstacle_cells();
     for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) {
       const Eight d = placed.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
@@ -90,6 +84,23 @@ class CellBounds {
   }
 
  private:
+  void bound(const PlacedBalls& placed, std::uint32_t o, std::uint32_t begin, float most) {
+    const Obstacle& obstacle = v_.obstacles[o];
+    const std::size_t at = std::size_t{o} * v_.columns + begin;
+    const Eight outer = Eight::load(v_.root_outer + at), far(LeastBounds::kFar), never(-LeastBounds::kFar);
+    if (obstacle.kind == Obstacle::Kind::kPlanes) {  // whose gaps take long
+      const Eight low = placed.distances_to_ball(begin, obstacle) - outer;
+      low.store(room_.lows + at);
+      far.store(room_.highs + at);
+      if (greater(low, Eight(most)) == 0xff) return;
+    }
+    PointGaps gaps;
+    placed.root_gaps(obstacle, begin,
+                     {Eight(most < 0.1f * LeastBounds::kFar ? most : 0.1f * LeastBounds::kFar) + outer, never, never},
+                     gaps);
+    (Eight::load(gaps.low) - outer).store(room_.lows + at);
+    (Eight::load(gaps.high) - Eight::load(v_.root_inner + at)).store(room_.highs + at);
+  }
   // Cells of bodies and obstacles, which come before those of moved pairs.
   std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }
   std::size_t first_still() const { return obstacle_cells() + (v_.moved_pair_count + kBalls - 1) / kBalls * kBalls; }

@@ -40,11 +40,17 @@ class DistanceBounder {
   void bound_groups(const Pose* poses, const double* positions, std::uint32_t used, DistanceBounds* results) {
     if (!placed_.place(poses)) return;
     cells_.look_up(positions);
-    cells_.bound(placed_);
+    const float most = least_.greatest_threshold();
+    cells_.bound(placed_, most);
     const DistanceGroups& groups = *batch_.groups;
     for (std::uint32_t g = 0; g < groups.count; ++g) {
+      const std::uint32_t first = groups.begin[g], end = groups.begin[g + 1];
+      if (end == first + 1 && room_.lows[groups.cells[first]] > most) {  // most pairs of Reduce::kWithin
+        take_beyond(groups.cells[first], used, results[g]);
+        continue;
+      }
       begin(used, groups.packets[g]);
-      open_cells(groups.cells + groups.begin[g], groups.cells + groups.begin[g + 1]);
+      open_cells(groups.cells + first, groups.cells + end);
       finish(results[g]);
       used = results[g].is_listed ? results[g].left_end : used;
     }
@@ -52,6 +58,8 @@ class DistanceBounder {
 
  private:
   static constexpr int kLevels = 3;
+  static constexpr int kPacketsOfRoots = 32;  // of the children of two roots
+  static constexpr float kOfChildren = 3.5f;  // stand-out of a ball over that of its children, or less
 
   void begin(std::uint32_t used, int packets) {
     least_.begin(used);
@@ -62,6 +70,14 @@ class DistanceBounder {
     for (int level = 1; level <= kLevels; ++level) search(level);
     least_.end(result);
     result.packets = static_cast<std::uint32_t>(packets_ - packets_left_);
+  }
+
+  /// The result of a group of one pair that is beyond all thresholds.
+  void take_beyond(std::uint32_t cell, std::uint32_t used, DistanceBounds& result) {
+    least_.begin(used);
+    least_.take_upper(room_.highs[cell], cells_.position_of(cell));
+    least_.lay_aside(room_.lows[cell], cells_.position_of(cell));
+    least_.end(result);
   }
 
   void bound_roots() {
@@ -86,8 +102,7 @@ class DistanceBounder {
     const Obstacle& obstacle = v_.obstacles[o];
     const Eight outer = Eight::load(v_.root_outer + at);
     if (obstacle.kind == Obstacle::Kind::kPlanes) {  // whose gaps take long
-      const Eight low = placed_.distances_to_roots(begin, obstacle.at) - Eight(obstacle.outer_radius) -
-                        Eight(obstacle.radius) - outer;
+      const Eight low = placed_.distances_to_ball(begin, obstacle) - outer;
       low.store(room_.lows + at);
       if (greater(low, Eight(least_.threshold())) == 0xff) return;
     }
@@ -154,7 +169,11 @@ class DistanceBounder {
     return limit == std::numeric_limits<float>::infinity() || width < least_.width() * limit;
   }
   void push_root(const DistanceItem& item, std::size_t cell, bool is_smallest) {
-    push(1, item, is_smallest || !is_worth_children(0, cells_.stand_out(cell), item.obstacle == kNone));
+    const bool is_pair = item.obstacle == kNone;
+    const float width = cells_.stand_out(cell);
+    // The children of two roots are compared as a whole, and must suffice if no more packets may follow.
+    const bool is_last = is_pair && packets_ <= kPacketsOfRoots && !(width < kOfChildren * least_.width());
+    push(1, item, is_smallest || is_last || !is_worth_children(0, width, is_pair));
   }
   /// Adds work to a level, or leaves the pair.
   void push(int level, const DistanceItem& item, bool is_smallest) {

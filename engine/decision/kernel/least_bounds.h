@@ -2,6 +2,7 @@
 #pragma once
 
 #include <cstdint>
+#include <limits>
 
 #include "engine/decision/kernel/distance_view.h"
 #include "engine/decision/kernel/placed_balls.h"
@@ -30,14 +31,21 @@ class LeastBounds {
     if (overflow_) return;
     result.is_listed = true;
     result.lower = aside_ > 0 ? double{aside_} * (1 - kRounding) : 0;
-    result.upper = upper_ > 0 ? double{upper_} * (1 + kRounding) : upper_;
+    result.upper = upper_ > kMost ? std::numeric_limits<double>::infinity()
+                   : upper_ > 0   ? double{upper_} * (1 + kRounding)
+                                  : upper_;
     result.lower_at = aside_at_;
-    result.upper_at = hit_ != kNowhere ? hit_ : upper_at_;
+    result.upper_at = hit_ != kNowhere ? hit_ : upper_at_ != kNowhere ? upper_at_ : aside_at_;
     result.left_begin = begin_;
     result.left_end = begin_ + left_;
   }
   bool is_over() const { return overflow_ || (limits_.any_overlap && upper_ <= 0); }
   float threshold() const { return threshold_; }
+  /// Threshold without an upper bound.
+  float greatest_threshold() {
+    begin(0);
+    return threshold_;
+  }
   float upper() const { return upper_; }
   /// Width of the bounds that is permitted; not above 0 if no bounds suffice.
   float width() const { return width_; }

@@ -100,6 +100,10 @@ class PlacedBalls {
     const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
     return distances(c, point[0], point[1], point[2]);
   }
+  /// Lower bounds on their distances from an obstacle of planes, by the ball that holds it.
+  HWY_INLINE Eight distances_to_ball(std::uint32_t begin, const Obstacle& obstacle) const {
+    return distances_to_roots(begin, obstacle.at) - Eight(obstacle.outer_radius) - Eight(obstacle.radius);
+  }
   /// Roots of kColumns columns that may be within their margins of an obstacle.
   template <bool kMoves>
   HWY_INLINE Bits roots_near(std::uint32_t obstacle, std::uint32_t begin) const {

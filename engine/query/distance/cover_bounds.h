@@ -56,6 +56,11 @@ class CoverBounds {
   bool leaves_pairs_out(const DistanceBounds& bounds) const {
     return bounds.is_listed && (wide_ || bounds.upper <= plan_.query.max_distance);
   }
+  /// Whether a group whose pairs covers know has no pair within max_distance, by bounds that are wide enough.
+  bool is_beyond(const DistanceBounds& bounds) const {
+    return writes_rows_ && bounds.left_begin == bounds.left_end && bounds.upper > 0 &&
+           bounds.lower > plan_.query.max_distance;
+  }
   /// Writes a group's answer, without flags. Returns false if its bounds, which are listed, do not suffice.
   bool answers(const DistanceBounds& bounds, PairAnswer& answer) const;
   /// Converts an answer of the exact engine, whose interval may reach down to the bounds laid aside, to one of the

@@ -120,6 +120,7 @@ class DistanceJob final : public CoveredJob {
   // Writes the row of a group whose bounds by covers suffice.
   bool write_bounded(const DistanceBounds& bounds, std::uint32_t group, std::uint64_t configuration) {
     if (!bounds_.groups().unknown(group).empty()) return false;
+    if (orders_rows_ && bounds_.groups().has_cells(group) && bounds_.is_beyond(bounds)) return true;
     PairAnswer answer = empty_answer();
     const bool is_empty = !bounds_.groups().has_cells(group);
     if (!is_empty && !bounds_.answers(bounds, answer)) return false;

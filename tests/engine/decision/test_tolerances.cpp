@@ -119,7 +119,7 @@ void judge_pairs_that_stay(const CoverEngines& engines) {
     s.query.all_pairs = false;
     s.query.pairs = pairs;
     const Answer exact = bounds_of(engine.without, s.query, {0, 1e-12});
-    judge(engine.with, exact, s.query, "with pairs that stay", 5);
+    judge(engine.with, exact, s.query, "with pairs that stay", 4.5);
     expect_same_rows(bounds_of(engine.without, s.query, {0, 1e-6}), 0, bounds_of(engine.with, s.query, {0, 1e-6}),
                      exact.size.rows);
     std::uint64_t nearest = 0;

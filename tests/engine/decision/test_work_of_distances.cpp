@@ -61,12 +61,12 @@ TEST(WorkOfDistances, AWiderToleranceNeedsNoMore) {
   constexpr double kInf = std::numeric_limits<double>::infinity();
   const CoverEngines engines;
   ASSERT_TRUE(engines.with.wait_covers(kCoversPatience));
-  wider_tolerances_need_no_more(engines.with, "min", Reduce::kMin, kInf, 35);
-  wider_tolerances_need_no_more(engines.with, "nearest", Reduce::kNearest, kInf, 40);
-  wider_tolerances_need_no_more(engines.with, "none", Reduce::kNone, kInf, 3);
-  wider_tolerances_need_no_more(engines.with, "within", Reduce::kWithin, 0.15, 130);
+  wider_tolerances_need_no_more(engines.with, "min", Reduce::kMin, kInf, 30);
+  wider_tolerances_need_no_more(engines.with, "nearest", Reduce::kNearest, kInf, 12);
+  wider_tolerances_need_no_more(engines.with, "none", Reduce::kNone, kInf, 1);
+  wider_tolerances_need_no_more(engines.with, "within", Reduce::kWithin, 0.15, 55);
   wider_tolerances_need_no_more(engines.without, "min without covers", Reduce::kMin, kInf, 0);
-  wider_tolerances_need_no_more(engines.without, "nearest without covers", Reduce::kNearest, kInf, 3);
+  wider_tolerances_need_no_more(engines.without, "nearest without covers", Reduce::kNearest, kInf, 0);
 }
 
 }  // namespace
