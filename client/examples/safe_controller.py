@@ -75,7 +75,7 @@ def margin() -> float:
 
 
 def stop_margin() -> float:
-    """What the proof that the arm stops keeps from a ball where its pose may have been received late.
+    """Distance that the proof of a stop keeps from the balls where their poses were.
 
     In addition to KEEP, there are:
       - a ball, with its speed while its pose is on its way, up to STALL: the engine counts the age from receipt;
@@ -188,7 +188,7 @@ class Controller:
         # Latencies of the pose and of this query are unknown to the engine: measured with one clock.
         late = 1e-9 * max(0, time.time_ns() - r.snapshot_stamp_ns - max(r.pose_age_ns, 0))
         approach = np.where(self.balls[r.pair].any(axis=1), moving_balls.MAX_SPEED, 0.0)
-        # The present command goes on until the next one: `rate` is what it changes.
+        # The present command goes on until the next one, and changes the distance by `rate`.
         then = lower - (approach + np.maximum(-r.rate, 0.0)) * late
         least = approach - ALPHA * (then - self.margin)
         answer = self.safe(wanted(now - began, self.drive.q), r.gradient_joints[nearest], least[nearest])

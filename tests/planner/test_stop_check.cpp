@@ -116,6 +116,20 @@ TEST(StopCheck, OthersReachAsFarAsTheyCan) {
   EXPECT_EQ(yard.stop({1, 0}, {brakes, 1, there}, yard.with_persons).speed_scale, 0);
 }
 
+TEST(StopCheck, KeepsItsMarginFromAll) {
+  Yard yard;
+  yard.put(3, 0);
+  const std::array brakes{0.5, 0.5};
+  const std::array<Mover, 1> still{Mover{yard.person, 0}};
+  const double margin = 0.5;
+  const auto expect_near = [](double found, double exact) {
+    EXPECT_TRUE(exact - kStep <= found && found <= exact) << found << ' ' << exact;
+  };
+  expect_near(yard.stop({4, 0}, {brakes, 0.1, still}, {}, margin).speed_scale, greatest(kWall - margin, 0.1, 4, 0.5));
+  expect_near(yard.stop({4, 0}, {brakes, 0.1, still}, yard.with_persons, margin).speed_scale,
+              greatest(2.8 - margin, 0.1, 4, 0.5));
+}
+
 TEST(StopCheck, FollowersMoveWithThoseTheyFollow) {
   Yard yard;
   yard.put(0, 0.6);  // both are 0.4 m from the cart, which stops after 10 s: ages hardly matter

@@ -14,8 +14,8 @@ from .stop import Braking, Stops
 class Separation:
     """Terms of the protective separation distance of ISO 10218-2:2025 (ISO/TS 15066) from one body, in metres.
 
-    Upper bounds each, except `distance`. Z_d and Z_r are not among them: what the scene declares (`uncertainty`,
-    `padding`) is in `distance`, and what it does not is the caller's.
+    Upper bounds each, except `distance`, which contains Z_d and Z_r as far as the scene declares them (`uncertainty`,
+    `padding`). Others are the caller's.
     """
 
     body: str
