@@ -17,6 +17,8 @@ MODELS = {"hulls": "hull", "meshes": "auto"}  # values of mesh_as
 NEAR_END = 0.15  # radians around starts and goals
 SAMPLE_STEP = 0.02  # radians between the samples of an edge
 CLOUD_POINTS, CLOUD_RADIUS = 4000, 0.005
+HANDS = {"panda": "panda_hand", "ur5": "wrist_3_link"}  # links that carry a cloud
+CARRIED = problems.Obstacle("carried", "box", [0.06, 0.08, 0.2], np.array([0, 0, 0.18, 1, 0, 0, 0]))
 
 
 @dataclass
@@ -84,8 +86,9 @@ def edges_of(starts, group, rng):
     return np.clip(starts + way, group.lower, group.upper)
 
 
-def robot_batches(robot, model, itself=False, cloud=False, edges=False, on_map=False):
-    """Batches of a robot against its problems' obstacles, and `itself`; a cloud replaces the obstacles."""
+def robot_batches(robot, model, itself=False, cloud=False, carries=False, edges=False, on_map=False):
+    """Batches of a robot against its problems' obstacles, and `itself`; a cloud replaces the obstacles, or, if it
+    `carries` one, itself."""
     base = np.array([4e6, 5e5, 0]) if on_map else np.zeros(3)  # metres
 
     def batches(options):
@@ -96,6 +99,10 @@ def robot_batches(robot, model, itself=False, cloud=False, edges=False, on_map=F
             scene.add_robot(robot, mesh_as=MODELS[model], static=True, base=[*base, 1, 0, 0, 0],
                             **problems.files_of(resources, robot))  # fmt: skip
             links = len(scene.bodies)
+            if carries:
+                points = points_on([CARRIED], np.random.default_rng(options.seed))
+                scene.add_points(CARRIED.name, points, radius=CLOUD_RADIUS, parent=f"{robot}/{HANDS[robot]}")
+                links += 1
             if cloud:
                 points = points_on(problem.obstacles, np.random.default_rng(options.seed))
                 scene.add_points("cloud_obstacle", points, radius=CLOUD_RADIUS, static=True)
@@ -104,7 +111,8 @@ def robot_batches(robot, model, itself=False, cloud=False, edges=False, on_map=F
                 scene.add_body(f"{thing.name}_obstacle", static=True, pose=pose, **shape_of(thing))
             engines = engines_of(scene)
             group = engines["off"].joints([f"{robot}/{joint}" for joint in problem.goal])
-            pairs = None if itself else [(robot, body.name) for body in list(scene.bodies)[links:]]
+            moved = CARRIED.name if carries else robot
+            pairs = None if itself else [(moved, body.name) for body in list(scene.bodies)[links:]]
             states = states_of(problem, group, options.states, rng)
             inputs = (states, edges_of(states, group, rng)) if edges else (states,)
             yield Batch(problem.name, engines, {"joints": group}, pairs, inputs)
@@ -196,6 +204,7 @@ def workloads(robots):
                 name = f"{ROBOTS[robot]}, {model}{' and itself' if itself else ''}"
                 found.append(Workload(name, robot_batches(robot, model, itself)))
         found.append(Workload(f"{ROBOTS[robot]}, cloud", robot_batches(robot, "hulls", cloud=True)))
+        found.append(Workload(f"{ROBOTS[robot]}, carried cloud", robot_batches(robot, "hulls", carries=True)))
     found.append(Workload(f"{ROBOTS[robots[0]]}, on a map", robot_batches(robots[0], "hulls", on_map=True)))
     for robot in robots:
         found.append(Workload(f"{ROBOTS[robot]}, edges", robot_batches(robot, "hulls", edges=True), is_motion=True))

@@ -179,6 +179,7 @@ DECISION_MUTANTS = [
         ),
         # Distances.
         ("distance_drop_far", "decision/kernel/least_bounds.h", "lay_aside(@of[i].lower@, of[i].position)", "1e30f"),
+        ("distance_no_upper", "decision/kernel/least_bounds.h", "result.upper = upper_ > @kMost@ ?", "1e38"),
         (
             "distance_left_again",
             "decision/kernel/least_bounds.h",

@@ -48,6 +48,23 @@ TEST(LeastBounds, PairsLeftThatAreFarByTheEndCountAsLaidAside) {
   EXPECT_EQ(found.upper_at, 1u);
 }
 
+TEST(LeastBounds, PairsBeyondTheGreatestThresholdNeedNoUpperBound) {
+  Search search;
+  search.limits.most = 0.5;
+  EXPECT_GE(search.least.greatest_threshold(), 0.5f);
+  EXPECT_LT(search.least.greatest_threshold(), 0.501f);
+  search.least.begin(0);
+  search.least.take_upper(LeastBounds::kFar - 1, 2);  // of a root that a cloud's search did not reach
+  search.least.lay_aside(0.75f, 3);
+  const DistanceBounds found = search.end();
+  ASSERT_TRUE(found.is_listed);
+  EXPECT_EQ(found.left_begin, found.left_end);
+  EXPECT_LE(found.lower, 0.75);
+  EXPECT_GT(found.lower, 0.749);
+  EXPECT_EQ(found.upper, std::numeric_limits<double>::infinity());
+  EXPECT_EQ(found.upper_at, 3u);
+}
+
 TEST(LeastBounds, PairsAfterAnOverlappingOneAreNotLeft) {
   Search search;
   search.limits.any_overlap = false;
