@@ -15,6 +15,7 @@ import pytest
 
 import clearance
 from clearance.view import command
+from clearance.view.camera import camera_at_first
 from clearance.view.edge import Verdict, certified_edge
 from clearance.view.model import ViewQuery, WhatIf, all_joints, look, positions_now, shapes_of
 from clearance.view.path import proved_path, read_path
@@ -97,7 +98,7 @@ def test_a_picture_is_the_answer(robot):
     expected = {tuple(p): row for p, *row in zip(r.pairs.tolist(), r.lower, r.upper, r.status)}
     have = {tuple(p): row for p, *row in zip(picture.pairs.tolist(), picture.lower, picture.upper, picture.status)}
     assert have == expected and picture.total == len(expected) > 20
-    assert (np.diff(picture.upper) >= 0).all()
+    assert (np.diff(picture.lower) >= 0).all()
     apart = picture.status == clearance.Status.OK
     lengths = np.linalg.norm(picture.segments[:, 1] - picture.segments[:, 0], axis=1)[apart]
     assert (lengths > 0).all() and (lengths <= picture.upper[apart] + 1e-9).all()
@@ -108,7 +109,35 @@ def test_a_picture_is_the_answer(robot):
     assert picture.placed.all()
 
     few = look(robot, ViewQuery(max_distance=0.3, most_rows=5))
-    assert few.total == picture.total and few.upper.tolist() == picture.upper[:5].tolist()
+    assert few.total == picture.total and few.lower.tolist() == picture.lower[:5].tolist()
+
+
+def test_the_camera_opens_on_the_nearest_pair():
+    """From a direction from which no body hides it, also if one stands where the camera would."""
+    scene = clearance.Scene()
+    scene.add_sphere("a", 0.1, static=True, pose=at(0))
+    scene.add_sphere("b", 0.1, pose=at(0.3))
+    scene.add_sphere("far", 0.1, static=True, pose=at(5))
+    engine = clearance.Engine(scene, threads=1)
+    target, freely = camera_at_first(look(engine, ViewQuery(max_distance=9.0)), shapes_of(engine, scene))
+    assert np.allclose(target, [0.15, 0, 0]) and 0.3 < np.linalg.norm(freely - target) < 1
+    middle = target + 0.5 * (freely - target)
+    scene.add_box("wall", [0.5, 0.5, 0.5], static=True, pose=[*middle, 1, 0, 0, 0])
+    scene.ignore("wall", "b")
+    engine = clearance.Engine(scene, threads=1)
+    again, behind = camera_at_first(look(engine, ViewQuery(max_distance=9.0)), shapes_of(engine, scene))
+    assert np.allclose(again, target) and not np.allclose(behind, freely)
+    rays = behind + np.linspace(0, 0.98, 200)[:, None] * (target - behind)
+    assert (np.abs(rays - middle).max(axis=1) > 0.25).all(), "the wall is not before the target"
+    assert np.linalg.norm(behind - target) == pytest.approx(np.linalg.norm(freely - target))
+
+
+def test_the_camera_shows_a_scene_without_pairs():
+    scene = clearance.Scene()
+    scene.add_sphere("one", 0.1, pose=at(2))
+    engine = clearance.Engine(scene, threads=1)
+    target, position = camera_at_first(look(engine, ViewQuery()), shapes_of(engine, scene))
+    assert np.allclose(target, [2, 0, 0]) and 0.3 < np.linalg.norm(position - target) < 3
 
 
 def test_each_bodys_nearest_comes_once_a_pair(robot):

@@ -39,7 +39,7 @@ class Picture:
     poses: np.ndarray  #: (N, 7) X_wb, metres; valid where `placed`
     placed: np.ndarray  #: (N,) bool
     ages_s: np.ndarray  #: (N,) seconds since each pose was received, or NaN
-    pairs: np.ndarray  #: (R, 2) ids of a row's bodies, the nearest pair first
+    pairs: np.ndarray  #: (R, 2) ids of a row's bodies, the least lower bound first
     status: np.ndarray  #: (R,) of clearance.Status
     flags: np.ndarray  #: (R,) bits of clearance.Flag
     lower: np.ndarray  #: (R,) metres, certified
@@ -118,11 +118,11 @@ def look(front: Front, question: ViewQuery, what_if: Optional[WhatIf] = None) ->
 
 
 def _rows(pairs: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
-    """Returns the indices of rows with a pair, each pair once, the nearest first."""
+    """Returns the indices of rows with a pair, each pair once, by their lower bounds."""
     there = np.flatnonzero((pairs != NONE).all(axis=1))
     _, first = np.unique(np.sort(pairs[there], axis=1), axis=0, return_index=True)
     once = there[first]
-    return once[np.lexsort((pairs[once, 1], pairs[once, 0], lower[once], upper[once]))]
+    return once[np.lexsort((pairs[once, 1], pairs[once, 0], upper[once], lower[once]))]
 
 
 def shapes_of(front: Front, scene: Optional[Scene]) -> list[Shape]:

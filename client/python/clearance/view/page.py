@@ -10,13 +10,13 @@ import numpy as np
 import viser
 
 from .._query.path_report import PathReport
+from .camera import camera_at_first
 from .edge import Edge, Verdict
 from .model import Picture
 from .path import ProvedPath
 from .shapes import Shape
 from .tables import BLUE, COLOURS, HIT
 
-_FROM = np.array([1.25, -1.55, 0.9])  # camera offset from the centre of the scene, relative to its size
 _STATIC, _UNKNOWN = (150, 156, 166), (196, 200, 206)
 
 
@@ -118,7 +118,7 @@ class Page:
     def rebuild(
         self, picture: Picture, shapes: Sequence[Shape], is_static: Sequence[bool], known: Sequence[bool]
     ) -> None:
-        """Replaces the bodies, and places the camera so that all are visible."""
+        """Replaces the bodies, and places the camera at the nearest pair."""
         with self._server.atomic():
             for body in self._bodies:
                 body.remove()
@@ -130,21 +130,14 @@ class Page:
         self._look_at(picture, shapes)
 
     def _look_at(self, picture: Picture, shapes: Sequence[Shape]) -> None:
-        seen = [i for i, shape in enumerate(shapes) if len(shape.points) and picture.placed[i]]
-        if not seen:
-            return
-        origins = picture.poses[seen, :3]
-        corners = [shapes[i].mesh[0].vertices if shapes[i].mesh else shapes[i].points for i in seen]
-        reach = [float(np.linalg.norm(each, axis=1).max()) for each in corners]
-        middle = np.median(origins, axis=0)
-        size = max(0.3, float(np.percentile(np.linalg.norm(origins - middle, axis=1) + np.minimum(reach, 1.0), 80)))
+        target, position = camera_at_first(picture, shapes)
         camera = self._server.initial_camera
         camera.up = (0.0, 0.0, 1.0)
-        camera.look_at = tuple(middle)
-        camera.position = tuple(middle + size * _FROM)
+        camera.look_at = tuple(target)
+        camera.position = tuple(position)
         for client in self._server.get_clients().values():
-            client.camera.look_at = middle
-            client.camera.position = middle + size * _FROM
+            client.camera.look_at = target
+            client.camera.position = position
 
     def show(self, look: str) -> None:
         """Draws bodies as "mesh", "pieces" or "points"."""
