@@ -5,28 +5,31 @@ from __future__ import annotations
 from mutant import mutants_of
 
 _PAIR, _ORDER, _RATE = "evaluate/feature_pair.cpp", "evaluate/second_order.cpp", "evaluate/rate_bounds.cpp"
+_KINEMATIC = "dot(features.normal(), @cross(carrier.spin, carried.shift)@)"
 
 SECOND_ORDER_MUTANTS = [
     # Terms of the Hessian: docs/bounds_robots.md, "Second order".
     *mutants_of(
-        "second_order SecondOrder.*",
+        "second_order SecondOrder.O*:SecondOrder.T*:SecondOrder.W*",
         ("term_across", _PAIR, "(motion.shift - @normal_ * dot(normal_, motion.shift)@)", "normal_ * 0.0"),
         ("term_slide", _PAIR, "double sum = @dot(along(i), motion.shift) / root@", "0.0"),
         ("term_turn", _PAIR, "/ root + @root * dot(normal_, cross(spin, along(i)))@", "0.0"),
         ("term_turn_b", _PAIR, "spin = i < b_.size ? @motion.spin_b@", "motion.spin_a"),
-        ("term_turn_a", _PAIR, "motion.spin_b : @motion.spin_a@", "motion.spin_b"),
-        ("term_complement", _PAIR, "sum -= @factor_[i][k] * term.slide[k]@", "0.0"),
         ("slides_metric", _PAIR, "whole = @dot(along(i), along(j))@", "(i == j ? 1.0 : 0.0)"),
-        ("kinematic_hessian", _ORDER, "dot(features.normal(), @cross(carrier.spin, carried.shift)@)", "Vec3d{0, 0, 0}"),
-        ("kinematic_order", _ORDER, "cross(@carrier.spin@, carried.shift)", "carried.spin"),
-        ("hessian_mimic", _ORDER, "value * carried.scale * @carrier.scale@", "1.0"),
+        ("kinematic_hessian", _ORDER, _KINEMATIC, "Vec3d{0, 0, 0}"),
+        ("kinematic_order", _ORDER, _KINEMATIC, "cross(carried.spin, carried.shift)"),
         ("curvature_twice", _ORDER, "curvature += (x == y ? 1 : @2@)", "1"),
-        ("joint_arm", _ORDER, "speed(at), axis, @cross(axis, point - link.t_w)@", "cross(axis, point)"),
         ("twist_arm", _ORDER, "1, 1, spin, @cross(spin, point - origin)@", "Vec3d{0, 0, 0}"),
         ("radius_interior", _PAIR, "std::min({@interior@, a.cone_radius", "__builtin_inf()"),
-        ("radius_crossing", _PAIR, "are_edges ? @norm(cross(a_.tangent[0], b_.tangent[0]))@", "0.5"),
         ("radius_cone", _PAIR, "return std::min(@distance * std::sqrt(gap_squared / arm_squared)@", "__builtin_inf()"),
-        ("radius_end", _PAIR, "is_one = @interior > tolerance@", "true"),
+    ),
+    # Those of robots alone.
+    *mutants_of(
+        "second_order SecondOrder.Is*",
+        ("term_turn_a", _PAIR, "motion.spin_b : @motion.spin_a@", "motion.spin_b"),
+        ("term_complement", _PAIR, "sum -= @factor_[i][k] * term.slide[k]@", "0.0"),
+        ("hessian_mimic", _ORDER, "value * carried.scale * @carrier.scale@", "1.0"),
+        ("joint_arm", _ORDER, "speed(at), axis, @cross(axis, point - link.t_w)@", "cross(axis, point)"),
     ),
     # Curved cores.
     *mutants_of(
@@ -40,12 +43,11 @@ SECOND_ORDER_MUTANTS = [
         ("rate_turn_b", _RATE, "along_b = d + @lean.b * time@", "lean.b * 0.0"),
         ("rate_shift", _RATE, "(dot(d, away_) + @time * dot(normal_, shift)@)", "0.0"),
         ("rate_lean", _RATE, "lean.normal = @features_->lean(lean.a, lean.b, begin_with_a)@", "Vec3d{0, 0, 0}"),
-        ("rate_upper", _RATE, "longest = norm(normal_ + lean.normal * t) * @upper_@", "gap_"),
+        ("rate_upper", _RATE, "longest = norm(normal_ + lean.normal * t) * @upper_@", "0.999 * upper_"),
         ("rate_inner", _RATE, "difference_below(gap, error), @longest * inner_ * kUp@)", "0.0"),
         ("rate_normal", _RATE, "error = (@normal_error_ * most@", "0.0"),
         ("rate_parts", _RATE, "if (@other.beyond@) continue", "true"),
         ("radius_parts", _ORDER, "radius = @std::clamp((other.bounds.lower - distance) / 2, 0.0, radius)@", "radius"),
-        ("rate_overlap", _RATE, "if (@!(gap_ > 0)@ || !std::isfinite(most)", "false"),
         ("rate_turn_errors", _ORDER, "sum += @errors[0]@ * (away", "0.0"),
         ("rate_shift_errors", _ORDER, "reach + inner) + @errors[1]@", "0.0"),
     ),

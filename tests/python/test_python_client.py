@@ -14,7 +14,7 @@ from patience import PATIENCE_S
 TESTS = [
     "test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepare.py", "test_prepare_memory.py",
     "test_prepare_scene.py", "test_future.py", "test_poses.py", "test_remote_plan.py",
-    "test_joints.py",
+    "test_joints.py", "test_velocities.py",
 ]  # fmt: skip
 
 

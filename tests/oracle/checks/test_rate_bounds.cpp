@@ -315,5 +315,28 @@ TEST(RateBounds, HoldTheRatesOfUncertainPlacements) {
   }
 }
 
+// A ball away from its body's origin, whose place depends on an uncertain angle, and with it the normal.
+TEST(RateBounds, HoldTheRatesOfAllNormals) {
+  const auto balls = [](double angle) {
+    engine::Scene scene;
+    scene.add_sphere("a", 0.1, {});
+    Body b;
+    b.name = "b";
+    b.parts.push_back(make_convex_part({Vec3d{1, 0, 0}}, 0.1));
+    b.uncertainty.angle = angle;
+    scene.add_body(std::move(b));
+    return scene;
+  };
+  const MovingPair known(balls(0)), pair(balls(0.05));
+  const Twists twists = twists_of({0, 0, 0}, {0, 1, 0});
+  const Pose a{{1, 0, 1}};
+  const auto r = pair.at(a, Pose{}, twists);
+  for (const double angle : {-0.05, -0.02, 0.03, 0.05}) {
+    const auto exact = known.at(a, Pose{{0, 0, 0}, std::cos(angle / 2), 0, 0, std::sin(angle / 2)}, twists);
+    EXPECT_NEAR(exact.rate, -angle, 1e-3);
+    EXPECT_TRUE(r.hold(exact.rate)) << r.lower << " " << exact.rate << " " << r.upper;
+  }
+}
+
 }  // namespace
 }  // namespace clearance::exact
