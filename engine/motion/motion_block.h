@@ -36,26 +36,15 @@ class MotionBlock {
   bool has_begun() const { return count_ > 0; }
   /// \param first first of `count` consecutive motions
   void begin(std::uint64_t first, std::uint64_t count, WorkMeter& meter) {
-    begin_each(
-        count,
-        [first](std::uint64_t i) {
-          return OpenMotion{first + i, {}};
-        },
-        meter);
+    begin_each(count, [first](std::uint64_t i) { return OpenMotion{first + i, {}}; }, meter);
   }
   /// Motions that need not be consecutive.
   void begin(std::span<const std::uint64_t> motions, WorkMeter& meter) {
-    begin_each(
-        motions.size(),
-        [motions](std::uint64_t i) {
-          return OpenMotion{motions[i], {}};
-        },
-        meter);
+    begin_each(motions.size(), [motions](std::uint64_t i) { return OpenMotion{motions[i], {}}; }, meter);
   }
   /// Likewise, with their open pairs.
   void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
-    begin_each(
-        motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);
+    begin_each(motions.size(), [motions](std::uint64_t i) -> const OpenMotion& { return motions[i]; }, meter);
   }
   /// Continues until the slice ends. Returns true once all motions are answered.
   bool advance(WorkMeter& meter);
