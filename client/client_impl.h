@@ -13,7 +13,6 @@
 #include "client/client.h"
 #include "client/connection.h"
 #include "client/requests.h"
-#include "wire/record_list.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -84,10 +83,9 @@ struct Client::Impl {
     const std::uint64_t scene_revision = !query.check_scene ? 0 : revision ? *revision : revision_of_ids();
     const std::uint64_t payload_bytes =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
-    wire::RecordList records(query_records(query));
+    RecordList records(query_records(query));
     add_inputs(query, has_configurations, records);
-    if (rows)
-      records.insert(static_cast<std::uint16_t>(wire::QueryRecord::kRows), wire::kRecordRequired, std::as_bytes(*rows));
+    if (rows) records.insert(wire::QueryRecord::kRows, std::as_bytes(*rows));
     records.append(connection.prepare());
     const std::uint64_t records_bytes = records.bytes();
     std::uint64_t reply_bytes = 0;

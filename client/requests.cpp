@@ -36,9 +36,9 @@ std::vector<std::byte> query_records(const Query& query) {
   return records;
 }
 
-void add_inputs(const Query& query, bool with_configurations, wire::RecordList& records) {
+void add_inputs(const Query& query, bool with_configurations, RecordList& records) {
   const auto add = [&records](wire::QueryRecord tag, auto array) {
-    if (!array.empty()) records.insert(static_cast<std::uint16_t>(tag), wire::kRecordRequired, std::as_bytes(array));
+    if (!array.empty()) records.insert(tag, std::as_bytes(array));
   };
   add(wire::QueryRecord::kJoints, query.joints);
   if (!with_configurations) return;

@@ -10,8 +10,8 @@
 #include <vector>
 
 #include "client/client.h"
+#include "client/record_list.h"
 #include "wire/query_contradictions.h"
-#include "wire/record_list.h"
 #include "wire/wire.h"
 
 namespace clearance {
@@ -31,7 +31,7 @@ wire::QueryHeader header_of(const Query& query, std::optional<std::uint32_t> pla
 /// Returns the records of a query's options and margins outside the header.
 std::vector<std::byte> query_records(const Query& query);
 /// Inserts the records of its joints and, if requested, of their positions and its other inputs, which outlive the list.
-void add_inputs(const Query& query, bool with_configurations, wire::RecordList& records);
+void add_inputs(const Query& query, bool with_configurations, RecordList& records);
 
 /// Returns an upper bound on the size of the reply's frame in bytes, or 0 if only the daemon knows.
 /// \param scene the known scene, or null

@@ -4,8 +4,8 @@
 #include <limits>
 #include <random>
 
+#include "client/record_list.h"
 #include "tests/client/wire_payloads.h"
-#include "wire/record_list.h"
 #include "wire/wire.h"
 
 namespace clearance::wire {
@@ -180,14 +180,11 @@ TEST(Wire, ARecordListWritesTheBytesOfEncodedRecords) {
 
     RecordList list(encoded);
     if (with_joints) {
-      const auto insert = [&list](QueryRecord tag, std::span<const std::byte> array) {
-        list.insert(static_cast<std::uint16_t>(tag), kRecordRequired, array);
-      };
-      insert(QueryRecord::kVelocities, std::as_bytes(std::span(velocities)));
-      insert(QueryRecord::kJoints, std::as_bytes(std::span(joints)));
-      insert(QueryRecord::kPositions, std::as_bytes(std::span(positions)));
+      list.insert(QueryRecord::kVelocities, std::as_bytes(std::span(velocities)));
+      list.insert(QueryRecord::kJoints, std::as_bytes(std::span(joints)));
+      list.insert(QueryRecord::kPositions, std::as_bytes(std::span(positions)));
     }
-    list.insert(static_cast<std::uint16_t>(QueryRecord::kRows), kRecordRequired, std::as_bytes(std::span(rows)));
+    list.insert(QueryRecord::kRows, std::as_bytes(std::span(rows)));
     list.append(epoch);
     ASSERT_EQ(list.bytes(), expected.size());
     Bytes written(expected.size(), std::byte{0xEE});
