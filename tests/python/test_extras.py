@@ -23,6 +23,7 @@ NAMES = [
     "robots",
     "races",
     "kernels",
+    "prove",
 ]
 
 
