@@ -20,7 +20,8 @@ import tempfile
 from pathlib import Path
 
 from cpp import Unknown
-from extract import Source, write
+from extract import write
+from passages import Source
 from prove import FILES, HERE, compile_all
 
 SITE = re.compile(r"(?<= )[-+*/>](?= )|(?<=[(\s])-(?=\w)|(?<![\w.])(?:0x1p-?\d+|\d+e-?\d+|\d+)(?![\w.])|(?<=\.)[xyz]\b")

@@ -18,10 +18,11 @@ import time
 from pathlib import Path
 
 from cpp import Unknown
-from extract import Source, write
+from extract import write
+from passages import Source
 
 HERE = Path(__file__).resolve().parent
-FILES = ["Arithmetic", "Model", "Source", "Tie", "Vectors", "Rounding", "Bounds", "Lower", "Upper", "Pair", "Claim"]
+FILES = ["Arithmetic", "Model", "Source", "Tie", "Vectors", "Rounding", "Bounds", "Lower", "Point", "Upper", "Pair", "Claim"]
 THEOREMS = ["run_contains_distance", "certify_contains_distance"]
 AXIOMS = {
     "ClassicalDedekindReals.sig_not_dec",  # Coq's reals

@@ -11,7 +11,8 @@ sys.path.insert(0, str(ROOT / "proof"))
 
 import mutants  # noqa: E402
 from cpp import Unknown  # noqa: E402
-from extract import PASSAGES, Source, write  # noqa: E402
+from extract import write  # noqa: E402
+from passages import PASSAGES, Source  # noqa: E402
 
 
 @pytest.fixture(scope="module")
