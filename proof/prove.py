@@ -22,7 +22,8 @@ from extract import write
 from passages import Source
 
 HERE = Path(__file__).resolve().parent
-FILES = ["Arithmetic", "Model", "Source", "Tie", "Vectors", "Rounding", "Bounds", "Lower", "Point", "Upper", "Pair", "Claim"]
+ORDER = "Arithmetic Model Source Tie Vectors Rounding Bounds Lower Point Upper Pair Claim"
+FILES = ORDER.split()
 THEOREMS = ["run_contains_distance", "certify_contains_distance"]
 AXIOMS = {
     "ClassicalDedekindReals.sig_not_dec",  # Coq's reals
