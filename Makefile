@@ -4,7 +4,7 @@ PYTHON_VENV := .venv/bin/python
 CORES := $(shell nproc)
 
 .DEFAULT_GOAL := help
-.PHONY: help build test test-extras lint fuzz soak demo bench tradeoff certify gpu-test gpu-bench clean
+.PHONY: help build test test-extras lint fuzz soak demo bench tradeoff certify prove gpu-test gpu-bench clean
 
 help:  ## this list
 	@echo "make TARGET, one of"
@@ -19,7 +19,7 @@ test:  ## run every test: ctest, which runs pytest beside its own
 	@tools/build.sh release
 	@ctest --test-dir build -j $(CORES) --output-on-failure
 
-test-extras:  ## tests that take more packages or minutes: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels; EXTRAS="fuzz races"
+test-extras:  ## tests that take more packages or minutes: installing (wheels, deb), 64-bit ARM, examples, the site, fuzzing, robots, races, kernels, the proof; EXTRAS="fuzz races"
 	@tools/setup.sh
 	@tools/extras.sh $(EXTRAS)
 
@@ -56,6 +56,10 @@ certify:  ## check a million pairs of every hard class of hulls and meshes, 30,0
 	@tools/setup.sh
 	@tools/build.sh release clearance-certify clearance-certificates
 	@tools/certify.sh
+
+prove:  ## have Coq check the proof of the float64 bounds against the source (docs/proof.md), and 12 random changes of it; installs Coq
+	@tools/setup.sh
+	@tools/extras.sh prove
 
 gpu-test:  ## compare the cuda backend with the CPU and exact arithmetic, on this machine's GPU; TASK=certify: a million pairs, TASK=sanitize: under compute-sanitizer
 	@tools/setup.sh

@@ -2,7 +2,7 @@
    Print Assumptions at the end lists the axioms that it rests on. *)
 From Coq Require Import Reals Lra Psatz ZArith List.
 From Flocq Require Import Core.
-From Clearance Require Import Arithmetic Model Vectors Rounding Bounds Lower Upper Pair Source Tie.
+From Clearance Require Import Arithmetic Model Vectors Rounding Bounds Lower Point Upper Pair Source Tie.
 Import ListNotations.
 Open Scope R_scope.
 
@@ -222,3 +222,26 @@ Qed.
 (* Both gaps along a run's direction are the same expression. *)
 Theorem support_gap_is_lanes_gap : @Source.support_gap binary64 = @Source.lanes_gap binary64.
 Proof. exact (eq_trans support_gap_tied (eq_sym lanes_gap_tied)). Qed.
+
+(* The premises can be met: two points, two metres apart. *)
+Definition identity : mat := M (V 1 0 0) (V 0 1 0) (V 0 0 1).
+Example premises_can_be_met : exists P, sound P /\ part_a P (V 1 0 0) /\ part_b P (V 3 0 0).
+Proof.
+  assert (L : forall a : R, 0 <= a -> len (V a 0 0) = a).
+  { intros a Ha. unfold len, inner. cbn [x y z]. rewrite <- (sqrt_square a Ha) at 3. f_equal. ring. }
+  assert (I : rounded_rotation identity identity).
+  { unfold rounded_rotation, rotation, orthogonal, row_rounded, entry, identity, transposed, inner, e90.
+    cbn [x y z row0 row1 row2]. rewrite ?Rminus_0_r, ?Rabs_R0, ?Rminus_diag_eq by reflexivity. rewrite ?Rabs_R0, ?Rabs_R1.
+    pose proof u_pos. repeat split; lra. }
+  exists {| va := [V 1 0 0]; vb := [V 1 0 0]; rho_a := 1; rho_b := 1; r_a := 0; r_b := 0; A := identity; B := identity;
+            A' := identity; B' := identity; tA := V 0 0 0; tB := V 2 0 0 |}.
+  assert (H : part [V 1 0 0] 0 (V 1 0 0)).
+  { exists (V 1 0 0). split; [apply hull_vertex; left; reflexivity|].
+    replace (minus (V 1 0 0) (V 1 0 0)) with (V 0 0 0) by veq. rewrite L; lra. }
+  split; [constructor; cbn; try lra; try exact I|split].
+  - intros v [<-|[]]. rewrite L; lra.
+  - intros v [<-|[]]. rewrite L; lra.
+  - unfold e61. lra.
+  - exists (V 1 0 0). split; [exact H|]. cbn [A B tA tB]. unfold placed, apply, identity. veq.
+  - exists (V 1 0 0). split; [exact H|]. cbn [A B tA tB]. unfold placed, apply, identity. veq.
+Qed.

@@ -1,5 +1,5 @@
 (* What the source computes, as read by a person: one operation of [arith] for each one of the source.
-   Tie.v proves that the text of the source says the same. *)
+   Tie.v proves that the source computes the same. *)
 From Coq Require Import ZArith Bool List.
 From Clearance Require Import Arithmetic.
 

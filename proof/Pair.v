@@ -1,7 +1,7 @@
 (* The interval of two convex parts in float64, from the frame of a to both bounds. *)
 From Coq Require Import Reals Lra Psatz ZArith List.
 From Flocq Require Import Raux.
-From Clearance Require Import Arithmetic Model Vectors Rounding Bounds Lower Upper.
+From Clearance Require Import Arithmetic Model Vectors Rounding Bounds Lower Point Upper.
 Open Scope R_scope.
 
 Lemma hull_len : forall vs rho p, (forall v, In v vs -> len v <= rho) -> hull vs p -> len p <= rho.

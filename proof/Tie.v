@@ -1,4 +1,4 @@
-(* The text of the source (Source.v, written by extract.py) computes what Model.v says, in every arithmetic.
+(* The text of the source (Source.v, written by extract.py) computes the same as Model.v, in every arithmetic.
    The two are compared operation by operation: a changed constant, operation or order fails here. *)
 From Coq Require Import List.
 From Clearance Require Import Arithmetic Model Source.

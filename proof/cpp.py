@@ -6,6 +6,7 @@ Anything else is an error that names the file and the function: no part of an ex
 from __future__ import annotations
 
 import re
+from typing import ClassVar
 
 TOKEN = re.compile(
     r"\s*(?:(?P<num>0x[0-9a-fA-F]+p[-+]?\d+|\d+(?:\.\d*)?(?:e[-+]?\d+)?)"
@@ -51,7 +52,9 @@ class Parser:
     def take(self, token: str) -> None:
         got = self.next()
         if got != token:
-            raise Unknown(f"expected {token!r}, found {got!r} in {' '.join(self.tokens[max(0, self.at - 8) : self.at + 4])}")
+            raise Unknown(
+                f"expected {token!r}, found {got!r} in {' '.join(self.tokens[max(0, self.at - 8) : self.at + 4])}"
+            )
 
     def items(self, end: str) -> list:
         found = []
@@ -136,7 +139,7 @@ def number(text: str) -> str:
 class Scope:
     """Values of names while a function is read: (type, term) each."""
 
-    FUNCTIONS = {  # name: types of the arguments, and of the result
+    FUNCTIONS: ClassVar = {  # name: types of the arguments, and of the result
         "dot": ([VECTOR, VECTOR], SCALAR),
         "norm": ([VECTOR], SCALAR),
         "squared_norm": ([VECTOR], SCALAR),
@@ -147,7 +150,7 @@ class Scope:
         "difference": ([VECTOR, VECTOR], VECTOR),
         "sum": ([SCALAR, SCALAR], SCALAR),
     }
-    OPERATORS = {
+    OPERATORS: ClassVar = {
         ("+", SCALAR, SCALAR): ("add", SCALAR),
         ("-", SCALAR, SCALAR): ("sub", SCALAR),
         ("*", SCALAR, SCALAR): ("mul", SCALAR),
@@ -195,7 +198,11 @@ class Scope:
 
     def _index(self, node, wanted):
         inner = node[1]
-        if inner[0] == "member" and inner[2] == "row" and node[2] in (("number", "0"), ("number", "1"), ("number", "2")):
+        if (
+            inner[0] == "member"
+            and inner[2] == "row"
+            and node[2] in (("number", "0"), ("number", "1"), ("number", "2"))
+        ):
             return VECTOR, f"(row{node[2][1]} {self.term(inner[1], MATRIX)})"
         raise Unknown(f"index of {inner}")
 

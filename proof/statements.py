@@ -11,7 +11,8 @@ class Runner(Parser):
 
     def __init__(self, tokens: list[str], scope: Scope, kind: str | None = None):
         super().__init__(tokens)
-        self.scope, self.kind, self.result = scope, kind, None
+        self.scope, self.kind = scope, kind
+        self.result: str | None = None
         self.skipping = False
 
     def run(self) -> str | None:

@@ -28,6 +28,7 @@ extras=(
   "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
+  "prove            5  proof engine/base/vec.h engine/base/arithmetic.h engine/narrow engine/hull/lanes engine/hull/support.cpp tools/prove_packages.txt"
 )
 
 # These rebuild everything in roots of other systems, or fetch gigabytes: --changed lists them and leaves them to a release.
@@ -291,6 +292,13 @@ run_kernels() {
     return
   fi
   tools/build.sh gpus kernels
+}
+
+# The proof of the float64 bounds, against the source as it is, and random changes of the source, which must not pass.
+run_prove() {
+  tools/setup.sh tools/prove_packages.txt
+  .venv/bin/python proof/prove.py
+  .venv/bin/python proof/mutants.py --count "${PROOF_MUTANTS:-12}" --seed "${SEED:-1}"
 }
 
 changed_only= limit=

@@ -26,6 +26,7 @@ NAMES = [
     "robots",
     "races",
     "kernels",
+    "prove",
 ]
 
 
