@@ -9,7 +9,7 @@
 #include "engine/narrow/narrow_phase.h"
 #include "engine/narrow/work_meter.h"
 #include "engine/pose/placed.h"
-#include "engine/scene/scene.h"
+#include "engine/selection/body_poses.h"
 
 namespace clearance {
 
@@ -74,7 +74,7 @@ class RateBounds {
   const Body &a_, &b_;
   const PoseMatrix &pose_a_, &pose_b_;
   double inner_;
-  std::vector<PartRate> parts_;  // empty: only the speeds of the bodies bound the rate
+  std::vector<PartRate> parts_;  // if there are none, only the speeds of the bodies bound the rate
 };
 
 }  // namespace clearance

@@ -139,7 +139,7 @@ TEST(Wire, BadQueryValuesAreNamed) {
       {offsetof(QueryHeader, signed_distance), single(std::uint8_t{9}),
        "query: signed_distance 9 is not one of 0 to 1"},
       {offsetof(QueryHeader, reduce), single(std::uint8_t{5}), "query: reduce 5 is not one of 0 to 4"},
-      {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 25}), "query: fields has unknown bits: 33554432"},
+      {offsetof(QueryHeader, fields), single(std::uint32_t{1u << 26}), "query: fields has unknown bits: 67108864"},
       {offsetof(QueryHeader, max_pose_age_ns), single(std::int64_t{-1}), "query: max_pose_age_ns must be >= 0, got -1"},
       {offsetof(QueryHeader, min_pose_stamp_ns), single(std::int64_t{-2}),
        "query: min_pose_stamp_ns must be >= 0, got -2"},

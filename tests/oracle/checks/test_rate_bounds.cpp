@@ -9,7 +9,7 @@
 
 #include "tests/engine/evaluate_query.h"
 #include "tests/engine/robot/random_robot.h"
-#include "tests/oracle/checks/nearest_spans.h"
+#include "tests/oracle/nearest_spans.h"
 
 namespace clearance::exact {
 namespace {
