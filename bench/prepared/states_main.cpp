@@ -1,4 +1,4 @@
-// clearance-states SCENE ROBOT COUNT URL [BACKEND [TURNS [THREADS]]]: what a daemon adds to a large query.
+// clearance-states SCENE ROBOT COUNT URL [BACKEND [TURNS [THREADS]]]: the time that a daemon adds to a large query.
 //
 // Prepared queries of COUNT states of a robot, 0.1 rad or m about its present one, in this process and through a daemon
 // of the same scene, by turns. Prints a row of CSV for each: medians in milliseconds, the ratio of both, the median of

@@ -66,7 +66,7 @@ def test_an_update_without_velocities_makes_them_unknown(arm_front):
     arm_front.set_joints(row[:1], joints=arm.names[:1], velocities=[np.nan])
     r = arm_front.distances(pairs, fields=RATES)
     assert np.isnan(r.rate).all() and np.isinf(r.rate_bounds).all()
-    # A query with configurations counts what it gives.
+    # A query with configurations uses the velocities that it gives.
     assert given_rates(arm_front, row, zero, at(0.4, 0.3, 0.5), np.zeros(6), pairs).rate.tolist() == [[0, 0, 0]]
 
 

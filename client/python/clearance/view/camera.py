@@ -18,9 +18,9 @@ _MOST_TRIANGLES = 20000  # of a body that may hide it
 
 
 def camera_at_first(picture: Picture, shapes: Sequence[Shape]) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the point to look at and the camera's position, metres, world.
+    """Returns the target and the camera's position, metres, world.
 
-    Looks at the nearest pair from the direction nearest to the preferred one from which most of its witness points and
+    Faces the nearest pair from the direction nearest to the preferred one from which most of its witness points and
     the middle between them are visible; without witness points, at the middle of the scene.
     """
     middle, size = _whole(picture, shapes)
