@@ -285,7 +285,7 @@ def test_a_daemon_answers_as_the_engine_does(arm_daemon, kind, engine):
         with pytest.raises(ValueError, match="joints: expected some, that move"):
             client.free_scale(rows, None)
         with pytest.raises(clearance.QueryError, match="'arm/joint3' is named twice"):
-            client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0)
+            client._send_joints(np.array([2, 2], np.uint32), np.zeros(2), 0, 0, None)
         with pytest.raises(clearance.QueryError, match="'arm/fore' is a link placed by joints"):
             client.set_poses({"arm/fore": at(0)})
 
