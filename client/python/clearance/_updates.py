@@ -38,7 +38,7 @@ def _in_order(velocities: Mapping[Any, Any], entries: Any, what: str) -> list[An
         raise TypeError(f"{what}: a dict only together with a dict, not with an array")
     if velocities.keys() != entries.keys():
         odd = sorted(map(str, velocities.keys() ^ entries.keys()))[0]
-        raise ValueError(f"{what}: expected the same keys as the entries of the update, but only one has {odd!r}")
+        raise ValueError(f"{what}: expected the keys of the update's entries, got {odd!r} in only one of both")
     return [velocities[key] for key in entries]
 
 
