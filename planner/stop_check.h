@@ -16,6 +16,7 @@
 #include <cmath>
 #include <cstddef>
 #include <cstdint>
+#include <iterator>
 #include <optional>
 #include <span>
 #include <stdexcept>
@@ -104,43 +105,68 @@ inline BrakingPath curves_of(const Query& state, const Braking& law, double scal
   return path;
 }
 
-/// The others, and the bodies that follow them, each with those that may move it.
+/// The others and the bodies that follow them: pairs, each with the movers that may bring it nearer.
 class Movers {
  public:
+  static constexpr std::size_t kMost = 90;  ///< bodies; a query has 4096 margins, one for each of their pairs
+
   Movers(const SceneInfo& scene, std::span<const Mover> others) : speeds_(scene.bodies.size(), -1) {
     for (const Mover& mover : others) {
       if (!(mover.max_speed >= 0) || std::isinf(mover.max_speed))
         throw std::invalid_argument("check_stop: others: expected speeds >= 0, got " + std::to_string(mover.max_speed));
       for (const std::uint32_t body : bodies_of(scene, mover.body)) speeds_[body] = mover.max_speed;
     }
-    for (std::uint32_t body = 0; body < scene.bodies.size(); ++body) {
-      Follower follower{body, {}};
-      for (std::uint32_t at = body; at != kNone; at = scene.bodies[at].parent)
-        if (speeds_[at] >= 0) follower.movers.push_back({at, scene.bodies[at].name});
-      if (!follower.movers.empty()) followers_.push_back(std::move(follower));
-    }
+    for (const BodyInfo& body : scene.bodies) names_.push_back(body.name);
+    for (std::uint32_t body = 0; body < scene.bodies.size(); ++body)
+      if (Moving alone{kEveryBody, body, above(scene, body)}; !alone.movers.empty()) pairs_.push_back(std::move(alone));
+    if (pairs_.size() > kMost)
+      throw std::invalid_argument("check_stop: others: " + std::to_string(pairs_.size()) +
+                                  " bodies move, followers included; at most " + std::to_string(kMost));
+    add_both();
   }
 
   /// Margins that contain how far they come in some seconds, and have come in the ages of their poses.
   std::vector<MarginEntry> margins(std::span<const BodyStateInfo> states, double margin, double seconds) const {
     std::vector<MarginEntry> entries{{kEveryBody, kEveryBody, margin}};
-    for (const Follower& follower : followers_) {
+    for (const Moving& pair : pairs_) {
       double reach = margin;
-      for (const auto& [body, name] : follower.movers) {
+      for (const std::uint32_t body : pair.movers) {
         const std::int64_t age = body < states.size() ? states[body].age_ns : -1;
-        if (age < 0) throw std::invalid_argument("check_stop: others: no pose of '" + name + "' has been received");
+        if (age < 0)
+          throw std::invalid_argument("check_stop: others: no pose of '" + names_[body] + "' has been received");
         reach = (reach + speeds_[body] * (1e-9 * static_cast<double>(age) + seconds)) * kUp;
       }
-      entries.push_back({kEveryBody, follower.body, reach});
+      entries.push_back({pair.a, pair.b, reach});
     }
     return entries;
   }
 
  private:
-  struct Follower {
-    std::uint32_t body;
-    std::vector<std::pair<std::uint32_t, std::string>> movers;
+  struct Moving {
+    std::uint32_t a, b;
+    std::vector<std::uint32_t> movers;  // ascending
   };
+
+  /// Those of the others that a body follows, and itself if it is one.
+  std::vector<std::uint32_t> above(const SceneInfo& scene, std::uint32_t body) const {
+    std::vector<std::uint32_t> found;
+    for (; body != kNone; body = scene.bodies[body].parent)
+      if (speeds_[body] >= 0) found.push_back(body);
+    std::ranges::sort(found);
+    return found;
+  }
+
+  /// Adds pairs of two that move, since both may come nearer; what moves both alike does not count. The last entry that
+  /// names a pair is its margin.
+  void add_both() {
+    const std::size_t alone = pairs_.size();
+    for (std::size_t i = 0; i < alone; ++i)
+      for (std::size_t k = i + 1; k < alone; ++k) {
+        Moving both{pairs_[i].b, pairs_[k].b, {}};
+        std::ranges::set_symmetric_difference(pairs_[i].movers, pairs_[k].movers, std::back_inserter(both.movers));
+        pairs_.push_back(std::move(both));
+      }
+  }
 
   static std::vector<std::uint32_t> bodies_of(const SceneInfo& scene, std::uint32_t selector) {
     const std::uint32_t group = selector & ~kGroupBit;
@@ -150,7 +176,8 @@ class Movers {
   }
 
   std::vector<double> speeds_;  // by body; below 0 of those that are none of the others
-  std::vector<Follower> followers_;
+  std::vector<std::string> names_;
+  std::vector<Moving> pairs_;
 };
 
 inline void check_input(const Query& state, const Braking& law) {

@@ -145,6 +145,24 @@ TEST(StopCheck, FollowersMoveWithThoseTheyFollow) {
   EXPECT_FALSE(free(yard.engine.group("people"), 0.021)) << "its own movement, and that of the person";
 }
 
+TEST(StopCheck, CountsBothOfTwoThatMove) {
+  Yard yard;
+  yard.engine.add_body({.name = "other", .sphere = 0.1});
+  yard.put(0, 5);
+  yard.engine.set_poses({{"other", {1, 5, 0, 1, 0, 0, 0}}});  // 0.8 m from the person
+  const std::uint32_t other = yard.engine.body("other");
+  const std::array brakes{0.01, 0.01};
+  const auto free = [&](IdPair pair, std::span<const Mover> others) {  // the cart stops after 10 s
+    return yard.stop({0.1, 0}, {brakes, 0, others}, std::span(&pair, 1)).check.free;
+  };
+  const std::array both{Mover{yard.person, 0.05}, Mover{other, 0.05}};
+  EXPECT_TRUE(free({yard.person, other}, std::span(both).first(1)));
+  EXPECT_TRUE(free({yard.person, other}, std::span(both).last(1)));
+  EXPECT_FALSE(free({yard.person, other}, both));
+  yard.engine.set_poses({{"hand", {0.5, 0, 0, 1, 0, 0, 0}}});
+  EXPECT_TRUE(free({yard.person, yard.hand}, std::span(both).first(1))) << "the person moves both";
+}
+
 TEST(StopCheck, RejectsWhatDoesNotFit) {
   Yard yard;
   const std::array brakes{1.0, 1.0}, none{1.0, 0.0};

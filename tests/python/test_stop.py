@@ -127,6 +127,24 @@ def test_groups_and_followers(front):
     assert not slow({"people": 0.021}).free, "its own movement, and that of the person"
 
 
+def test_two_that_move_count_both(front):
+    front.add_body("other", sphere=0.1, pose=at(1.0, 5.0))
+    front.set_poses({"person": at(0.0, 5.0), "hand": at(0.5), "other": at(1.0, 5.0)})  # 0.8 m from person to other
+
+    def slow(pair, others):  # 10 s: each reaches 0.5 m
+        return front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=others, pairs=[pair]).check.free
+
+    assert slow(("person", "other"), {"person": 0.05}) and slow(("person", "other"), {"other": 0.05})
+    assert not slow(("person", "other"), {"person": 0.05, "other": 0.05})
+    assert not slow(("other", "hand"), {"person": 0.05}), "0.3 m away, and it follows the person"
+    assert slow(("person", "hand"), {"person": 0.05}), "the person moves both"
+    many = {f"b{i}": 0.1 for i in range(91)}
+    for name in many:
+        front.add_body(name, sphere=0.01, pose=at(20.0, 20.0))
+    with pytest.raises(ValueError, match="others: 91 bodies move, followers included; at most 90"):
+        front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many)
+
+
 def test_prepared_ones_keep_their_margins_when_the_scene_changes(front):
     front.set_poses({"person": at(0.2, 1.5)})
     arguments = {"joints": "r", "deceleration": 0.01, "others": {"person": 0.15}, "pairs": ("r", "person")}

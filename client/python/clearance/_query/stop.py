@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -20,9 +21,12 @@ from .result import Result
 
 _HALVINGS = 8  # of the search for the greatest speed
 _UP = 1 + 2.0**-50  # covers the rounding of a few sums and products above 0
+_MOST_MOVING = 90  # bodies; a query has 4096 margins, one for each of their pairs
 
 #: Greatest speeds by body or group, metres per second.
 Others = Optional[Mapping[BodyRef, float]]
+#: A pair of selectors, and the movers that bring it nearer with their speeds.
+Moving = tuple[int, int, list[tuple[int, float]]]
 
 
 @dataclass(frozen=True)
@@ -100,7 +104,7 @@ class Stops(Call):
         self.law: Braking = query.braking
         if self.law.deceleration.ndim and len(self.law.deceleration) != query.joint_count:
             raise ValueError(f"deceleration: expected ({query.joint_count},), got {self.law.deceleration.shape}")
-        self._moving: tuple[Optional[NameTable], list[tuple[int, list[tuple[int, float]]]]] = (None, [])
+        self._moving: tuple[Optional[NameTable], list[Moving]] = (None, [])
         if self.law.others:
             query.watch(self.margins(0.0, None))
 
@@ -177,8 +181,8 @@ class Stops(Call):
         moving = self._movers()
         rows = np.zeros(1 + len(moving), MARGIN_DTYPE)
         rows["a"], rows["b"], rows["margin"] = EVERY_BODY, EVERY_BODY, self.query.margin
-        for row, (body, speeds) in zip(rows[1:], moving):
-            row["b"] = body
+        for row, (a, b, speeds) in zip(rows[1:], moving):
+            row["a"], row["b"] = a, b
             for mover, speed in speeds:
                 age = 0.0 if ages is None else ages[mover] if mover < len(ages) else -1.0
                 if age < 0:
@@ -186,12 +190,23 @@ class Stops(Call):
                 row["margin"] = (row["margin"] + speed * (age + seconds)) * _UP
         return rows
 
-    def _movers(self) -> list[tuple[int, list[tuple[int, float]]]]:
-        """Returns the others and their followers, each with those that move it and their speeds."""
+    def _movers(self) -> list[Moving]:
+        """Returns pairs of selectors, each with the movers that count for it and their speeds; the last pair counts.
+
+        Two that move are a pair of their own, since both may come nearer; what moves both alike does not count.
+        """
         names = self.query.names
         if self._moving[0] is not names:
             speeds = {number: speed for body, speed in self.law.others for number in _ids(names, body)}
-            self._moving = names, [(b.id, found) for b in names.bodies if (found := _above(names, b.id, speeds))]
+            found = [(b.id, above) for b in names.bodies if (above := _above(names, b.id, speeds))]
+            if len(found) > _MOST_MOVING:
+                raise ValueError(f"others: {len(found)} bodies move, followers included; at most {_MOST_MOVING}")
+            alone: list[Moving] = [(EVERY_BODY, body, above) for body, above in found]
+            both = [
+                (a, b, [mover for mover in (*one, *other) if (mover in one) != (mover in other)])
+                for (a, one), (b, other) in itertools.combinations(found, 2)
+            ]
+            self._moving = names, alone + both
         return self._moving[1]
 
 
