@@ -104,8 +104,15 @@ def test_what_cannot_be_taken_is_said_and_the_rest_is_taken(bridge):
     assert "planes are not supported" in why["plane"] and "a box has 3 dimensions, not 1" in why["short"]
     assert "type 5" in why["prism"] and "no such object" in why["lost"] and "table" in why["table"]
     assert "good" in {body.name for body in bridge.client.bodies}
+    report = bridge.report(0.5)
+    assert report.least == -math.inf and report.stale == [f"{name}: {text}" for name, text in why.items()]
     bridge.scene.on_scene(scene([thing("short", primitives=[(primitive(1, 1.0, 1.0, 1.0), pose(5))])]))
     assert "short" not in bridge.scene.left_out
+    bridge.scene.on_scene(scene(is_diff=False))
+    assert not bridge.scene.left_out and bridge.report(0.5).stale == [], "a whole scene without them"
+    bridge.scene.on_scene(scene([thing("plane", planes=[Message(coef=[0, 0, 1, 0])])]))
+    bridge.scene.on_scene(scene([thing("", REMOVE)]))
+    assert not bridge.scene.left_out, "all are removed"
 
 
 def test_a_new_version_that_cannot_be_taken_leaves_the_old_one(bridge):

@@ -65,6 +65,7 @@ class SceneFollower:
             named |= {item.object.id for item in message.robot_state.attached_collision_objects}
             for name in [name for name in self._parts if name not in named]:
                 self._remove(name)
+            self.left_out = {name: why for name, why in self.left_out.items() if name in named}
         for item in message.world.collision_objects:
             self._try(item.id, self._object, item)
         for attached in message.robot_state.attached_collision_objects:
@@ -93,6 +94,8 @@ class SceneFollower:
         if operation == REMOVE:
             for name in [item.id] if item.id else list(self._parts):  # all objects, if there is no name
                 self._remove(name)
+            if not item.id:
+                self.left_out.clear()
             return
         if operation not in (ADD, APPEND, MOVE):
             raise ValueError(f"there is no operation {operation}")

@@ -37,7 +37,7 @@ def check_trajectory(bridge: Bridge, message: Any, margin: float, max_age_s: flo
     margin: metres >= 0. max_age_s: as in Bridge.report(). An input that is stale, or an object that the planning scene
     has and the daemon has not, leaves no verdict but STALE.
     """
-    missing = bridge.stale(max_age_s) + [f"{name}: {why}" for name, why in bridge.scene.left_out.items()]
+    missing = bridge.stale(max_age_s)
     if missing:
         return Check(STALE, "; ".join(missing), margin)
     try:
