@@ -127,8 +127,8 @@ class Bridge:
     def report(self, within: float, max_age_s: float = 0.0) -> Report:
         """Queries the pairs that may be nearer than `within` metres, and the least distance.
 
-        max_age_s: if an input is missing or older, `least` is -inf, and pairs with an older pose have the status STALE_POSE and no
-        distance; 0 ignores age.
+        max_age_s: if an input is missing or older, `least` is -inf, and pairs with an older pose have the status
+        STALE_POSE and no distance; 0 ignores age.
         """
         stale = self.stale(max_age_s)
         requested: dict[str, Any] = {"pairs": ("*", "*"), "fields": ("default", "pair", "flags")}
@@ -150,8 +150,9 @@ class Bridge:
     def stale(self, max_age_s: float) -> list[str]:
         """Inputs that are missing or older, with a sentence for each.
 
-        Objects of planning scenes that could not be taken are missing. Joints, bodies and clouds that have ever been set become stale, except objects of planning scenes and attached
-        bodies. Of the robot's joints at least one must have been set.
+        Objects of planning scenes that could not be taken are missing. Joints, bodies and clouds that have ever been set
+        become stale, except objects of planning scenes and attached bodies. Of the robot's joints at least one must have
+        been set.
         """
         found = ["planning_scene: the daemon was restarted and has no objects"] if self.scene.is_lost else []
         found += [f"{name}: {why}" for name, why in self.scene.left_out.items()]
