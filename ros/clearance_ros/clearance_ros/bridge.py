@@ -150,9 +150,9 @@ class Bridge:
     def stale(self, max_age_s: float) -> list[str]:
         """Inputs that are missing or older, with a sentence for each.
 
-        Objects of planning scenes that could not be taken are missing. Joints, bodies and clouds that have ever been set
-        become stale, except objects of planning scenes and attached bodies. Of the robot's joints at least one must have
-        been set.
+        Objects of planning scenes that could not be taken are missing. Joints, bodies and clouds that have ever been
+        set become stale, except objects of planning scenes and attached bodies. Of the robot's joints at least one must
+        have been set.
         """
         found = ["planning_scene: the daemon was restarted and has no objects"] if self.scene.is_lost else []
         found += [f"{name}: {why}" for name, why in self.scene.left_out.items()]
