@@ -457,8 +457,8 @@ MUTANTS = [
         ("covered_turn", "decision/span_rates.cpp", "(@path.reach * by.turn * by.turn@ + by.bend)", "0.0"),
         ("covered_bend", "decision/span_rates.cpp", "path.reach * by.turn * by.turn + @by.bend@", "0.0"),
         ("covered_velocity", "decision/given_motions.cpp", "@spans_[body].shift@};", "spans_[body].shift * 0.8"),
-        ("covered_growth", "decision/motion_decider.cpp", "static_cast<float>((bend + @growth@) * kUp)", "0.0"),
-        ("covered_growth_of_pair", "decision/motion_decider.cpp", "@growths_[pair.a]@ + growths_[pair.b]", "0.0"),
+        ("covered_growth", "decision/motion_placement.cpp", "static_cast<float>((bend + @growth@) * kUp)", "0.0"),
+        ("covered_growth_of_pair", "decision/motion_placement.cpp", "@growths_[pair.a]@ + growths_[pair.b]", "0.0"),
         ("covered_growth_in_span", "decision/given_motions.cpp", "@spans_[body].growth@ * half", "0.0"),
     ),
     # Joint tables.
