@@ -439,14 +439,14 @@ MUTANTS = [
         ("growth_slope", "motion/motion_span.cpp", "n * (@request.growth.slope@ / norm(n))", "0.0"),
         (
             "given_way",
-            "motion/motion_bounds.cpp",
-            "@std::hypot(by[0].change, by[1].change, by[2].change)@ * kUp",
+            "motion/moving_bodies.cpp",
+            "@std::hypot(by[0].change, by[1].change, by[2].change)@ * kMotionSlack",
             "0.9 * std::hypot(by[0].change, by[1].change, by[2].change)",
         ),
         (
             "given_bend",
-            "motion/motion_bounds.cpp",
-            "@std::hypot(by[0].bend, by[1].bend, by[2].bend)@ * kUp",
+            "motion/moving_bodies.cpp",
+            "@std::hypot(by[0].bend, by[1].bend, by[2].bend)@ * kMotionSlack",
             "0.0",
         ),
         ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),
