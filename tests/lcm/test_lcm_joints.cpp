@@ -1,5 +1,7 @@
 // Joint positions and queries in joint space over LCM alone.
 #include "clearance_lcm/joint_update_t.hpp"
+#include "clearance_lcm/moving_joint_update_t.hpp"
+#include "clearance_lcm/moving_pose_update_t.hpp"
 #include "tests/engine/evaluate_query.h"
 #include "tests/lcm/lcm_transport_fixture.h"
 #include "tests/source_file.h"
