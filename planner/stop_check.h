@@ -29,7 +29,7 @@ namespace clearance {
 /// A body that may move anywhere.
 struct Mover {
   std::uint32_t body;  ///< id, or the selector of a group
-  double max_speed;    ///< metres per second: bound on the speed of its points
+  double max_speed;    ///< metres per second: limit of all its points, and of those of bodies that follow it
 };
 
 /// How a robot brakes, and who moves meanwhile.
@@ -105,20 +105,42 @@ inline BrakingPath curves_of(const Query& state, const Braking& law, double scal
   return path;
 }
 
-/// The others and the bodies that follow them: pairs, each with the movers that may bring it nearer.
+/// The speeds of the others by body, below 0 of those that are none.
+template <class Queried>
+std::vector<double> speeds_of(Queried& engine, std::span<const Mover> others, std::size_t bodies) {
+  std::vector<double> speeds(bodies, -1);
+  const auto add = [&](std::uint32_t body, double speed) {
+    if (body >= bodies)
+      throw std::invalid_argument("check_stop: others: no body or group has the id " + std::to_string(body));
+    speeds[body] = std::max(speeds[body], speed);
+  };
+  for (const Mover& mover : others) {
+    if (!(mover.max_speed >= 0) || std::isinf(mover.max_speed))
+      throw std::invalid_argument("check_stop: others: expected speeds >= 0, got " + std::to_string(mover.max_speed));
+    if (mover.body == kEveryBody || !(mover.body & kGroupBit)) {
+      add(mover.body, mover.max_speed);
+      continue;
+    }
+    const SceneInfo scene = engine.scene();
+    const std::uint32_t group = mover.body & ~kGroupBit;
+    if (group >= scene.groups.size()) add(mover.body, 0);
+    for (const std::uint32_t body : scene.groups[group].bodies) add(body, mover.max_speed);
+  }
+  return speeds;
+}
+
+/// The others and the bodies that follow them now: pairs, each with the movers that may bring it nearer.
 class Movers {
  public:
   static constexpr std::size_t kMost = 90;  ///< bodies; a query has 4096 margins, one for each of their pairs
 
-  Movers(const SceneInfo& scene, std::span<const Mover> others) : speeds_(scene.bodies.size(), -1) {
-    for (const Mover& mover : others) {
-      if (!(mover.max_speed >= 0) || std::isinf(mover.max_speed))
-        throw std::invalid_argument("check_stop: others: expected speeds >= 0, got " + std::to_string(mover.max_speed));
-      for (const std::uint32_t body : bodies_of(scene, mover.body)) speeds_[body] = mover.max_speed;
-    }
-    for (const BodyInfo& body : scene.bodies) names_.push_back(body.name);
-    for (std::uint32_t body = 0; body < scene.bodies.size(); ++body)
-      if (Moving alone{kEveryBody, body, above(scene, body)}; !alone.movers.empty()) pairs_.push_back(std::move(alone));
+  /// \param speeds metres per second by body, limits of all points of these bodies and of those that follow them;
+  ///     below 0 of those that are none of the others
+  Movers(std::vector<double> speeds, std::span<const BodyStateInfo> states) : speeds_(std::move(speeds)) {
+    for (const BodyStateInfo& state : states) ages_s_.push_back(1e-9 * static_cast<double>(state.age_ns));
+    for (std::uint32_t body = 0; body < states.size(); ++body)
+      if (Moving alone{kEveryBody, body, above(states, body)}; !alone.movers.empty())
+        pairs_.push_back(std::move(alone));
     if (pairs_.size() > kMost)
       throw std::invalid_argument("check_stop: others: " + std::to_string(pairs_.size()) +
                                   " bodies move, followers included; at most " + std::to_string(kMost));
@@ -126,16 +148,11 @@ class Movers {
   }
 
   /// Margins that contain how far they come in some seconds, and have come in the ages of their poses.
-  std::vector<MarginEntry> margins(std::span<const BodyStateInfo> states, double margin, double seconds) const {
+  std::vector<MarginEntry> margins(double margin, double seconds) const {
     std::vector<MarginEntry> entries{{kEveryBody, kEveryBody, margin}};
     for (const Moving& pair : pairs_) {
       double reach = margin;
-      for (const std::uint32_t body : pair.movers) {
-        const std::int64_t age = body < states.size() ? states[body].age_ns : -1;
-        if (age < 0)
-          throw std::invalid_argument("check_stop: others: no pose of '" + names_[body] + "' has been received");
-        reach = (reach + speeds_[body] * (1e-9 * static_cast<double>(age) + seconds)) * kUp;
-      }
+      for (const std::uint32_t body : pair.movers) reach = (reach + speeds_[body] * (ages_s_[body] + seconds)) * kUp;
       entries.push_back({pair.a, pair.b, reach});
     }
     return entries;
@@ -148,9 +165,9 @@ class Movers {
   };
 
   /// Those of the others that a body follows, and itself if it is one.
-  std::vector<std::uint32_t> above(const SceneInfo& scene, std::uint32_t body) const {
+  std::vector<std::uint32_t> above(std::span<const BodyStateInfo> states, std::uint32_t body) const {
     std::vector<std::uint32_t> found;
-    for (; body != kNone; body = scene.bodies[body].parent)
+    for (; body != kNone; body = states[body].parent)
       if (speeds_[body] >= 0) found.push_back(body);
     std::ranges::sort(found);
     return found;
@@ -168,17 +185,21 @@ class Movers {
       }
   }
 
-  static std::vector<std::uint32_t> bodies_of(const SceneInfo& scene, std::uint32_t selector) {
-    const std::uint32_t group = selector & ~kGroupBit;
-    if (!(selector & kGroupBit) && selector < scene.bodies.size()) return {selector};
-    if ((selector & kGroupBit) && group < scene.groups.size()) return scene.groups[group].bodies;
-    throw std::invalid_argument("check_stop: others: no body or group has the id " + std::to_string(selector));
-  }
-
-  std::vector<double> speeds_;  // by body; below 0 of those that are none of the others
-  std::vector<std::string> names_;
+  std::vector<double> speeds_, ages_s_;  // by body
   std::vector<Moving> pairs_;
 };
+
+/// Movers of the bodies' current states. Throws std::invalid_argument for others without a received pose.
+template <class Queried>
+Movers movers_of(Queried& engine, std::span<const Mover> others) {
+  const std::vector<BodyStateInfo> states = engine.body_states();
+  std::vector<double> speeds = speeds_of(engine, others, states.size());
+  for (std::size_t body = 0; body < states.size(); ++body)
+    if (speeds[body] >= 0 && states[body].age_ns < 0)
+      throw std::invalid_argument("check_stop: others: no pose of '" + engine.scene().bodies[body].name +
+                                  "' has been received");
+  return Movers(std::move(speeds), states);
+}
 
 inline void check_input(const Query& state, const Braking& law) {
   const std::size_t joints = state.joints.size();
@@ -191,7 +212,8 @@ inline void check_input(const Query& state, const Braking& law) {
   check(state.velocities.size() == joints, "velocities: expected one for each joint");
   check(law.deceleration.size() == joints, "deceleration: expected one for each joint");
   check(all(state.velocities, [](double v) { return std::isfinite(v); }), "velocities: expected finite numbers");
-  check(all(law.deceleration, [](double a) { return a > 0; }), "deceleration: expected numbers above 0");
+  check(all(law.deceleration, [](double a) { return a > 0 && std::isfinite(a); }),
+        "deceleration: expected finite numbers above 0");
   check(law.reaction_s >= 0 && std::isfinite(law.reaction_s), "reaction_s: expected a finite number >= 0");
   check(state.margins.empty() && state.pair_margins.empty(), "margins: expected `margin` alone, since others move");
 }
@@ -220,16 +242,15 @@ double greatest_scale(IsFree&& is_free) {
 template <class Queried>
 StopCheck check_stop(Queried& engine, const Query& state, const Braking& law) {
   stop_check::check_input(state, law);
-  const std::optional<stop_check::Movers> movers =
-      law.others.empty() ? std::nullopt : std::make_optional<stop_check::Movers>(engine.scene(), law.others);
-  const std::vector<BodyStateInfo> states = movers ? engine.body_states() : std::vector<BodyStateInfo>();
+  std::optional<stop_check::Movers> movers;
+  if (!law.others.empty()) movers = stop_check::movers_of(engine, law.others);
   Query query = state;
   query.velocities = {};
   std::vector<MarginEntry> margins;
   const auto take = [&](const stop_check::BrakingPath& path) {
     query.positions = path.points;
     query.control_points = path.control_points;
-    if (movers) margins = movers->margins(states, state.margin, path.seconds);
+    if (movers) margins = movers->margins(state.margin, path.seconds);
     query.margins = margins;
   };
   const auto path_at = [&](double scale) {

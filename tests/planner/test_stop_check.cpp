@@ -176,7 +176,7 @@ TEST(StopCheck, RejectsWhatDoesNotFit) {
   };
   const std::array<Mover, 1> person{Mover{yard.person, 1}}, back{Mover{yard.person, -1}}, nobody{Mover{99, 1}},
       every{Mover{kEveryBody, 1}};
-  EXPECT_EQ(text({none}), "check_stop: deceleration: expected numbers above 0");
+  EXPECT_EQ(text({none}), "check_stop: deceleration: expected finite numbers above 0");
   EXPECT_EQ(text({std::span(brakes).first(1)}), "check_stop: deceleration: expected one for each joint");
   EXPECT_EQ(text({brakes, -1}), "check_stop: reaction_s: expected a finite number >= 0");
   EXPECT_EQ(text({brakes}, std::nan("")), "check_stop: velocities: expected finite numbers");

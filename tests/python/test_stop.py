@@ -145,6 +145,39 @@ def test_two_that_move_count_both(front):
         front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many)
 
 
+def test_the_greatest_of_several_speeds_counts(front):
+    front.set_poses({"person": at(0.0, 1.2)})  # 1 m from the cart, which stops after 10 s
+
+    def free(others):
+        return front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=others, pairs=("r", "person")).check.free
+
+    assert free({"person": 0.05, "people": 0.02}) and free({"people": 0.02, "person": 0.05})
+    assert not free({"person": 0.15, "people": 0.02}) and not free({"people": 0.02, "person": 0.15})
+
+
+def test_bodies_attached_later_move_with_those_they_follow(folder, front, start_daemon):
+    front.add_body("pole", sphere=0.1, pose=at(0.0, 0.8))
+    front.set_poses({"person": at(0.0, 3.0), "pole": at(0.0, 0.8)})  # the pole is 0.6 m from the cart
+    arguments = {"joints": "r", "deceleration": 0.01, "others": {"person": 0.08}, "pairs": [("r", "pole")]}
+    prepared = front.prepare("check_stop", **arguments)
+    assert prepared.run([0, 0], [0.1, 0]).check.free, "it stands still"
+    front.attach("pole", "person")
+    assert not prepared.run([0, 0], [0.1, 0]).check.free, "it moves 0.8 m with the person in 10 s"
+    assert not front.check_stop([0, 0], [0.1, 0], **arguments).check.free
+
+
+def test_attached_by_another_client(folder, start_daemon):
+    url = start_daemon(folder / "scene.yaml", ["ipc"]).urls["ipc"]
+    ours, other = (clearance.connect(url, timeout_s=PATIENCE_S) for _ in range(2))
+    ours.add_body("pole", sphere=0.1, pose=at(0.0, 0.8))
+    ours.set_poses({"person": at(0.0, 3.0), "pole": at(0.0, 0.8)})
+    arguments = {"joints": "r", "deceleration": 0.01, "others": {"person": 0.08}}
+    prepared = [ours.prepare("check_stop", **arguments, pairs=pairs) for pairs in ([("r", "pole")], None)]
+    assert all(p.run([0, 0], [0.1, 0]).check.free for p in prepared)
+    other.attach("pole", "person")
+    assert not any(p.run([0, 0], [0.1, 0]).check.free for p in prepared)
+
+
 def test_prepared_ones_keep_their_margins_when_the_scene_changes(front):
     front.set_poses({"person": at(0.2, 1.5)})
     arguments = {"joints": "r", "deceleration": 0.01, "others": {"person": 0.15}, "pairs": ("r", "person")}
@@ -184,6 +217,10 @@ def test_the_terms_of_a_separation_distance(front):
             == front.check_stop([0, 0], [0.5, 0], others={"person": speed}, **arguments).check.free
         )
     assert [t.body for t in front.explain_stop([0, 0], [1, 0], "r", 1, others={"person": 1})] == ["person", "hand"]
+    both = front.explain_stop([0, 0], [1, 0], "r", 1, others={"person": 0.2, "hand": 0.1})
+    for (body, speed), terms in zip((("person", 0.2), ("hand", 0.3)), both):
+        assert terms.body == body and terms.human == pytest.approx(speed * (1 + terms.age_s), rel=0.5)
+        assert speed <= terms.human <= speed * (1 + terms.age_s) * (1 + 1e-9)
 
 
 def test_wrong_arguments_are_rejected_by_name(front):
@@ -194,9 +231,10 @@ def test_wrong_arguments_are_rejected_by_name(front):
         ({"positions": [0]}, r"positions: expected shape \(2,\)"),
         ({"velocities": [[1, 0]]}, r"velocities: expected shape \(2,\)"),
         ({"velocities": [1, math.nan]}, "velocities: expected finite numbers"),
-        ({"deceleration": 0.0}, "deceleration: expected numbers above 0"),
+        ({"deceleration": 0.0}, "deceleration: expected finite numbers above 0"),
+        ({"deceleration": math.inf}, "deceleration: expected finite numbers above 0"),
         ({"deceleration": [1, 1, 1]}, r"deceleration: expected \(2,\)"),
-        ({"deceleration": [1, math.nan]}, "deceleration: expected numbers above 0"),
+        ({"deceleration": [1, math.nan]}, "deceleration: expected finite numbers above 0"),
         ({"deceleration": None}, "deceleration: "),
         ({"reaction_s": -1}, "reaction_s: expected a number >= 0"),
         ({"reaction_s": math.inf}, "reaction_s: expected a finite number"),

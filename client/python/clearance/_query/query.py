@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterable, Mapping
-from typing import Any, Optional, Protocol
+from typing import Any, Callable, Optional, Protocol
 
 import numpy as np
 
@@ -159,10 +159,13 @@ class Query:
         run.growths = growths
         return run
 
-    def widened(self, mask: int, points: int, margins: np.ndarray) -> Run:
-        """Returns the query with these columns, for one run with margins of its own. margins: (E,) MARGIN_DTYPE."""
+    def widened(self, mask: int, points: int, margins: Callable[[], np.ndarray]) -> Run:
+        """Returns the query with these columns, for one run with margins of its own.
+
+        margins: makes them, (E,) MARGIN_DTYPE; called again if the scene has changed.
+        """
         run = self.made(True, mask, points)
-        run.raw.set_margins(margins.view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
+        run.raw.set_margins(margins().view(np.uint8).reshape(-1, MARGIN_DTYPE.itemsize))
         run.margins = margins
         return run
 
@@ -260,7 +263,7 @@ class Run:
         self.raw, self.mask, self.names, self.bodies, self.joints = raw, mask, names, bodies, joints
         self.points = points  # of each motion
         self.growths: Optional[np.ndarray] = None  # of this run alone
-        self.margins: Optional[np.ndarray] = None  # likewise
+        self.margins: Optional[Callable[[], np.ndarray]] = None  # likewise
         self.speeds: Optional[tuple[Optional[np.ndarray], Optional[np.ndarray]]] = None  # flat velocities and twists
         self.source, self.pairs, self.selects = query.source, query.pairs, query.selects
         self.reduce, self.timeout_s, self.copy, self.k = query.reduce, query.timeout_s, query.copy, query.k

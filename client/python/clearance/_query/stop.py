@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,18 +14,16 @@ from .._limits import curves_beyond_limits
 from .._names import BodyRef, NameTable
 from .._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, Field, Status
 from .call import ANY, BEYOND, DETAILS, Call, Steps, stopped
+from .movers import Movers
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result
 
 _HALVINGS = 8  # of the search for the greatest speed
 _UP = 1 + 2.0**-50  # covers the rounding of a few sums and products above 0
-_MOST_MOVING = 90  # bodies; a query has 4096 margins, one for each of their pairs
 
 #: Greatest speeds by body or group, metres per second.
 Others = Optional[Mapping[BodyRef, float]]
-#: A pair of selectors, and the movers that bring it nearer with their speeds.
-Moving = tuple[int, int, list[tuple[int, float]]]
 
 
 @dataclass(frozen=True)
@@ -57,8 +54,8 @@ class Braking:
     def of(cls, deceleration: Any, reaction_s: Any, others: Others, together: Any) -> Braking:
         """Converts arguments of check_stop()."""
         limits = to_floats(deceleration, "deceleration", "a number, or (J,) numbers")
-        if limits.ndim > 1 or not (limits > 0).all():
-            raise ValueError(f"deceleration: expected numbers above 0, a number or (J,), got {deceleration!r}")
+        if limits.ndim > 1 or not ((limits > 0) & np.isfinite(limits)).all():
+            raise ValueError(f"deceleration: expected finite numbers above 0, a number or (J,), got {deceleration!r}")
         reaction = to_number_from_0(reaction_s, "reaction_s")
         if math.isinf(reaction):
             raise ValueError("reaction_s: expected a finite number, got inf")
@@ -104,9 +101,9 @@ class Stops(Call):
         self.law: Braking = query.braking
         if self.law.deceleration.ndim and len(self.law.deceleration) != query.joint_count:
             raise ValueError(f"deceleration: expected ({query.joint_count},), got {self.law.deceleration.shape}")
-        self._moving: tuple[Optional[NameTable], list[Moving]] = (None, [])
+        self._speeds: tuple[Optional[NameTable], dict[int, float]] = (None, {})
         if self.law.others:
-            query.watch(self.margins(0.0, None))
+            query.watch(np.array([(body, body, 0.0) for body in self.speeds()], MARGIN_DTYPE))
 
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:
@@ -118,25 +115,24 @@ class Stops(Call):
         q, v = (self.row(value, what) for value, what in ((positions, "positions"), (velocities, "velocities")))
         if not np.isfinite(v).all():
             raise ValueError(f"velocities: expected finite numbers, got {v.tolist()}")
-        ages = self.ages()
         path, seconds = self.law.path(q, v, 1.0)
-        joints = self.query.joints
+        reach, joints = _Reach(self), self.query.joints
         assert joints is not None
         check = PathCheck(True, None, None, None, Status.BEYOND, curves_beyond_limits(path, joints))
-        run = self._run(path, seconds, ages, self.query.mask or 0)
+        run = self._run(path, reach, seconds, self.query.mask or 0)
         answer = yield run, None, _rows(path)
         if answer.all_free():
             return StopCheck(check, 1.0, seconds, path)
         for motion in np.flatnonzero(Result(answer, ANY, run).verdict != BEYOND).tolist():
-            details = self._run(path, seconds, ages, DETAILS)
+            details = self._run(path, reach, seconds, DETAILS)
             result = Result((yield details, None, _rows(path[motion : motion + 1])), ANY, details)
             if result.status[0] != BEYOND:
                 check = stopped(result, motion, check.limit_violations)
                 break
-        proved = yield from self._greatest(q, v, ages, 1.0 if check.free else 0.0)
+        proved = yield from self._greatest(q, v, reach, 1.0 if check.free else 0.0)
         return StopCheck(check, proved, seconds, path)
 
-    def _greatest(self, q: np.ndarray, v: np.ndarray, ages: list[float], proved: float) -> Steps:
+    def _greatest(self, q: np.ndarray, v: np.ndarray, reach: _Reach, proved: float) -> Steps:
         """Returns the greatest share of the velocities that is proved, by bisection with a proof at each step."""
         beyond = 1.0
         scale = 0.0  # at rest, when others have reached as far as they do before a reaction
@@ -144,7 +140,7 @@ class Stops(Call):
             if proved == beyond:
                 break
             path, seconds = self.law.path(q, v, scale)
-            answer = yield self._run(path, seconds, ages, self.query.mask or 0), None, _rows(path)
+            answer = yield self._run(path, reach, seconds, self.query.mask or 0), None, _rows(path)
             if answer.all_free():
                 proved = scale
             elif scale == 0.0:
@@ -164,50 +160,40 @@ class Stops(Call):
             )
         return row
 
-    def _run(self, path: np.ndarray, seconds: float, ages: list[float], mask: int) -> Run:
+    def _run(self, path: np.ndarray, reach: _Reach, seconds: float, mask: int) -> Run:
         points = path.shape[1]
         if not self.law.others:
             return self.query.run_of(True, mask, points)
-        return self.query.widened(mask, points, self.margins(seconds, ages))
+        return self.query.widened(mask, points, lambda: reach.movers().margins(seconds, self.query.margin))
 
-    def ages(self) -> list[float]:
-        """Returns the age of each body's pose in seconds, -1 for those without a pose; none if no others move."""
-        if not self.law.others:
-            return []
-        return [-1.0 if state.age_ns is None else 1e-9 * state.age_ns for state in self.query.source.body_states()]
+    def movers(self) -> Movers:
+        """Returns who moves and what follows them now."""
+        return Movers(self.speeds(), self.query.source.body_states(), self.query.names)
 
-    def margins(self, seconds: float, ages: Optional[list[float]]) -> np.ndarray:
-        """Returns margins that contain how far others come in some seconds, and came in the ages of their poses."""
-        moving = self._movers()
-        rows = np.zeros(1 + len(moving), MARGIN_DTYPE)
-        rows["a"], rows["b"], rows["margin"] = EVERY_BODY, EVERY_BODY, self.query.margin
-        for row, (a, b, speeds) in zip(rows[1:], moving):
-            row["a"], row["b"] = a, b
-            for mover, speed in speeds:
-                age = 0.0 if ages is None else ages[mover] if mover < len(ages) else -1.0
-                if age < 0:
-                    raise ValueError(f"others: no pose of {self.query.names.meaning(mover)} has been received")
-                row["margin"] = (row["margin"] + speed * (age + seconds)) * _UP
-        return rows
-
-    def _movers(self) -> list[Moving]:
-        """Returns pairs of selectors, each with the movers that count for it and their speeds; the last pair counts.
-
-        Two that move are a pair of their own, since both may come nearer; what moves both alike does not count.
-        """
+    def speeds(self) -> dict[int, float]:
+        """Returns the greatest speed of each of the others, by id."""
         names = self.query.names
-        if self._moving[0] is not names:
-            speeds = {number: speed for body, speed in self.law.others for number in _ids(names, body)}
-            found = [(b.id, above) for b in names.bodies if (above := _above(names, b.id, speeds))]
-            if len(found) > _MOST_MOVING:
-                raise ValueError(f"others: {len(found)} bodies move, followers included; at most {_MOST_MOVING}")
-            alone: list[Moving] = [(EVERY_BODY, body, above) for body, above in found]
-            both = [
-                (a, b, [mover for mover in (*one, *other) if (mover in one) != (mover in other)])
-                for (a, one), (b, other) in itertools.combinations(found, 2)
-            ]
-            self._moving = names, alone + both
-        return self._moving[1]
+        if self._speeds[0] is not names:
+            speeds: dict[int, float] = {}
+            for body, speed in self.law.others:
+                speeds.update((i, max(speed, speeds.get(i, 0.0))) for i in _ids(names, body))
+            self._speeds = names, speeds
+        return self._speeds[1]
+
+
+class _Reach:
+    """The movers of one call: found once, and again if the scene changes meanwhile."""
+
+    def __init__(self, stops: Stops):
+        self._stops = stops
+        self._found: tuple[Optional[NameTable], Optional[Movers]] = (None, None)
+
+    def movers(self) -> Movers:
+        names, movers = self._found
+        if movers is None or names is not self._stops.query.names:
+            movers = self._stops.movers()
+            self._found = self._stops.query.names, movers
+        return movers
 
 
 def _ids(names: NameTable, body: BodyRef) -> list[int]:
@@ -220,17 +206,6 @@ def _ids(names: NameTable, body: BodyRef) -> list[int]:
     if selector >= len(names.bodies):
         raise ValueError(f"others: no body has the id {selector}")
     return [selector]
-
-
-def _above(names: NameTable, body: int, speeds: Mapping[int, float]) -> list[tuple[int, float]]:
-    """Returns those of the others that a body follows, and itself if it is one, with their speeds."""
-    found = []
-    at: Optional[int] = body
-    while at is not None:
-        if at in speeds:
-            found.append((at, speeds[at]))
-        at = names.bodies[at].parent
-    return found
 
 
 def _rows(path: np.ndarray) -> np.ndarray:

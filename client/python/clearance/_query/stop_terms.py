@@ -20,7 +20,7 @@ class Separation:
 
     body: str
     distance: tuple[float, float]  #: S: bounds of the distance now, as if the body were where its pose is
-    age_s: float  #: age of that pose, in seconds
+    age_s: float  #: age of that pose, in seconds; of those that it follows, if one is older
     human: float  #: S_h: how far the body may have come since its pose, and until standstill
     reaction: float  #: S_r: how much nearer the robot comes to that pose while it reacts
     stopping: float  #: S_s: how much nearer it comes while it brakes
@@ -43,14 +43,13 @@ def separations(front: Any, positions: Any, velocities: Any, arguments: dict[str
     assert isinstance(stops, Stops)
     q, v, law = stops.row(positions, "positions"), stops.row(velocities, "velocities"), stops.law
     motions, seconds = _motions(q, v, law)
-    ages = stops.ages()
-    rows = stops.margins(seconds, ages)[1:]
     query = stops.query
     assert query.joints is not None
     table = front._table(query.pairs, None, query.joints.ids)
+    movers = stops.movers() if law.others else None
     found = []
-    for row in rows:
-        body = int(row["b"])
+    for body in movers.of if movers else ():
+        assert movers is not None
         pairs = table[(table == body).any(axis=1)]
         if not len(pairs):
             continue
@@ -62,8 +61,8 @@ def separations(front: Any, positions: Any, velocities: Any, arguments: dict[str
             Separation(
                 query.names.body_names[body],
                 (low, high),
-                ages[body],
-                float(row["margin"]) - query.margin,
+                max(movers.age_s[mover] for mover in movers.of[body]),
+                max(movers.reach(a, b, seconds) for a, b in pairs.tolist()),
                 max(high - reacting, 0.0),
                 max(float(least.upper[0]) - until, 0.0),
                 query.margin,
