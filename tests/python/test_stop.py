@@ -141,6 +141,7 @@ def test_two_that_move_count_both(front):
     many = {f"b{i}": 0.1 for i in range(91)}
     for name in many:
         front.add_body(name, sphere=0.01, pose=at(20.0, 20.0))
+    front.set_poses({name: at(20.0, 20.0) for name in many})
     with pytest.raises(ValueError, match="others: 91 bodies move, followers included; at most 90"):
         front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many)
 

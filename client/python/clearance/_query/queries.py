@@ -215,8 +215,8 @@ class Queries:
         positions, velocities: (J,) of `joints` now: radians and metres, rad/s and m/s.
         deceleration: (J,) or a number, rad/s^2 and m/s^2: what every brake reaches at least.
         reaction_s: seconds from the measurement of `positions` until the brakes act, at these velocities. Default: 0.
-        others: {body or group: m/s}: bodies that may move, anywhere, and the greatest speed of their points and of those
-            of bodies that follow them. Each must have received a pose. Its age counts, and so does the time to
+        others: {body or group: m/s}: bodies that may move, anywhere, and the greatest speed of their points and of
+            those of bodies that follow them. Each must have received a pose. Its age counts, and so does the time to
             standstill. Default: none, all stand still.
         pairs, joints, timeout_s: as in check_path().
         margin: metres >= 0 that are kept from everything, such as an intrusion distance. Default: 0.
