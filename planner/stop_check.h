@@ -106,8 +106,8 @@ inline BrakingPath curves_of(const Query& state, const Braking& law, double scal
 }
 
 /// The speeds of the others by body, below 0 of those that are none.
-template <class Queried>
-std::vector<double> speeds_of(Queried& engine, std::span<const Mover> others, std::size_t bodies) {
+template <class Source>
+std::vector<double> speeds_of(Source& source, std::span<const Mover> others, std::size_t bodies) {
   std::vector<double> speeds(bodies, -1);
   const auto add = [&](std::uint32_t body, double speed) {
     if (body >= bodies)
@@ -121,7 +121,7 @@ std::vector<double> speeds_of(Queried& engine, std::span<const Mover> others, st
       add(mover.body, mover.max_speed);
       continue;
     }
-    const SceneInfo scene = engine.scene();
+    const SceneInfo scene = source.scene();
     const std::uint32_t group = mover.body & ~kGroupBit;
     if (group >= scene.groups.size()) add(mover.body, 0);
     for (const std::uint32_t body : scene.groups[group].bodies) add(body, mover.max_speed);
@@ -190,13 +190,13 @@ class Movers {
 };
 
 /// Movers of the bodies' current states. Throws std::invalid_argument for others without a received pose.
-template <class Queried>
-Movers movers_of(Queried& engine, std::span<const Mover> others) {
-  const std::vector<BodyStateInfo> states = engine.body_states();
-  std::vector<double> speeds = speeds_of(engine, others, states.size());
+template <class Source>
+Movers movers_of(Source& source, std::span<const Mover> others) {
+  const std::vector<BodyStateInfo> states = source.body_states();
+  std::vector<double> speeds = speeds_of(source, others, states.size());
   for (std::size_t body = 0; body < states.size(); ++body)
     if (speeds[body] >= 0 && states[body].age_ns < 0)
-      throw std::invalid_argument("check_stop: others: no pose of '" + engine.scene().bodies[body].name +
+      throw std::invalid_argument("check_stop: others: no pose of '" + source.scene().bodies[body].name +
                                   "' has been received");
   return Movers(std::move(speeds), states);
 }

@@ -138,16 +138,22 @@ def test_two_that_move_count_both(front):
     assert not slow(("person", "other"), {"person": 0.05, "other": 0.05})
     assert not slow(("other", "hand"), {"person": 0.05}), "0.3 m away, and it follows the person"
     assert slow(("person", "hand"), {"person": 0.05}), "the person moves both"
+
+
+def test_too_many_that_move_are_rejected(folder):
+    engine = clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1)
     many = {f"b{i}": 0.1 for i in range(91)}
     for name in many:
-        front.add_body(name, sphere=0.01, pose=at(20.0, 20.0))
-    front.set_poses({name: at(20.0, 20.0) for name in many})
+        engine.add_body(name, sphere=0.01, pose=at(20.0, 20.0))
+    engine.set_poses({name: at(20.0, 20.0) for name in many})
     with pytest.raises(ValueError, match="others: 91 bodies move, followers included; at most 90"):
-        front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many)
+        engine.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many)
+    many.pop("b0")
+    assert engine.check_stop([0, 0], [0.1, 0], "r", 0.01, others=many).check.free
 
 
 def test_the_greatest_of_several_speeds_counts(front):
-    front.set_poses({"person": at(0.0, 1.2)})  # 1 m from the cart, which stops after 10 s
+    front.set_poses({"person": at(0.0, 1.2), "hand": at(0.0)})  # 1 m from the cart, which stops after 10 s
 
     def free(others):
         return front.check_stop([0, 0], [0.1, 0], "r", 0.01, others=others, pairs=("r", "person")).check.free
