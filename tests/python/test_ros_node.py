@@ -179,6 +179,27 @@ def test_the_node_checks_trajectories(bridge, make_node):
     assert node.calls["~/check_trajectory"](request, Message()).check.result == check.INVALID
 
 
+@pytest.mark.parametrize("error", ["WRONG_SCENE", "NEW_EPOCH"])
+def test_a_daemon_that_goes_during_recovery_leaves_no_verdict(bridge, make_node, monkeypatch, error):
+    node, published = make_node(max_age=PATIENCE_S)
+    code = clearance.wire.ErrorCode[error]
+    kind = clearance.NewEpoch if error == "NEW_EPOCH" else clearance.RequestError
+
+    def changed(*given):
+        raise kind(code, "it has changed")
+
+    monkeypatch.setattr(sys.modules["clearance_ros.node"], "check_trajectory", changed)
+    request = Message(trajectory=trajectory(["joint1"], (0, [0.2]), (1, [0.3])), margin=0.01)
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert (check.result, check.message) == (check.INVALID, "it has changed"), "again, after the recovery"
+    bridge.daemon.stop()
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert check.result == check.INVALID and bridge.daemon.urls["ipc"] in check.message
+    plan = [Message(joint_trajectory=request.trajectory, multi_dof_joint_trajectory=Message(points=[]))]
+    node.calls["display_planned_path"](Message(trajectory=plan))
+    assert [check.result for check in published["~/trajectory_check"]] == [check.INVALID]
+
+
 def test_the_interfaces_are_whole(ros):
     """Constants are those of the code, and each file is built."""
     made, services = interfaces(ROS_MESSAGES)

@@ -91,14 +91,16 @@ class ClearanceNode(Node):
 
     def _checked(self, trajectory, margin):
         """Never raises for a daemon that does not answer: the trajectory is then not free."""
-        for last in (False, True):
+        given = self._bridge, trajectory, margin, self._max_age
+        try:
             try:
-                check = check_trajectory(self._bridge, trajectory, margin, self._max_age)
-                break
+                check = check_trajectory(*given)
             except clearance.ClearanceError as error:
-                if not self._bridge.recover(error) or last:
-                    check = Check(INVALID, str(error), margin)
-                    break
+                if not self._bridge.recover(error):  # which raises if the daemon is gone
+                    raise
+                check = check_trajectory(*given)
+        except clearance.ClearanceError as error:
+            check = Check(INVALID, str(error), margin)
         if check.result:
             self.get_logger().warning(f"trajectory: {check.message}")
         return _message(check)
