@@ -78,6 +78,16 @@ def test_shapes_are_appended_to_an_attached_object(bridge):
     assert not follower.left_out and {"tool", "tool.1"} <= names(bridge)
 
 
+def test_an_object_is_not_detached_from_a_link_that_does_not_hold_it(bridge):
+    follower = bridge.scene
+    parent = lambda: bridge.client.body_states()[bridge.client.body_id("tool")].parent  # noqa: E731
+    follower.on_scene(scene(attached=[attached(thing("tool", primitives=[BOX], frame="flange"))]))
+    for link in ("elbow", "flange"):
+        assert parent() == bridge.client.body_id("arm/flange")
+        follower.on_scene(scene(attached=[attached(thing("tool", REMOVE), link)]))
+    assert parent() is None
+
+
 def test_an_object_is_attached_and_leaves_the_world_in_one_difference(bridge):
     follower = bridge.scene
     follower.on_scene(scene([thing("cube", primitives=[BOX], where=pose(3))]))

@@ -202,7 +202,8 @@ class SceneFollower:
         operation = _operation(item)
         if operation == REMOVE:
             # An unknown object is not missing; one that was left out still is, in the world.
-            held = [item.id] if item.id else [name for name, at in self._held.items() if link in (at, self._prefix)]
+            given = [item.id] if item.id else list(self._held)
+            held = [name for name in given if link in (self._held.get(name), self._prefix)]  # as in MoveIt
             for name in held:  # without a name: all attached to the link, or to any link
                 for body, _ in self._parts.get(name, []):
                     self._client.attach(body, None)  # keeps its place in the world
