@@ -25,21 +25,24 @@ def primitive(kind, *dimensions):
     return Message(type=kind, dimensions=list(dimensions))
 
 
-def thing(name, operation=ADD, primitives=(), meshes=(), where=None, planes=()):
+def thing(name, operation=ADD, primitives=(), meshes=(), where=None, planes=(), frame=""):
     """moveit_msgs/CollisionObject, whose operation is a byte."""
     return Message(
+        header=Message(stamp=Message(sec=0, nanosec=0), frame_id=frame),
         id=name, operation=bytes([operation]), pose=where or pose(), planes=list(planes),
         primitives=[p for p, _ in primitives], primitive_poses=[where for _, where in primitives],
         meshes=[m for m, _ in meshes], mesh_poses=[where for _, where in meshes],
     )  # fmt: skip
 
 
-def scene(objects=(), attached=(), is_diff=True, names=(), allowed=()):
+def scene(objects=(), attached=(), is_diff=True, names=(), allowed=(), octomap=()):
     """moveit_msgs/PlanningScene."""
     rows = [Message(enabled=[tuple(sorted((a, b))) in allowed for b in names]) for a in names]
     return Message(
         is_diff=is_diff,
-        world=Message(collision_objects=list(objects)),
+        world=Message(
+            collision_objects=list(objects), octomap=Message(header=header(0), octomap=Message(data=list(octomap)))
+        ),
         robot_state=Message(attached_collision_objects=list(attached)),
         allowed_collision_matrix=Message(entry_names=list(names), entry_values=rows),
     )

@@ -185,7 +185,7 @@ def test_objects_of_planning_scenes_do_not_age_and_those_that_are_lost_are_misse
     daemon = Daemon(tmp_path, tmp_path / "scene.yaml", ["ipc"])
     bridge = ros.bridge.Bridge(clearance.connect(daemon.urls["ipc"]), "arm")
     crate = thing("crate", primitives=[(primitive(1, 0.2, 0.2, 0.2), pose())], where=pose(1, 0, 1))
-    held = thing("mug", primitives=[(primitive(2, 0.05), pose(0, 0, 0.02))])
+    held = thing("mug", primitives=[(primitive(2, 0.05), pose(0, 0, 0.02))], frame="flange")
     attached = Message(link_name="flange", object=held, touch_links=["flange"])
     bridge.scene.on_scene(scene([crate], attached=[attached]))
     bridge.scene.on_scene(scene([thing("crate", MOVE, where=pose(1, 0, 3))]))
@@ -201,7 +201,8 @@ def test_objects_of_planning_scenes_do_not_age_and_those_that_are_lost_are_misse
     with pytest.raises(clearance.NewEpoch) as raised:
         wait_until(lambda: answers(bridge))
     assert bridge.recover(raised.value)
-    lost = "planning_scene: the daemon was restarted and has no objects"
+    why = "the daemon was restarted, or a message did not reach it: it lacks objects until a whole scene comes"
+    lost = f"planning_scene: {why}"
     never = "joint_states: no position of arm has come"
     report = bridge.report(0.5, max_age_s=PATIENCE_S)
     assert report.stale == [lost, never] and report.least == -math.inf

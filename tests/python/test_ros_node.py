@@ -14,7 +14,7 @@ import pytest
 import clearance
 from conftest import ROS_MESSAGES, ROS_PACKAGE
 from patience import PATIENCE_S, wait_until
-from ros_messages import header, interfaces, joints, scene, thing, trajectory
+from ros_messages import header, interfaces, joints, pose, primitive, scene, thing, trajectory
 from scenes import at
 
 
@@ -90,6 +90,9 @@ def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
     assert published.pop("log") == ["joint_states: 1 names come with 2 positions"], "said, and the node goes on"
     node.calls["planning_scene"](scene([thing("plane", planes=[Message(coef=[0, 0, 1, 0])])]))
     node.calls["timer"]()
+    assert published.pop("~/clearance")[0].data == -math.inf and "plane: " in published.pop("~/distances")[0].stale[0]
+    node.calls["planning_scene"](scene(is_diff=False))
+    node.calls["timer"]()
     report = bridge.report(0.5)
     assert [m.data for m in published["~/clearance"]] == [report.least]
     (message,) = published["~/distances"]
@@ -103,8 +106,8 @@ def test_the_node_publishes_what_the_bridge_reports(bridge, make_node):
     node.calls["timer"]()
     assert len(published["~/clearance"]) == 2 and len(published["log"]) == 1, "the query adopts the scene"
     states = [message.status[0] for message in published["/diagnostics"]]
-    assert [s.level for s in states] == [b"\3", b"\0"], "when it changes"
-    assert [s.message for s in states] == ["joint_states: no position of arm has come", ""]
+    assert [s.level for s in states] == [b"\3", b"\3", b"\0"], "when it changes"
+    assert [s.message.partition(":")[0] for s in states] == ["joint_states", "plane", ""]
 
 
 def test_age_counts_unless_it_is_said_not_to(make_node):
@@ -177,6 +180,37 @@ def test_the_node_checks_trajectories(bridge, make_node):
     assert results[1:] == [(check.INVALID, "trajectory"), (check.INVALID, "multi_dof_joint_trajectory")]
     bridge.daemon.stop()
     assert node.calls["~/check_trajectory"](request, Message()).check.result == check.INVALID
+
+
+@pytest.mark.parametrize("error", ["WRONG_SCENE", "NEW_EPOCH"])
+def test_a_daemon_that_goes_during_recovery_leaves_no_verdict(bridge, make_node, monkeypatch, error):
+    node, published = make_node(max_age=PATIENCE_S)
+    code = clearance.wire.ErrorCode[error]
+    kind = clearance.NewEpoch if error == "NEW_EPOCH" else clearance.RequestError
+
+    def changed(*given):
+        raise kind(code, "it has changed")
+
+    monkeypatch.setattr(sys.modules["clearance_ros.node"], "check_trajectory", changed)
+    request = Message(trajectory=trajectory(["joint1"], (0, [0.2]), (1, [0.3])), margin=0.01)
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert (check.result, check.message) == (check.INVALID, "it has changed"), "again, after the recovery"
+    bridge.daemon.stop()
+    check = node.calls["~/check_trajectory"](request, Message()).check
+    assert check.result == check.INVALID and bridge.daemon.urls["ipc"] in check.message
+    plan = [Message(joint_trajectory=request.trajectory, multi_dof_joint_trajectory=Message(points=[]))]
+    node.calls["display_planned_path"](Message(trajectory=plan))
+    assert [check.result for check in published["~/trajectory_check"]] == [check.INVALID]
+
+
+def test_the_frame_of_the_world_is_a_parameter(bridge, make_node):
+    ball = lambda frame: thing("ball", primitives=[(primitive(2, 0.05), pose(4))], frame=frame)  # noqa: E731
+    node, published = make_node(frame="map")
+    node.calls["planning_scene"](scene([ball("world")]))
+    assert published["log"] == ["ball: header.frame_id: expected map, got 'world'"]
+    node.calls["planning_scene"](scene([ball("map")]))
+    bridge.client.refresh()
+    assert "ball" in {body.name for body in bridge.client.bodies}
 
 
 def test_the_interfaces_are_whole(ros):

@@ -56,10 +56,9 @@ def test_a_mesh_is_its_triangles(bridge):
 def test_an_attached_object_follows_its_link_and_may_touch_its_fingers(bridge):
     client, follower = bridge.client, bridge.scene
     link = next(body.name for body in reversed(client.bodies) if body.name.startswith("arm/") and body.piece_count)
-    held = thing("mug", primitives=[(primitive(2, 0.05), pose(0, 0, 0.02))])
-    attached = Message(
-        link_name=link.removeprefix("arm/"), object=held, touch_links=[link.removeprefix("arm/"), "nail"]
-    )
+    name = link.removeprefix("arm/")
+    held = thing("mug", primitives=[(primitive(2, 0.05), pose(0, 0, 0.02))], frame=name)
+    attached = Message(link_name=name, object=held, touch_links=[name, "nail"])
     follower.on_scene(scene(attached=[attached]))
     assert not follower.left_out
     mug, at_link = client.body_id("mug"), client.body_id(link)
@@ -132,14 +131,20 @@ def test_a_new_version_that_cannot_be_taken_leaves_the_old_one(bridge):
 
 
 def test_without_a_name_all_are_meant(bridge):
-    """As in MoveIt: a removal without a name removes all objects, attached or not."""
+    """As in MoveIt: a removal without a name removes all objects, or detaches all of a link or of any."""
     client, follower = bridge.client, bridge.scene
     link = next(body.name for body in reversed(client.bodies) if body.name.startswith("arm/") and body.piece_count)
+    frame = link.removeprefix("arm/")
     balls = [thing(name, primitives=[(primitive(2, 0.05), pose(k))]) for k, name in enumerate("abc", 3)]
-    held = [Message(link_name=link.removeprefix("arm/"), object=ball, touch_links=[]) for ball in balls[:2]]
+    for ball in balls[:2]:
+        ball.header.frame_id = frame
+    held = [Message(link_name=frame, object=ball, touch_links=[]) for ball in balls[:2]]
     follower.on_scene(scene(balls[2:], attached=held))
     parent = lambda name: client.body_states()[client.body_id(name)].parent  # noqa: E731
     assert [parent(name) for name in "abc"] == [client.body_id(link)] * 2 + [None]
+    follower.on_scene(scene([thing("", REMOVE), thing("a", REMOVE)]))
+    assert [parent(name) for name in "ab"] == [client.body_id(link)] * 2, "what is attached is not in the world"
+    follower.on_scene(scene(balls[2:]))
     for where in ("joint1", ""):  # of another link, then of any
         follower.on_scene(scene(attached=[Message(link_name=where, object=thing("", REMOVE), touch_links=[])]))
         assert (parent("a") is None) == (not where)

@@ -46,9 +46,10 @@ class Bridge:
     """A client of a daemon, in terms of ROS messages.
 
     robot: the robot of the scene whose joints JointState messages name; if "", they use the scene's names.
+    frame: as in SceneFollower.
     """
 
-    def __init__(self, client: clearance.Client, robot: str = ""):
+    def __init__(self, client: clearance.Client, robot: str = "", frame: str = ""):
         self.client = client
         self._prefix = f"{robot}/" if robot else ""
         self._sequence = 0
@@ -56,7 +57,7 @@ class Bridge:
         self._stamps: dict[str, int] = {}  # the last one of each joint and body
         self._last: dict[tuple[str, ...], Any] = {}  # stamp and positions of the last message that named these
         self.unknown: set[str] = set()  #: joints and frames of messages that are not in the scene
-        self.scene = SceneFollower(client, robot)
+        self.scene = SceneFollower(client, robot, frame)
 
     def on_joints(self, message: Any) -> Optional[clearance.UpdateResult]:
         """sensor_msgs/JointState: sets the joints that the scene has, as one snapshot. Returns None if it names none.
@@ -154,7 +155,8 @@ class Bridge:
         set become stale, except objects of planning scenes and attached bodies. Of the robot's joints at least one must
         have been set.
         """
-        found = ["planning_scene: the daemon was restarted and has no objects"] if self.scene.is_lost else []
+        why = "the daemon was restarted, or a message did not reach it: it lacks objects until a whole scene comes"
+        found = [f"planning_scene: {why}"] if self.scene.is_lost else []
         found += [f"{name}: {why}" for name, why in self.scene.left_out.items()]
         if max_age_s <= 0:
             return found

@@ -18,7 +18,7 @@ from .trajectory import INVALID, Check, check_trajectory, trajectory_of
 
 
 class ClearanceNode(Node):
-    """Parameters: url; robot; margin, within [m]; rate [1/s]; max_age [s; 0 ignores age].
+    """Parameters: url; robot; frame (the world's); margin, within [m]; rate [1/s]; max_age [s; 0 ignores age].
 
     Subscribes to joint_states and planning_scene (or monitored_planning_scene, remapped). Publishes ~/clearance, the
     certified lower bound of the least distance in metres, or -inf if an input is missing or older than max_age, or if
@@ -36,7 +36,8 @@ class ClearanceNode(Node):
         self._margin = float(self.declare_parameter("margin", 0.02).value)
         self._within = float(self.declare_parameter("within", 0.25).value)
         self._max_age = float(self.declare_parameter("max_age", 1.0).value)
-        self._bridge = Bridge(clearance.connect(url), self.declare_parameter("robot", "").value)
+        robot, frame = (self.declare_parameter(name, "").value for name in ("robot", "frame"))
+        self._bridge = Bridge(clearance.connect(url), robot, frame)
         self._least = self.create_publisher(Float64, "~/clearance", 10)
         self._distances = self.create_publisher(Distances, "~/distances", 10)
         self._checks = self.create_publisher(TrajectoryCheck, "~/trajectory_check", 10)
@@ -91,14 +92,16 @@ class ClearanceNode(Node):
 
     def _checked(self, trajectory, margin):
         """Never raises for a daemon that does not answer: the trajectory is then not free."""
-        for last in (False, True):
+        given = self._bridge, trajectory, margin, self._max_age
+        try:
             try:
-                check = check_trajectory(self._bridge, trajectory, margin, self._max_age)
-                break
+                check = check_trajectory(*given)
             except clearance.ClearanceError as error:
-                if not self._bridge.recover(error) or last:
-                    check = Check(INVALID, str(error), margin)
-                    break
+                if not self._bridge.recover(error):  # which raises if the daemon is gone
+                    raise
+                check = check_trajectory(*given)
+        except clearance.ClearanceError as error:
+            check = Check(INVALID, str(error), margin)
         if check.result:
             self.get_logger().warning(f"trajectory: {check.message}")
         return _message(check)

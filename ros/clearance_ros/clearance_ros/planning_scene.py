@@ -12,7 +12,7 @@ from . import clearance
 # Values of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
 BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
-MATRIX = "allowed_collision_matrix"  #: its name in `left_out`
+MATRIX, OCTOMAP = "allowed_collision_matrix", "octomap"  #: their names in `left_out`
 
 
 def pose_of(message: Any) -> list[float]:
@@ -47,36 +47,60 @@ class SceneFollower:
 
     An object of one shape is a body of its name; one of several, bodies NAME.0, NAME.1, ... Bodies of the daemon's own
     scene are left alone.
+
+    frame: the name in ROS of the daemon's world frame. Default: "world", and the robot's root link if that is at the
+        world's origin.
     """
 
-    def __init__(self, client: clearance.Client, robot: str = ""):
+    def __init__(self, client: clearance.Client, robot: str = "", frame: str = ""):
         self._client = client
         self._prefix = f"{robot}/" if robot else ""
+        self._frame = frame
         self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # for each object: its bodies, and their places
-        self._held: dict[str, str] = {}  # the link of each attached object
-        self.is_lost = False  #: the daemon was restarted without the objects, and no whole scene has arrived since
+        self._held: dict[str, str] = {}  # the link of each attached object, also of one that was left out
+        self._allowed: set[tuple[str, str]] = set()  # pairs that matrices allowed, and the daemon's scene does not
+        self._has_octomap = False
+        self.is_lost = False  #: the daemon was restarted or lacks a message, and no whole scene has arrived since
         self.left_out: dict[str, str] = {}  #: objects and pairs that were not applied, and the reasons
 
     def on_scene(self, message: Any) -> None:
-        """Applies a scene or a difference; rejected changes are left out, and listed in `left_out`."""
+        """Applies a scene or a difference; rejected changes are left out, and listed in `left_out`.
+
+        Raises ClearanceError if the daemon does not answer.
+        """
+        try:
+            self._apply(message)
+        except clearance.ClearanceError:
+            self.is_lost = True
+            raise
+
+    def _apply(self, message: Any) -> None:
         if not message.is_diff:
             self.is_lost = False
             named = {item.id for item in message.world.collision_objects}
             named |= {item.object.id for item in message.robot_state.attached_collision_objects}
-            for name in [name for name in self._parts if name not in named]:
+            for name in [name for name in {**self._parts, **self._held} if name not in named]:
                 self._remove(name)
             self.left_out = {name: why for name, why in self.left_out.items() if name in named}
+        for attached in message.robot_state.attached_collision_objects:  # first, as in MoveIt
+            self._try(attached.object.id, self._attached, attached)
         for item in message.world.collision_objects:
             self._try(item.id, self._object, item)
-        for attached in message.robot_state.attached_collision_objects:
-            self._try(attached.object.id, self._attached, attached)
-        self._allow(message.allowed_collision_matrix)
+        octomap = getattr(getattr(message.world, "octomap", None), "octomap", None)
+        has_octomap = bool(len(getattr(octomap, "data", ())))
+        self._has_octomap = has_octomap or (self._has_octomap and message.is_diff)
+        if self._has_octomap:
+            why = "octomaps are not taken: send the points to a cloud of the daemon's scene by set_points()"
+            self.left_out.setdefault(OCTOMAP, why)
+        if len(message.allowed_collision_matrix.entry_names) or not message.is_diff:
+            self._allow(message.allowed_collision_matrix)
 
     def forget(self) -> None:
         """The daemon was restarted, and has none of the objects."""
         self.is_lost = self.is_lost or bool(self._parts)
         self._parts.clear()
         self._held.clear()
+        self._allowed.clear()
 
     def bodies(self) -> set[str]:
         """Names of the objects' bodies, which keep the pose of the last scene, however old."""
@@ -85,20 +109,21 @@ class SceneFollower:
     def _try(self, name: str, apply: Any, item: Any) -> None:
         try:
             apply(item)
-            self.left_out.pop(name, None)
         except (clearance.QueryError, clearance.RequestError, ValueError) as error:
             self.left_out[name] = str(error)
 
     def _object(self, item: Any, parent: Optional[str] = None) -> None:
         operation = _operation(item)
         if operation == REMOVE:
-            for name in [item.id] if item.id else list(self._parts):  # all objects, if there is no name
-                self._remove(name)
-            if not item.id:
-                self.left_out.clear()
+            for name in [item.id] if item.id else [*self._parts, *self.left_out]:  # all objects, if there is no name
+                if name not in (MATRIX, *self._held):  # attached objects are not in the world
+                    self._remove(name)
+                    self.left_out.pop(name, None)
             return
         if operation not in (ADD, APPEND, MOVE):
             raise ValueError(f"there is no operation {operation}")
+        if parent is None:
+            self._check_frame(item)
         place = matrix_of(pose_of(item.pose))
         if operation == MOVE:
             return self._move(item, place)
@@ -115,9 +140,33 @@ class SceneFollower:
             trial = [f"{name}~" for name in names]
             self._add(trial, shapes, place, parent)
             self._remove_bodies(trial)
+        if operation == ADD:
             self._remove(item.id)
         self._add(names, shapes, place, parent)
         self._parts.setdefault(item.id, []).extend((name, within) for name, (_, within) in zip(names, shapes))
+        if operation == ADD:
+            self.left_out.pop(item.id, None)  # nothing of it is missing, unlike after APPEND and MOVE
+
+    def _check_frame(self, item: Any, link: str = "") -> None:
+        """Raises ValueError unless an object's poses are in the world, or (if given) of an attached object."""
+        frame = item.header.frame_id
+        if self._is_world(frame) if frame else not link:
+            return
+        expected = f"{link} or " if link else ""
+        world = self._frame or "world, or the robot's root link at the world's origin"
+        raise ValueError(f"header.frame_id: expected {expected}{world}, got {frame!r}")
+
+    def _is_world(self, frame: str) -> bool:
+        """Whether a frame is the world's. MoveIt's planning frame is a parent of the robot, or its root link."""
+        if self._frame:
+            return frame == self._frame
+        bodies = [body.name for body in self._client.bodies]
+        for name, state in zip(bodies, self._client.body_states()):
+            if self._prefix and name == self._prefix + frame:
+                is_root = state.parent is not None and f"{bodies[state.parent]}/" == self._prefix
+                is_known = is_root and state.status == clearance.Status.OK
+                return is_known and np.array_equal(matrix_of(list(state.pose)), np.eye(4))
+        return frame == "world"
 
     def _add(self, names: list[str], shapes: list[Any], place: np.ndarray, parent: Optional[str]) -> None:
         """Adds a body for each shape, or none if the daemon rejects one."""
@@ -146,39 +195,67 @@ class SceneFollower:
     def _remove_bodies(self, names: list[str]) -> None:
         for name in reversed(names):
             self._client.remove_body(name)
+        self._allowed = {pair for pair in self._allowed if not set(pair) & set(names)}
 
     def _attached(self, attached: Any) -> None:
         item, link = attached.object, self._prefix + attached.link_name
-        if _operation(item) == REMOVE:
-            held = [item.id] if item.id else [name for name, at in self._held.items() if link in (at, self._prefix)]
+        operation = _operation(item)
+        if operation == REMOVE:
+            # An unknown object is not missing; one that was left out still is, in the world.
+            given = [item.id] if item.id else list(self._held)
+            held = [name for name in given if link in (self._held.get(name), self._prefix)]  # as in MoveIt
             for name in held:  # without a name: all attached to the link, or to any link
                 for body, _ in self._parts.get(name, []):
                     self._client.attach(body, None)  # keeps its place in the world
                 self._held.pop(name, None)
             return
-        if _shapes_given(item):
-            if _operation(item) != ADD:
+        if operation not in (ADD, APPEND):
+            raise ValueError(f"there is no operation {operation} of attached objects")
+        is_given = bool(item.primitives or item.meshes or item.planes)
+        if not is_given and item.id not in self._parts:
+            if item.id in self.left_out:
+                self._held[item.id] = link
+            raise ValueError(self.left_out.get(item.id, "it has no shapes, and there is no such object to be attached"))
+        if is_given:
+            if operation == APPEND and item.id not in self._held:
                 self._remove(item.id)
-            self._object(item, link)
+            self._attach_new(item, attached.link_name)
         touched = [self._prefix + name for name in attached.touch_links]
         known = {body.name for body in self._client.bodies}
         for body, _ in self._parts.get(item.id, []):
             self._client.attach(body, link, allow=[name for name in touched if name in known])
         self._held[item.id] = link
 
+    def _attach_new(self, item: Any, link: str) -> None:
+        """Adds the shapes of an attached object, whose poses are those in its link or in the world."""
+        try:
+            if item.header.frame_id == link:
+                self._object(item, self._prefix + link)
+            else:
+                self._check_frame(item, link)
+                self._object(item)  # which the link takes with it from here
+        finally:
+            self._held[item.id] = self._prefix + link
+
     def _allow(self, matrix: Any) -> None:
-        """Pairs that may touch. Pairs that the daemon's scene file lets touch stay allowed."""
+        """Pairs that may touch, from now on; those that the daemon's scene lets touch stay allowed."""
         count = len(matrix.entry_names)
         if len(matrix.entry_values) != count or any(len(entry.enabled) != count for entry in matrix.entry_values):
             self.left_out[MATRIX] = f"its {count} names need {count} rows of {count} values"
             return
         self.left_out.pop(MATRIX, None)
         names = {name: self._of(name) for name in matrix.entry_names}
+        wanted = set()
         for i, (name, entry) in enumerate(zip(matrix.entry_names, matrix.entry_values)):
             for other, allowed in zip(matrix.entry_names[i + 1 :], entry.enabled[i + 1 :]):
-                for a in names[name] if allowed else ():
-                    for b in names[other]:
-                        self._client.allow(a, b)
+                if allowed:
+                    wanted |= {(min(a, b), max(a, b)) for a in names[name] for b in names[other]}
+        for a, b in sorted(self._allowed - wanted):
+            self._client.forbid(a, b)
+            self._allowed.remove((a, b))
+        for a, b in sorted(wanted - self._allowed):
+            if self._client.allow(a, b).applied:  # else the daemon's scene allows it
+                self._allowed.add((a, b))
 
     def _of(self, name: str) -> list[str]:
         """Bodies for a name of MoveIt: those of an object, or a link."""
@@ -192,10 +269,6 @@ def _operation(item: Any) -> int:
     """The value of a byte, which ROS 2 represents as bytes in Python."""
     value = item.operation
     return value[0] if isinstance(value, (bytes, bytearray)) else int(value)
-
-
-def _shapes_given(item: Any) -> bool:
-    return bool(item.primitives or item.meshes)
 
 
 def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:

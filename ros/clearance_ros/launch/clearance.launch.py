@@ -9,6 +9,7 @@ from launch import LaunchDescription
 ARGUMENTS = {
     "url": ("", "of the daemon; empty: CLEARANCE_URL"),
     "robot": ("", "the robot of the scene whose joints joint_states has; empty: names there are whole"),
+    "frame": ("", "the world's frame in planning scenes; empty: world, or the robot's root link at its origin"),
     "margin": ("0.02", "metres: warn of pairs that may be nearer"),
     "within": ("0.25", "metres: publish pairs that may be nearer"),
     "rate": ("50.0", "answers a second, at most"),
