@@ -46,9 +46,10 @@ struct Braking {
 
 /// Whether a robot stops in time.
 struct StopCheck {
-  PathCheck check;         ///< the braking path at full speed, as check_path() describes a path
-  double speed_scale = 0;  ///< greatest proved share of the velocities, 0 to 1; 0 if none is proved
-  double seconds = 0;      ///< from now to standstill at full speed
+  PathCheck check;  ///< the braking path at full speed, as check_path() describes a path
+  /// Greatest proved share of the velocities, 0 to 1. 0 if no speed is proved: rest may be proved or not.
+  double speed_scale = 0;
+  double seconds = 0;  ///< from now to standstill at full speed
   /// Control points of the braking path at full speed, rounded: that path was checked.
   std::vector<double> path;
   std::uint32_t control_points = 2;  ///< of each segment of `path`

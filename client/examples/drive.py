@@ -6,7 +6,21 @@ import numpy as np
 
 HOLD = 0.005  # seconds during which a command is valid
 BRAKE = 30.0  # radians per second^2: deceleration of the fastest joint after a command's end; all stop at one time
+RELAXED = 1e-3  # metres per second: barriers relaxed by more are given up
 GRID = 1e-3  # seconds between samples of the log
+
+
+def permitted(speeds: np.ndarray, scale: float, slopes: np.ndarray, given_up: float) -> np.ndarray:
+    """(J,) speeds to command: the proved share, or without a proof all of them if they lead away from everything near.
+
+    scale: StopCheck.speed_scale, which is 0 if no speed is proved, rest included or not. slopes: (N, J) metres per
+    radian, of all near pairs. given_up: metres per second by which the QP relaxed its barriers; it does so by less than
+    RELAXED for a barrier that it keeps.
+    """
+    if scale > 0:
+        return scale * speeds
+    leads_away = len(slopes) > 0 and given_up <= RELAXED and bool((slopes @ speeds >= 0).all())
+    return speeds if leads_away else np.zeros_like(speeds)
 
 
 class Drive:

@@ -8,6 +8,7 @@ from collections import Counter
 import moving_balls
 import numpy as np
 import own_daemon
+from drive import RELAXED
 from exact_arm import ExactArm
 
 CHUNK = 20000  # samples evaluated at a time
@@ -106,9 +107,8 @@ class RunLog:
         print(f"{len(ticks)} answers in {self.t[-1]:.1f} s; a tick took {p50:.0f} us (p99 {p99:.0f}, p99.9 {p999:.0f})")
         longest, unanswered = 1e3 * misses.max() if len(misses) else 0.0, dict(self.failures) or 0
         print(f"{len(misses)} deadlines missed, the longest by {longest:.1f} ms; without an answer: {unanswered}")
-        print(
-            f"barriers given up in {(ticks[:, 4] > 1e-3).sum()} ticks, stalls longer than the margin covers:", end=" "
-        )
+        given_up = (ticks[:, 4] > RELAXED).sum()
+        print(f"barriers given up in {given_up} ticks, stalls longer than the margin covers:", end=" ")
         print(f"{(self.allowed > 0).sum()} samples")
         slowed = ticks[:, 5] < 1
         print(

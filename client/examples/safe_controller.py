@@ -10,9 +10,10 @@ their slopes by joint; a small QP finds the joint speeds nearest to the wanted o
     slope . dq  >=  ball's speed - ALPHA (lower - margin)         for each pair
 
 `margin()` explains why it holds, and the source of each number. Before they are commanded, check_stop() proves that the
-arm would stop in time from these speeds, or the share of them for which it would. The drives are simulated
-realistically: a command is valid for HOLD, then they brake, even if this program fails. At the end ExactArm, which does
-not use Clearance, checks the arm at every millisecond, with the actual positions of the balls.
+arm would stop in time from these speeds, or the share of them for which it would; without any, the arm moves only if
+that leads away from everything near. The drives are simulated realistically: a command is valid for HOLD, then they
+brake, even if this program fails. At the end ExactArm, which does not use Clearance, checks the arm at every
+millisecond, with the actual positions of the balls.
 Needs numpy, lcm and proxsuite, and matplotlib for --plot.
 """
 
@@ -29,7 +30,7 @@ from typing import Optional
 import moving_balls
 import numpy as np
 import own_daemon
-from drive import BRAKE, HOLD, Drive
+from drive import BRAKE, HOLD, Drive, permitted
 from proxsuite import proxqp
 from run_log import RunLog
 
@@ -201,8 +202,7 @@ class Controller:
         except (clearance.ClearanceError, ValueError) as error:
             self.log.failed(type(error).__name__)
             return
-        # If not even rest is proved, a ball has come within the margin, and the barrier leads away from it.
-        commanded = (scale or 1.0) * speeds
+        commanded = permitted(speeds, scale, r.gradient_joints, given_up)
         done = time.monotonic()
         shift = (done - now) * float(np.abs(commanded - self.drive.dq) @ REACH)
         if done - now > LATE or shift > SHIFT or late > STALL:

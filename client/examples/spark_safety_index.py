@@ -77,7 +77,10 @@ class ClearanceSafetyIndex:
         return phi, -self.k * gradient @ gx[self.num_dof :], drift[:, None], phi0, phi0dot
 
     def _distances(self, x: Any, dq: np.ndarray, obstacle: dict[str, Any]) -> tuple[np.ndarray, ...]:
-        """Returns lower (C,), gradient_joints (C, dof), rate and curvature (C,)."""
+        """Returns lower (C,), gradient_joints (C, dof), rate and curvature (C,).
+
+        Raises RuntimeError, naming a pair, if one of them is not defined.
+        """
         q = np.asarray(self.robot_cfg.decompose_state_to_dof_pos(x), dtype=float).reshape(1, -1)
         if obstacle["num"] != self.num_obstacle_vol:
             raise ValueError(f"task_info: expected {self.num_obstacle_vol} obstacles, got {obstacle['num']}")
@@ -90,6 +93,14 @@ class ClearanceSafetyIndex:
         r = self.rows.run((q, poses), dq[None], moves)
         if not np.isfinite(r.lower).all():
             raise ValueError("task_info: an obstacle has no usable pose")
+        for name in ("gradient_joints", "rate", "curvature")[: 3 if self.k else 2]:
+            unusable = ~np.isfinite(getattr(r, name)[0].reshape(self.num_constraint, -1)).all(axis=1)
+            if unusable.any():
+                i, j = divmod(int(unusable.argmax()), self.num_obstacle_vol)
+                raise RuntimeError(
+                    f"{self.links[i]} and {self.obstacles[j]} have no {name}: they overlap, or one is a "
+                    "surface, solid or cloud"
+                )
         curvature = r.curvature[0] if self.k else np.zeros(self.num_constraint)
         return r.lower[0], r.gradient_joints[0], r.rate[0], curvature
 

@@ -1,9 +1,10 @@
 """try_drake.py: a checker with the names of Drake's, and the answers of Drake's where those are right. Needs drake."""
 
+import functools
 import time
 
 import numpy as np
-from pydrake.geometry import Box, HalfSpace, Sphere
+from pydrake.geometry import Box, GeometryInstance, HalfSpace, ProximityProperties, Sphere
 from pydrake.math import RigidTransform, RollPitchYaw
 from pydrake.multibody.plant import CoulombFriction
 from pydrake.multibody.tree import (
@@ -189,18 +190,45 @@ def test_joints():
         raise AssertionError("a Jacobian by a quaternion")
 
 
+def fails(call, words):
+    try:
+        call()
+    except (TypeError, ValueError) as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(f"expected an error with {words!r}")
+
+
 def test_errors():
     builder = RobotDiagramBuilder(0.0)
     plant = builder.plant()
     body = plant.AddRigidBody("b", SpatialInertia.SolidSphereWithMass(1.0, 0.1))
     plant.RegisterCollisionGeometry(body, RigidTransform(), HalfSpace(), "ground", CoulombFriction(1, 1))
     diagram = builder.Build()
-    try:
-        clearance.drake.CollisionChecker(diagram, [body.model_instance()])
-    except ValueError as error:
-        assert "ground: a half-space on a body that moves" in str(error), error
-    else:
-        raise AssertionError("a half-space moves")
+    robot = [body.model_instance()]
+    fails(lambda: clearance.drake.CollisionChecker(diagram, robot), "ground: a half-space on a body that moves")
+    fails(lambda: clearance.drake.CollisionChecker(cell()[0], []), "robot_model_instances: expected model instances")
+
+
+def test_geometry_of_the_scene_graph():
+    """A geometry that is not the plant's is an error, and does not count without a proximity role."""
+    for has_role in (False, True):
+        builder = RobotDiagramBuilder(0.0)
+        plant, graph = builder.plant(), builder.scene_graph()
+        (robot,) = builder.parser().AddModelsFromString(arm(("revolute",)), "urdf")
+        plant.WeldFrames(plant.world_frame(), plant.GetFrameByName("base"))
+        source = graph.RegisterSource("other")
+        wall = graph.RegisterAnchoredGeometry(
+            source, GeometryInstance(RigidTransform([0.3, 0, 0]), Box(1, 1, 1), "wall")
+        )
+        if has_role:
+            graph.AssignRole(source, wall, ProximityProperties())
+        diagram = builder.Build()
+        make = functools.partial(clearance.drake.CollisionChecker, diagram, [robot])
+        if has_role:
+            fails(make, "no collision geometry 'wall'")
+        else:
+            assert len(make().world.geometries) == 2
 
 
 def main():
@@ -208,6 +236,7 @@ def main():
     test_cell()
     test_thin_sheet()
     test_joints()
+    test_geometry_of_the_scene_graph()
     test_errors()
     print(f"Drake: as it should be, in {time.monotonic() - begin:.1f} s")
 

@@ -62,6 +62,29 @@ def test_gradients(model):
     assert seen > 200, seen
 
 
+def fails(kind, words, *arguments, **named):
+    try:
+        clearance.mink.CollisionAvoidanceLimit(*arguments, **named)
+    except kind as error:
+        assert words in str(error), error
+    else:
+        raise AssertionError(f"expected an error with {words!r}")
+
+
+def test_arguments(model):
+    """Geoms that do not exist are errors, and what mink has beyond us is never taken for something else."""
+    post = model.geom("post").id
+    limit = clearance.mink.CollisionAvoidanceLimit(model)
+    every = limit._pairs([(range(model.ngeom), [np.int32(post)])])  # some collide with nothing
+    assert limit.world.left_out and len(every) >= len(limit._pairs([(["upper", "fore", "mark"], ["post"])])) > 0
+    fails(ValueError, "geom_pairs[0]: no geom is named 'uper'", model, [(["uper"], ["post"])])
+    for wrong in (-1, model.ngeom):
+        fails(ValueError, f"geom_pairs[1]: no geom has the id {wrong}", model, [([post], [0]), ([0], [wrong])])
+    fails(TypeError, "geom_pairs[0]", model, [([0.5], [post])])
+    fails(TypeError, "positional", model, None, 0.85, 0.005, 0.01, 0.0, True)
+    fails(TypeError, "broadphase", model, broadphase=True)
+
+
 def main():
     model = mujoco.MjModel.from_xml_path(str(MODEL))
     model.opt.ccd_tolerance = 1e-9
@@ -76,12 +99,7 @@ def main():
         print(f"to {goal}: nearest {1e3 * ours:.2f} mm, mink's own limit {1e3 * theirs:.2f}, none {1e3 * none:.2f}")
         assert min(ours, every) > 0.005, (ours, every)
         assert none < 0, "nothing was in the way: nothing was shown"
-    try:
-        clearance.mink.CollisionAvoidanceLimit(model, [(["uper"], ["post"])])
-    except ValueError as error:
-        assert "geom_pairs[0]: no geom is named 'uper'" in str(error), error
-    else:
-        raise AssertionError("an unknown geom")
+    test_arguments(model)
 
 
 if __name__ == "__main__":

@@ -100,6 +100,33 @@ def test_unbounded():
     assert np.allclose(turn[:, 0], [3.1, 2 * np.pi - 3.1, 2 * np.pi - 2.9])
 
 
+def test_motions():
+    """Motions are the documented ones, and with the documented remedies those of pinocchio.interpolate()."""
+    model, geometry = chain({"rub": pin.JointModelRUBZ()})
+    world = clearance.from_pinocchio(geometry, model)
+    first, last = (np.array([np.cos(a), np.sin(a)]) for a in (3.1, -3.1))
+    middle = world.configurations(pin.interpolate(model, first, last, 0.5))[0, 0]
+    together = world.configurations([first, last])
+    assert np.isclose(np.mean(together), np.pi) and np.isclose(abs(middle), np.pi)
+    motion = world.engine.motions(together[:1], together[1:], **world.moving)
+    assert motion.lower.shape[0] == 1
+    apart = np.mean([world.configurations(first), world.configurations(last)])
+    assert np.isclose(apart, 0), "through 0: the documented trap"
+    model, geometry = chain({"free": pin.JointModelFreeFlyer()})
+    geometry.removeAllCollisionPairs()
+    geometry.addCollisionPair(pin.CollisionPair(0, 2))
+    world = clearance.from_pinocchio(geometry, model)
+    first, last = pin.neutral(model), np.r_[1.0, 0, 0, 0, 0, 1, 0]  # half a turn meanwhile
+    offs = []
+    for count in (1, 64):
+        shares = np.linspace(0, 1, count + 1)
+        rows = [pin.interpolate(model, first, last, share) for share in shares]
+        origins = world.configurations(rows)[:, 0, :3]
+        true = [pin.interpolate(model, first, last, 0.5 * (a + b))[:3] for a, b in zip(shares, shares[1:])]
+        offs.append(np.linalg.norm(0.5 * (origins[1:] + origins[:-1]) - true, axis=1).max())
+    assert offs[0] > 0.3 and offs[1] < 1e-3, offs
+
+
 def test_distances():
     """distanceResults are those of Pinocchio, but for its errors."""
     model, geometry = chain()
@@ -239,6 +266,7 @@ def main():
     for root in (None, pin.JointModelFreeFlyer()):
         test_joints(root)
     test_unbounded()
+    test_motions()
     test_distances()
     test_errors()
     {"pink": test_pink, "placo": test_placo}[sys.argv[1]]()

@@ -84,6 +84,34 @@ def test_phi_changes_as_its_rows_say(arm_engine, order):
     assert decoded["phi_safe_mat_self"].shape == (len(LINKS), len(LINKS))
 
 
+def test_a_pair_without_derivatives_is_an_error(arm_engine):
+    joints = len(arm_engine.joints("arm"))
+    index = ClearanceSafetyIndex(
+        SimpleNamespace(robot_cfg=RobotConfig(joints, 2)), arm_engine, "arm", LINKS, OBSTACLES, {"environment": 0.1},
+        phi_k=0.5,
+    )  # fmt: skip
+    task, x = task_at(0.0), np.zeros(2 * joints)
+    right = index.rows.run
+    for column in ("gradient_joints", "rate", "curvature"):
+
+        def spoiled(*inputs, column=column):
+            r = right(*inputs)
+            columns = {name: np.array(getattr(r, name)) for name in ("lower", "gradient_joints", "rate", "curvature")}
+            columns[column][0, 2] = np.nan
+            return SimpleNamespace(**columns)
+
+        index.rows = SimpleNamespace(run=spoiled)
+        with pytest.raises(RuntimeError, match=f"arm/flange and cup have no {column}"):
+            index.phi(x, task)
+    index.rows = SimpleNamespace(run=right)
+    assert np.isfinite(index.phi(x, task)[2]).all()
+    arm_engine.set_joints(x[:joints], joints="arm")
+    palm = arm_engine.body_states()[arm_engine.body_id("arm/palm")].pose
+    task["obstacle"]["frames_world"][0][:3, 3] = palm[:3]
+    with pytest.raises(RuntimeError, match="arm/palm and cup have no curvature: they overlap"):
+        index.phi(x, task)
+
+
 def test_a_safe_control_keeps_the_index_from_rising(arm_engine):
     joints = len(arm_engine.joints("arm"))
     cfg = RobotConfig(joints, 1)

@@ -41,6 +41,16 @@ def test_what_they_say(capsys):
     assert 0.24 < low <= high < 0.25
 
 
+def test_the_barrier_without_anything_near(monkeypatch, capsys):
+    barrier = importlib.import_module("clearance.examples.barrier")
+    scene = barrier.arm_scene()
+    for body in ("table", "box"):
+        scene.ignore(body, "*")
+    monkeypatch.setattr(barrier, "arm_scene", lambda: scene)
+    barrier.main()
+    assert "turned by 2.400; never nearer than 400.0 mm" in capsys.readouterr().out
+
+
 def test_the_list_and_the_source(capsys):
     main([])
     listed = capsys.readouterr().out

@@ -115,6 +115,14 @@ def test_nobody_is_proved_who_reaches_a_robot_at_rest(front):
     assert not stop and stop.speed_scale == 0
 
 
+@pytest.mark.parametrize("speed, rest", [(0.3, True), (0.41, False)])
+def test_no_share_is_proved_with_or_without_a_proved_rest(front, speed, rest):
+    front.set_poses({"person": at(0.0, 0.6)})  # 0.4 m away
+    query = {"others": {"person": speed}, "pairs": ("r", "person")}
+    assert front.check_stop([0, 0], [0, 500], "r", 0.5, 1.0, **query).speed_scale == 0
+    assert front.check_stop([0, 0], [0, 0], "r", 0.5, 1.0, **query).check.free == rest
+
+
 def test_groups_and_followers(front):
     front.set_poses({"person": at(1.0, 1.5), "hand": at(-1.0, -2.1)})  # the hand is at (0, -0.6), 0.4 m away
 

@@ -25,14 +25,16 @@ class CollisionChecker:
     """Checks configurations and edges of the plant of a RobotDiagram. It is no pydrake.planning.CollisionChecker.
 
     model: a RobotDiagram (or anything with plant() and scene_graph()), which must not change.
-    robot_model_instances: model instances of the robot; only pairs with one of their bodies count.
+    robot_model_instances: model instances of the robot, with at least one body; only pairs with one of their bodies
+        count.
     padding: metres >= 0; pairs at this distance or nearer are in collision.
     max_evaluations: maximum evaluations per edge; an edge that needs more counts as not free.
 
     Configurations q are all positions of the plant, in its order: (num_positions,). Pairs that the SceneGraph filters
     do not count. Meshes are their convex hulls, as in Drake's distances. Quaternions of an edge move as in motions().
 
-    Raises ValueError, naming it, for a joint, shape or geometry without a counterpart.
+    Raises ValueError, naming it, for a joint, shape or geometry without a counterpart, and for a proximity geometry of
+    the SceneGraph that is none of the plant's.
     """
 
     def __init__(
@@ -41,6 +43,8 @@ class CollisionChecker:
         plant = model.plant()
         self.world = DrakeWorld(plant, model.scene_graph())
         self._robot = {int(i) for instance in robot_model_instances for i in plant.GetBodyIndices(instance)}
+        if not self._robot:
+            raise ValueError("robot_model_instances: expected model instances with bodies, got none")
         engine = self.world.engine
         #: The body of the plant of each body of the scene that is a geometry.
         self._body = {engine.body_id(name): body for name, (_, body) in self.world.geometries.items()}

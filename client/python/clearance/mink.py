@@ -18,13 +18,13 @@ import numpy as np
 from mink.limits import Constraint, Limit
 
 from ._adapters.mujoco import MujocoWorld, from_mujoco
-from ._arguments import to_number_from_0
+from ._arguments import to_integer, to_number_from_0
 
 Geoms = Sequence[Union[int, str]]
 
 
 class CollisionAvoidanceLimit(Limit):  # type: ignore[misc]  # mink has no types that mypy reads here
-    """Keeps pairs of geoms apart. Takes the place of mink.CollisionAvoidanceLimit, and has its arguments.
+    """Keeps pairs of geoms apart. Takes the place of mink.CollisionAvoidanceLimit, with its arguments but `broadphase`.
 
     Each pair nearer than the detection distance adds a row: to first order, a step reduces its distance by at most
     gain * (lower - minimum_distance), where lower is the certified lower bound. mink 1.3.0 divides that by dt, and so
@@ -49,6 +49,7 @@ class CollisionAvoidanceLimit(Limit):  # type: ignore[misc]  # mink has no types
         minimum_distance_from_collisions: float = 0.005,
         collision_detection_distance: float = 0.01,
         bound_relaxation: float = 0.0,
+        *,
         recovery_speed: float = 0.1,
     ):
         self.world = model if isinstance(model, MujocoWorld) else from_mujoco(model)
@@ -82,12 +83,14 @@ class CollisionAvoidanceLimit(Limit):  # type: ignore[misc]  # mink has no types
 
     def _id(self, geom: Union[int, str], what: str, bodies: dict[str, int]) -> Optional[int]:
         """The body of a geom, or None if it collides with nothing."""
-        name = self.world.geoms.get(int(geom)) if not isinstance(geom, str) else geom
-        if name in bodies:
-            return bodies[name]
-        if isinstance(geom, str) and geom not in self.world.left_out:
-            raise ValueError(f"{what}: no geom is named {geom!r}")
-        return None
+        if isinstance(geom, str):
+            if geom not in bodies and geom not in self.world.left_out:
+                raise ValueError(f"{what}: no geom is named {geom!r}")
+            return bodies.get(geom)
+        index, count = to_integer(geom, what), len(self.world.geom_bodies)
+        if not 0 <= index < count:
+            raise ValueError(f"{what}: no geom has the id {index}; the model has {count}")
+        return bodies[self.world.geoms[index]] if index in self.world.geoms else None
 
     def compute_qp_inequalities(self, configuration: Any, dt: float) -> Constraint:
         """Returns rows G dq <= h at configuration.q for a step dq of the degrees of freedom, one for each near pair.

@@ -28,7 +28,8 @@ _STEPS: dict[str, tuple[tuple[str, bool, Any, int], ...]] = {
 class DrakeWorld(World):
     """A finalized MultibodyPlant as a scene, with a body for each collision geometry, "BODY/GEOMETRY".
 
-    Raises ValueError, naming it, for a joint, shape or geometry without a counterpart.
+    Raises ValueError, naming it, for a joint, shape or geometry without a counterpart, and for a proximity geometry of
+    the SceneGraph that is none of the plant's.
     """
 
     def __init__(self, plant: Any, scene_graph: Any, name: str = "drake"):
@@ -115,6 +116,7 @@ class DrakeWorld(World):
                     self.scene.add_body(name, **shape, parent=f"{tree.name}/{link}", pose=where)
                 self.geometries[name] = (geometry, index)
                 ids.append((name, geometry, index))
+        _check_all_added(inspector, [geometry for _, geometry, _ in ids])
         for i, (name, geometry, body_index) in enumerate(ids):
             for other, second, second_index in ids[:i]:
                 both = body_index in static and second_index in static
@@ -129,6 +131,18 @@ class DrakeWorld(World):
         for m, first in enumerate(self.placed):  # Drake's order is w, x, y, z, then the position
             poses[:, m, 3:], poses[:, m, :3] = rows[:, first : first + 4], rows[:, first + 4 : first + 7]
         return poses
+
+
+def _check_all_added(inspector: Any, added: list[Any]) -> None:
+    from pydrake.geometry import Role
+
+    others = set(inspector.GetAllGeometryIds(Role.kProximity)) - set(added)
+    if others:
+        name = min(inspector.GetName(geometry) for geometry in others)
+        raise ValueError(
+            f"scene_graph: the plant has no collision geometry {name!r}: register it with "
+            "plant.RegisterCollisionGeometry(), or remove its proximity role"
+        )
 
 
 def _steps(joint: Any, kind: str) -> Iterator[tuple[str, bool, Any, int]]:

@@ -39,6 +39,11 @@ def from_pinocchio(
     name: name of the robot to which the joints belong: joint "elbow" is "pinocchio/elbow", radians and metres. Joints
         beyond a spherical joint or a free-flyer J, other than one at the root, belong to the robot "pinocchio.J".
 
+    Motions and paths are not those of pinocchio.interpolate(): free-flyers and planar joints move straight while they
+    turn, there along a screw. Where the latter is executed, pass a path with configurations of pinocchio.interpolate()
+    in between, and a margin for the rest. Unbounded joints move the shorter way, as there, only between consecutive
+    rows of one call of configurations(): convert both ends of a motion in one call.
+
     Only pairs in collisionPairs are enabled, unless it is empty. A mesh becomes its hull (from_coal()).
 
     Raises TypeError, ValueError or SceneError, naming the object or joint, for an unsupported shape or joint
@@ -54,7 +59,7 @@ def from_pinocchio(
 
 
 class PinocchioWorld(World):
-    """A model of Pinocchio as a scene, and its configurations. Made by from_pinocchio()."""
+    """A model of Pinocchio as a scene, and its configurations. from_pinocchio() makes it, and describes motions."""
 
     def __init__(self, geometry_model: Any, model: Any, name: str):
         self._columns: list[tuple[int, bool]] = []  #: of q by position: number, or cosine and sine of an angle

@@ -57,7 +57,8 @@ class World:
     def configurations(self, q: Any) -> Any:
         """Converts (K, nq) rows to configurations of a query: with **world.moving, also of motions.
 
-        Bodies that poses place move between two of them with constant velocities. Raises ValueError for a wrong shape.
+        Motions are straight in positions. Bodies that poses place move with constant velocities, their origins on a
+        line. Raises ValueError for a wrong shape.
         """
         rows = np.atleast_2d(self._rows(q, "q"))
         positions, poses = np.ascontiguousarray(self._positions(rows)), self._poses(rows)

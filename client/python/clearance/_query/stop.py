@@ -31,7 +31,8 @@ class StopCheck:
     """Whether a robot stops in time. As a bool, as its check: free, and within the joints' limits."""
 
     check: PathCheck  #: the braking path at full speed, as check_path() describes a path
-    #: Greatest proved share of the velocities, 0 to 1, which the robot may be commanded; 0 if none is proved.
+    #: Greatest proved share of the velocities, 0 to 1, which the robot may be commanded. 0 if no speed is proved: rest
+    #: may be proved or not.
     speed_scale: float
     seconds: float  #: from now to standstill at full speed
     #: (K, D + 1, J) Bezier control points of the braking path at full speed, rounded: that path was checked.
