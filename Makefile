@@ -57,7 +57,7 @@ certify:  ## check a million pairs of every hard class of hulls and meshes, 30,0
 	@tools/build.sh release clearance-certify clearance-certificates
 	@tools/certify.sh
 
-prove:  ## have Coq check the proof of the float64 bounds against the source (docs/proof.md), and 12 random changes of it; installs Coq
+prove:  ## have Coq check the proof of the float64 bounds against the source (docs/proof.md), and 36 random changes of it; installs Coq
 	@tools/setup.sh
 	@tools/extras.sh prove
 

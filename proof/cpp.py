@@ -16,7 +16,8 @@ TOKEN = re.compile(
 TEMPLATE = re.compile(r"<(?:T|S|double|To|typename T::\w+)>")
 BINARY = {"?": 0, "&&": 1, "&": 2, ">": 4, "<": 4, "+": 5, "-": 5, "*": 6, "/": 6}
 SCALAR, VECTOR, MATRIX, BOOL = "T", "vec T", "mat T", "bool"
-TYPES = {"T", "S", "double", "auto", "Vec3", "Vec3d", "Mat3d", "Mask", "bool", "constexpr", "const"}
+TYPES: dict[str, str | None] = {"Mat3d": MATRIX, "Mask": BOOL, "bool": BOOL, "auto": None}
+TYPES |= dict.fromkeys(("T", "S", "double"), SCALAR) | dict.fromkeys(("Vec3", "Vec3d"), VECTOR)
 
 
 class Unknown(Exception):
@@ -56,12 +57,16 @@ class Parser:
                 f"expected {token!r}, found {got!r} in {' '.join(self.tokens[max(0, self.at - 8) : self.at + 4])}"
             )
 
+    def finish(self) -> None:
+        if self.at < len(self.tokens):
+            raise Unknown(f"something after the end: {' '.join(self.tokens[self.at :])}")
+
     def items(self, end: str) -> list:
         found = []
         while self.peek() != end:
             found.append(self.expression())
-            if self.peek() == ",":
-                self.next()
+            if self.peek() != end:
+                self.take(",")
         self.take(end)
         return found
 

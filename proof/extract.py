@@ -4,7 +4,7 @@
     proof/extract.py SOURCE_ROOT >Source.v
 
 Each operation of the source becomes one operation of `arith` (Arithmetic.v), in the same order. A text that this
-program does not know is an error, and so is a changed one of PASSAGES.
+program does not know is an error, and so is a passage that differs from proof/text.
 """
 
 from __future__ import annotations
@@ -14,8 +14,8 @@ import sys
 from pathlib import Path
 
 from cpp import MATRIX, SCALAR, VECTOR, Scope, Unknown, number, tokens_of
-from passages import ARITHMETIC, ATTEMPT, CERTIFY, CERTIFY_CPP, LANES, PASSAGES, RUN, SCAN, VEC, Source
-from statements import Runner, parameters, scalar
+from passages import ARITHMETIC, CERTIFY, CERTIFY_CPP, VEC, Source, passages
+from statements import Runner, parameters, value
 
 
 def plain(text: str) -> str:
@@ -23,7 +23,8 @@ def plain(text: str) -> str:
     text = re.sub(r"(\w), T\(\)\)", r"\1)", text)
     text = re.sub(r"\b(points_[ab])\[(i[ab])\]", r"\1.\2", text)
     text = re.sub(r"\bto_double\((D)\)", r"\1", text)
-    return re.sub(r"\bpair\.(?:lower|upper)_error\(\)", "error", text)
+    text = re.sub(r"Real::load_unaligned\(v\.([xyz]) \+ i\)", r"vertex.\1", text)
+    return re.sub(r"\bpair\.(lower|upper)_error\(\)", r"pair.\1_error", text)
 
 
 class Writer:
@@ -55,20 +56,24 @@ class Writer:
             scope.values.update(extra or {})
             runner = Runner(tokens_of(plain(self.source.body(file, anchor))), scope, kind)
             result = runner.run()
-            if result is None or runner.at != len(runner.tokens):
-                raise Unknown("statements after return, or none")
+            if result is None:
+                raise Unknown("no return")
+            runner.finish()
             self.define(name, kinds, kind, " ".join([*scope.lets, result]), f"{file}: {anchor.strip()}")
         except Unknown as unknown:
             raise Unknown(f"{file}: {name} ({anchor.strip()}): {unknown}") from unknown
 
-    def expression(self, file, anchor, end, name, kinds, kind, names=None) -> None:
-        """A single expression between two passages."""
+    def term(self, hole: str, scope: Scope, kind: str) -> tuple[str, str]:
+        """File and term of an expression in a passage, every token of which is used."""
+        file, text = self.source.expression(hole)
         try:
-            scope = self.scope(kinds, names)
-            runner = Runner(tokens_of(plain(f"return {self.source.until(file, anchor, end)};")), scope, kind)
-            self.define(name, kinds, kind, runner.run(), f"{file}: {anchor.strip()} ...")
+            return file, value(tokens_of(plain(text)), scope, kind)
         except Unknown as unknown:
-            raise Unknown(f"{file}: {name} ({anchor.strip()}): {unknown}") from unknown
+            raise Unknown(f"{file}: {hole} ({text}): {unknown}") from unknown
+
+    def expression(self, name: str, kinds: dict[str, str], kind: str, names: dict[str, str] | None = None) -> None:
+        file, term = self.term(name, self.scope(kinds, names), kind)
+        self.define(name, kinds, kind, term, f"{file}: @{name}@ of proof/text")
 
 
 def write_vectors(w: Writer) -> None:
@@ -139,7 +144,9 @@ def write_simplex_point(w: Writer) -> None:
     unset = "(whole 0)"  # of members, which are set before they are read: a loop sets all four shares first
     scope.values.update({f"share[{i}]": (SCALAR, unset) for i in range(4)}, w=(VECTOR, f"(V {unset} {unset} {unset})"))
     try:
-        Runner(tokens_of(w.source.body(CERTIFY, "explicit SimplexPoint(const Simplex<T>& s)")), scope).run()
+        runner = Runner(tokens_of(w.source.body(CERTIFY, "explicit SimplexPoint(const Simplex<T>& s)")), scope)
+        runner.run()
+        runner.finish()
     except Unknown as unknown:
         raise Unknown(f"{CERTIFY}: SimplexPoint: {unknown}") from unknown
     w.lines.append(
@@ -149,13 +156,9 @@ def write_simplex_point(w: Writer) -> None:
 
 
 def write_frame(w: Writer) -> None:
-    rotations, points = dict(R_wa=MATRIX, R_wb=MATRIX), dict(R_wa=MATRIX, t_a=VECTOR, t_b=VECTOR)
-    w.expression(RUN, "const Mat3d R =", "; Vec3d D =", "frame_R", rotations, MATRIX)
-    w.expression(RUN, "Vec3d D =", "; if constexpr", "frame_D", points, VECTOR)
-    cso = dict(R=MATRIX, D=VECTOR, a=VECTOR, b=VECTOR)
-    w.function(
-        RUN, "CLEARANCE_HD Vec3<S> cso_vertex(const Vertex& a, const Vertex& b) const", "cso_vertex", cso, VECTOR
-    )
+    w.expression("frame_R", dict(R_wa=MATRIX, R_wb=MATRIX), MATRIX)
+    w.expression("frame_D", dict(R_wa=MATRIX, t_a=VECTOR, t_b=VECTOR), VECTOR)
+    w.expression("cso_vertex", dict(R=MATRIX, D=VECTOR, a=VECTOR, b=VECTOR), VECTOR)
 
 
 def write_placed(w: Writer) -> None:
@@ -165,140 +168,60 @@ def write_placed(w: Writer) -> None:
         CERTIFY_CPP, "Vec3<double> difference(const Vec3d& b, const Vec3d& a, double)", "difference", vectors, VECTOR
     )
     w.function(CERTIFY_CPP, "double sum(double a, double b, double)", "sum", scalars, SCALAR)
-    rotations, points = dict(R_a=MATRIX, R_b=MATRIX), dict(R_a=MATRIX, t_a=VECTOR, t_b=VECTOR)
-    w.expression(CERTIFY_CPP, ", R(", "), D(R_a", "placed_R", rotations, MATRIX)
-    w.expression(CERTIFY_CPP, ", D(", "), points_a(part_a)", "placed_D", points, VECTOR)
-    radii = dict(r_a=SCALAR, r_b=SCALAR)
-    names = dict(r_a="part_a.radius", r_b="part_b.radius")
-    w.expression(CERTIFY_CPP, "{ radius =", "; scale =", "placed_radius", radii, SCALAR, names)
-    kinds = dict(D=VECTOR, rho_a=SCALAR, rho_b=SCALAR) | radii
-    w.expression(
-        CERTIFY_CPP,
-        "; scale =",
-        "; }",
-        "placed_scale",
-        kinds,
-        SCALAR,
-        names | dict(rho_a="part_a.rho", rho_b="part_b.rho"),
-    )
-    w.expression(
-        CERTIFY_CPP,
-        "if (is_round()) units += kRoundUnits; return",
-        "; }",
-        "placed_error",
-        dict(units=SCALAR, scale=SCALAR),
-        SCALAR,
-    )
-    w.function(
-        CERTIFY,
-        "Vec3<T> cso_vertex(std::uint32_t ia, std::uint32_t ib) const",
-        "placed_cso_vertex",
-        dict(R=MATRIX, D=VECTOR, a=VECTOR, b=VECTOR),
-        VECTOR,
-        {"a": "points_a.ia", "b": "points_b.ib"},
-    )
-    kinds = dict(gap=SCALAR, length=SCALAR, radius=SCALAR, error=SCALAR)
-    w.expression(
-        CERTIFY_CPP,
-        "const double lower = round_down(",
-        "); return std::isnan(lower)",
-        "placed_lower",
-        kinds,
-        SCALAR,
-        {"radius": "pair.radius"},
-    )
-    kinds = dict(w=VECTOR, radius=SCALAR, error=SCALAR)
-    w.expression(
-        CERTIFY_CPP,
-        "const double upper = round_up(",
-        "); return {std::isnan(upper)",
-        "placed_upper",
-        kinds,
-        SCALAR,
-        {"w": "point.w", "radius": "pair.radius"},
-    )
+    w.expression("placed_R", dict(R_a=MATRIX, R_b=MATRIX), MATRIX)
+    w.expression("placed_D", dict(R_a=MATRIX, t_a=VECTOR, t_b=VECTOR), VECTOR)
+    radii, names = dict(r_a=SCALAR, r_b=SCALAR), dict(r_a="part_a.radius", r_b="part_b.radius")
+    w.expression("placed_radius", radii, SCALAR, names)
+    names |= dict(rho_a="part_a.rho", rho_b="part_b.rho")
+    w.expression("placed_scale", dict(D=VECTOR, rho_a=SCALAR, rho_b=SCALAR) | radii, SCALAR, names)
+    w.expression("placed_error", dict(units=SCALAR, scale=SCALAR), SCALAR)
+    points = {"a": "points_a.ia", "b": "points_b.ib"}
+    w.expression("placed_cso_vertex", dict(R=MATRIX, D=VECTOR, a=VECTOR, b=VECTOR), VECTOR, points)
+    rest = dict(radius=SCALAR, error=SCALAR)
+    names = {"radius": "pair.radius", "error": "pair.lower_error"}
+    w.expression("placed_lower", dict(gap=SCALAR, length=SCALAR) | rest, SCALAR, names)
+    names = {"w": "point.w", "radius": "pair.radius", "error": "pair.upper_error"}
+    w.expression("placed_upper", dict(w=VECTOR) | rest, SCALAR, names)
 
 
 def write_runs(w: Writer) -> None:
     gap = dict(D=VECTOR, v=VECTOR, value_a=SCALAR, value_b=SCALAR)
-    w.expression(
-        ATTEMPT,
-        "return {vertex(a.index, b.index),",
-        "};",
-        "support_gap",
-        gap,
-        SCALAR,
-        {"D": "pair_.D", "value_a": "a.value", "value_b": "b.value"},
-    )
-    w.expression(
-        LANES,
-        "g.step(vertex,",
-        ", limits, running);",
-        "lanes_gap",
-        gap,
-        SCALAR,
-        {"D": "at.D", "v": "g.v", "value_a": "a.value", "value_b": "b.value"},
-    )
+    values = {"value_a": "a.value", "value_b": "b.value"}
+    w.expression("support_gap", gap, SCALAR, {"D": "pair_.D"} | values)
+    w.expression("lanes_gap", gap, SCALAR, {"D": "at.D", "v": "g.v"} | values)
     along = dict(R=MATRIX, v=VECTOR)
-    w.expression(ATTEMPT, "pair_.points_a.farthest(", "); const SupportPoint", "along_a", along, VECTOR)
-    w.expression(ATTEMPT, "pair_.points_b.farthest(", "); return", "along_b", along, VECTOR, {"R": "pair_.R"})
+    w.expression("along_a", along, VECTOR, {"R": "pair_.R"})
+    w.expression("along_b", along, VECTOR, {"R": "pair_.R"})
     direction = dict(D=VECTOR, n=VECTOR, value_a=SCALAR, value_b=SCALAR)
-    w.expression(
-        CERTIFY_CPP,
-        "return certify_lower(pair,",
-        ", norm(n));",
-        "direction_gap",
-        direction,
-        SCALAR,
-        {"D": "pair.D", "value_a": "sa.value", "value_b": "sb.value"},
-    )
-    w.expression(
-        CERTIFY_CPP,
-        "sb = support(*pair.b,",
-        "); return",
-        "direction_back",
-        dict(R=MATRIX, n=VECTOR),
-        VECTOR,
-        {"R": "pair.R"},
-    )
+    w.expression("direction_gap", direction, SCALAR, {"D": "pair.D", "value_a": "sa.value", "value_b": "sb.value"})
+    w.expression("direction_back", dict(R=MATRIX, n=VECTOR), VECTOR, {"R": "pair.R"})
     # The product that a scan takes the largest of.
-    text = w.source.until(SCAN, "const auto reach = [&](std::size_t i) { return", ";")
-    text = re.sub(r"Real::load_unaligned\(v\.([xyz]) \+ i\)", r"vertex.\1", text)
-    scope = w.scope(dict(n=VECTOR, vertex=VECTOR), {"n": "direction"})
-    w.define("scan_product", dict(n=VECTOR, vertex=VECTOR), SCALAR, scalar(tokens_of(text), scope), f"{SCAN}: reach")
-
+    w.expression("scan_product", dict(n=VECTOR, vertex=VECTOR), SCALAR, {"n": "direction"})
     write_run_bounds(w)
 
 
 def write_run_bounds(w: Writer) -> None:
     """RunBounds: `low` and `high`, with the lengths and units that they name."""
     rest = dict(radius=SCALAR, scale=SCALAR, extra=SCALAR, round_units=SCALAR)
-    lengths = {
-        "v_length": w.source.until(CERTIFY, ": nearest(g.simplex), v_length(", "), length("),
-        "length": w.source.until(CERTIFY, "v_length(norm(g.v)), length(", ") { const T zero(0)"),
-    }
-    units = "lower_units =" + w.source.until(CERTIFY, "const T lower_units =", "; const T low =")
-    for name, kinds, names, length, line in (
-        ("run_lower", dict(v=VECTOR, gap=SCALAR) | rest, {"v": "g.v", "gap": "g.gap"}, "v_length", "const T low ="),
-        ("run_upper", dict(w=VECTOR) | rest, {"w": "nearest.w"}, "length", "const T high ="),
+    for name, kinds, names, length, units in (
+        ("run_lower", dict(v=VECTOR, gap=SCALAR) | rest, {"v": "g.v", "gap": "g.gap"}, "v_length", "lower_units"),
+        ("run_upper", dict(w=VECTOR) | rest, {"w": "nearest.w"}, "length", "upper_units"),
     ):
         scope = w.scope(kinds, names)
-        scope.values[length] = (SCALAR, scalar(tokens_of(lengths[length]), scope))
-        for unit in units.split(","):
-            cpp, text = unit.split("=")
-            scope.values[cpp.strip()] = (SCALAR, scalar(tokens_of(text), scope))
-        term = scalar(tokens_of(w.source.until(CERTIFY, line, ";")), scope)
-        w.define(name, kinds, SCALAR, term, f"{CERTIFY}: RunBounds")
+        for named in (length, units):
+            scope.values[named] = (SCALAR, w.term(named, scope, SCALAR)[1])
+        file, term = w.term(name, scope, SCALAR)
+        w.define(name, kinds, SCALAR, term, f"{file}: RunBounds")
 
 
 def write(source: Source) -> str:
-    for file, passage in PASSAGES:
-        count = source.text(file).count(passage)
-        if count != 1:
-            raise Unknown(f"{file}: {count} times, not once: {passage}")
+    for file, passage in passages():
+        source.compare(file, passage)
     w = Writer(source)
     for part in (write_vectors, write_terms, write_simplex_point, write_frame, write_runs, write_placed):
         part(w)
+    if source.holes:
+        raise Unknown(f"expressions of proof/text that are not read: {', '.join(source.holes)}")
     return (
         "(* Written by proof/extract.py from the C++ source: not to be edited. *)\n"
         "From Coq Require Import ZArith Bool.\nFrom Clearance Require Import Arithmetic Model.\n\n"

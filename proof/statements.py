@@ -3,7 +3,11 @@
 
 from __future__ import annotations
 
-from cpp import BOOL, SCALAR, TYPES, Parser, Scope, Unknown, path_of
+import re
+
+from cpp import BOOL, TYPES, Parser, Scope, Unknown, path_of
+
+COUNT = ["using", "Count", "=", "typename", "Lane::Count", ";"]
 
 
 class Runner(Parser):
@@ -13,7 +17,7 @@ class Runner(Parser):
         super().__init__(tokens)
         self.scope, self.kind = scope, kind
         self.result: str | None = None
-        self.skipping = False
+        self.declared: list[str] = []
 
     def run(self) -> str | None:
         while self.at < len(self.tokens) and self.result is None:
@@ -23,8 +27,11 @@ class Runner(Parser):
     def statement(self) -> None:
         token = self.peek()
         if token == "using":
-            while self.next() != ";":
-                pass
+            if self.tokens[self.at : self.at + 6] == COUNT:
+                self.at += len(COUNT)
+            else:
+                for known in ("using", "std::sqrt", ";"):
+                    self.take(known)
         elif token == "CLEARANCE_UNROLL":
             self.next()
         elif token == "return":
@@ -35,28 +42,36 @@ class Runner(Parser):
             self.loop()
         elif token == "if":
             self.skip_unless()
-        elif token in TYPES:
+        elif token == "const" or token in TYPES:
             self.declaration()
         else:
             self.assignment()
 
     def declaration(self) -> None:
-        while self.peek() in TYPES:
+        if self.peek() == "const":
             self.next()
+        kind_name = self.next()
+        if kind_name not in TYPES:
+            raise Unknown(f"the type {kind_name}")
         if self.peek(1) == "=" and self.peek(2) == "[":
+            if kind_name != "auto":
+                raise Unknown(f"a function of the type {kind_name}")
             self.declare_lambda()
             return
         while True:
             name = self.next()
-            if self.peek() == "=":
-                self.next()
-                self.scope.values[name] = self.scope.value(self.expression())
-            elif self.peek() == "(":
-                self.next()
-                self.scope.values[name] = self.scope.value(self.expression())
-                self.take(")")
-            else:
+            if name in self.scope.values or not re.fullmatch(r"[A-Za-z_]\w*", name):
+                raise Unknown(f"a second {name}, or no name")
+            if self.peek() not in ("=", "("):
                 raise Unknown(f"{name} without a value")
+            in_parentheses = self.next() == "("
+            kind, term = self.scope.value(self.expression(), TYPES[kind_name])
+            if TYPES[kind_name] not in (None, kind):
+                raise Unknown(f"{name} is a {kind}, not a {kind_name}")
+            self.scope.values[name] = (kind, term)
+            self.declared.append(name)
+            if in_parentheses:
+                self.take(")")
             if self.peek() == ";":
                 self.next()
                 return
@@ -68,9 +83,11 @@ class Runner(Parser):
             self.take(token)
         names = []
         while self.peek() != ")":
-            token = self.next()
-            if self.peek() in (",", ")"):
-                names.append(token)
+            for token in ("const", "T", "&"):
+                self.take(token)
+            names.append(self.next())
+            if self.peek() != ")":
+                self.take(",")
         for token in (")", "{", "return"):
             self.take(token)
         self.scope.lambdas[name] = (names, self.expression())
@@ -117,7 +134,11 @@ class Runner(Parser):
         body = self.tokens[begin : self.at - 1]
         for i in range(count):
             unrolled = [str(i) if token == index else token for token in body]
-            Runner(unrolled, self.scope).run()
+            turn = Runner(unrolled, self.scope)
+            turn.run()
+            turn.finish()
+            for name in turn.declared:
+                del self.scope.values[name]
             self.scope.guard = None
 
 
@@ -125,9 +146,9 @@ def parameters(kinds: dict[str, str]) -> str:
     return " ".join(f"({name} : {kind})" for name, kind in kinds.items())
 
 
-def scalar(text_tokens: list[str], scope: Scope) -> str:
+def value(text_tokens: list[str], scope: Scope, kind: str) -> str:
+    """The term of an expression that is all of a text."""
     parser = Parser(text_tokens)
-    term = scope.term(parser.expression(), SCALAR)
-    if parser.at != len(text_tokens):
-        raise Unknown(f"something after an expression: {text_tokens[parser.at :]}")
+    term = scope.term(parser.expression(), kind)
+    parser.finish()
     return term
