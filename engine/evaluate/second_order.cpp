@@ -202,7 +202,8 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
     }
   meter.count(terms.size() * terms.size() / kTermsPerUnit);
   const std::size_t joints = plan_.joints.size();
-  double* const hessian = row.hessian_joints.empty() ? nullptr : row.hessian_joints.data();
+  // The movers of current poses are all joints of the scene, not columns of the query.
+  double* const hessian = row.hessian_joints.empty() || is_current_ ? nullptr : row.hessian_joints.data();
   double curvature = 0;
   for (std::size_t x = 0; x < terms.size(); ++x)
     for (std::size_t y = x; y < terms.size(); ++y) {
@@ -313,7 +314,7 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
   find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
               chains);
   row.rate = rate_of(chains.side, features->normal());
-  if (wants_hessian) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
+  if (wants_hessian && !is_current_) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
   combine(*features, chains, row, meter);
   if (wants_radius)
     row.smooth_radius =
