@@ -22,7 +22,7 @@ namespace clearance::engine {
 Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, bool keep_on_cpu) const {
   Route route{cuda::kind_of(plan.query), plan.size.configurations * plan.size.pairs, false, nullptr};
   const bool may_fall_back = router || options.device_fallback;
-  if (keep_on_cpu || (may_fall_back && !cuda::beyond_the_device(plan).empty())) return route;
+  if (may_fall_back && (keep_on_cpu || !cuda::beyond_the_device(plan).empty())) return route;
   route.router = router.get();
   route.to_device = device && (!router || router->to_device(route.kind, route.pairs));
   return route;

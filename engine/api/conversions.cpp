@@ -1,11 +1,11 @@
 #include "engine/api/conversions.h"
 
-#include <chrono>
 #include <stdexcept>
 #include <string>
 
 #include "engine/bvh/surface.h"
 #include "engine/scene/body_ball.h"
+#include "engine/state/pose_store.h"
 
 namespace clearance {
 
@@ -85,7 +85,6 @@ SceneInfo scene_names_of(const engine::Engine& engine) {
 }
 
 JointsInfo joints_of(const engine::Engine& engine) {
-  const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
   const engine::Scene& scene = engine.scene();
   JointsInfo info;
   info.scene_revision = engine.scene_revision();
@@ -93,7 +92,7 @@ JointsInfo joints_of(const engine::Engine& engine) {
     const SceneJoint& joint = scene.joints()[id];
     const JointState state = engine.joint_state(id);
     info.joints.push_back({joint.name, joint.lower, joint.upper, state.position, state.status, state.beyond_limits,
-                           state.stamp_ns, state.receipt_ns ? now - state.receipt_ns : -1});
+                           state.stamp_ns, state.receipt_ns ? monotonic_ns() - state.receipt_ns : -1});
   }
   for (const JointGroup& group : scene.joint_groups()) info.groups.push_back({group.name, group.joints});
   return info;

@@ -2,6 +2,7 @@
 
 #include "engine/api/engine_impl.h"
 #include "engine/api/scene_impl.h"
+#include "engine/state/pose_store.h"
 #include "wire/api/joints_named.h"
 #include "wire/api/velocities.h"
 
@@ -56,7 +57,6 @@ JointsInfo Engine::joint_states() const {
 }
 
 std::vector<BodyStateInfo> Engine::body_states() const {
-  const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
   const std::shared_ptr<engine::Engine> engine = impl_->engine();
   std::vector<BodyStateInfo> states(engine->scene().bodies().size());
   for (std::uint32_t id = 0; id < states.size(); ++id) {
@@ -66,7 +66,7 @@ std::vector<BodyStateInfo> Engine::body_states() const {
                   s.status,
                   s.parent,
                   s.stamp_ns,
-                  s.receipt_ns ? now - s.receipt_ns : -1};
+                  s.receipt_ns ? monotonic_ns() - s.receipt_ns : -1};
   }
   return states;
 }

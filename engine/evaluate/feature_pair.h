@@ -1,6 +1,7 @@
 // Two features that meet: the second derivative of their distance. Derived in docs/bounds_robots.md, second order.
 #pragma once
 
+#include <cstdint>
 #include <optional>
 
 #include "engine/evaluate/feature.h"
@@ -21,6 +22,11 @@ struct FeatureMotion {
 /// Nearest features of two separated cores.
 class FeaturePair {
  public:
+  /// Units of work of find().
+  static std::uint64_t units_to_find(const ConvexPart& a, const ConvexPart& b) {
+    constexpr std::uint64_t kScans = 16, kVerticesPerUnit = 64;  // scans of the vertices of both parts
+    return kScans * (1 + (a.vertices.size() + b.vertices.size()) / kVerticesPerUnit);
+  }
   /// Returns nothing for cores that overlap, or touch within rounding.
   /// \param start nearest points of the cores up to a tolerance
   /// \param toward direction from a towards b, not zero: where the search begins

@@ -146,7 +146,7 @@ void RateBounds::take_parts(const PairAnswer& answer, const std::optional<Featur
   }
   const auto add = [&](std::uint32_t i, std::uint32_t j, const Vec3d& toward, std::optional<FeaturePair> of) {
     PartRate part(*a_.parts[i], pose_a_, *b_.parts[j], pose_b_, toward, std::move(of), upper, slack.inner);
-    if (part.gap() <= part.upper()) parts_.push_back(std::move(part));
+    if (!(part.gap() > part.upper())) parts_.push_back(std::move(part));
   };
   add(answer.part_a, answer.part_b, normal, features);
   meter.count(std::uint64_t{a_.parts.size()} * b_.parts.size() / kPairsPerUnit);
@@ -154,17 +154,24 @@ void RateBounds::take_parts(const PairAnswer& answer, const std::optional<Featur
     for (std::uint32_t j = 0; j < b_.parts.size(); ++j) {
       if (i == answer.part_a && j == answer.part_b) continue;
       if (gap_of_balls(*a_.parts[i], pose_a_, *b_.parts[j], pose_b_) > slack.cut_off(upper)) continue;
+      if (parts_.size() >= kMostParts || narrow.spent() > kMostUnits) {
+        parts_.clear();
+        meter.count(narrow.spent());
+        return;
+      }
       const NarrowAnswer other = nearest(i, j, slack.cut_off(upper));
       if (other.beyond) continue;
       const ConvexPart &part_a = *a_.parts[i], &part_b = *b_.parts[j];
       const WitnessPoints start{other.point_a - other.normal * part_a.radius,
                                 other.point_b + other.normal * part_b.radius + (pose_b_.t_w - pose_a_.t_w)};
+      narrow.count(FeaturePair::units_to_find(part_a, part_b));
       add(i, j, other.normal, FeaturePair::find(part_a, pose_a_, part_b, pose_b_, start, other.normal, false));
     }
   meter.count(narrow.spent());
 }
 
-Interval RateBounds::of(const PairMotion& motion) const {
+Interval RateBounds::of(const PairMotion& motion, WorkMeter& meter) const {
+  meter.count(1 + parts_.size());
   if (parts_.empty())
     return within((speed_of(motion.shift_a, motion.turn_a, a_.reach + inner_) +
                    speed_of(motion.shift_b, motion.turn_b, b_.reach + inner_)) *
@@ -172,6 +179,7 @@ Interval RateBounds::of(const PairMotion& motion) const {
   Interval all{kInfinite, -kInfinite};
   for (const PartRate& part : parts_) {
     const Interval one = part.of(motion);
+    if (!one.is_possible()) return within(kInfinite);
     all = {std::min(all.lower, one.lower), std::max(all.upper, one.upper)};
   }
   return all;

@@ -65,7 +65,7 @@ class RateBounds {
   RateBounds(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b, const PairAnswer& answer,
              const std::optional<FeaturePair>& features, const Slack& slack, WorkMeter& meter);
   /// Contains all one-sided derivatives of the distance by time.
-  Interval of(const PairMotion& motion) const;
+  Interval of(const PairMotion& motion, WorkMeter& meter) const;
 
  private:
   void take_parts(const PairAnswer& answer, const std::optional<FeaturePair>& features, const Slack& slack,
@@ -74,6 +74,10 @@ class RateBounds {
   const Body &a_, &b_;
   const PoseMatrix &pose_a_, &pose_b_;
   double inner_;
+  // If more may be nearest, or finding them takes more work, only the speeds bound the rate.
+  static constexpr std::size_t kMostParts = 256;
+  static constexpr std::uint64_t kMostUnits = 1u << 18;
+
   std::vector<PartRate> parts_;  // if there are none, only the speeds of the bodies bound the rate
 };
 

@@ -34,12 +34,7 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // For units of work.
-constexpr std::uint64_t kScans = 16;  // of the vertices of two parts, until their features are found
-constexpr std::uint64_t kVerticesPerUnit = 64, kTermsPerUnit = 64, kBallsPerUnit = 16;
-
-std::uint64_t units_of_features(const ConvexPart& a, const ConvexPart& b) {
-  return kScans * (1 + (a.vertices.size() + b.vertices.size()) / kVerticesPerUnit);
-}
+constexpr std::uint64_t kTermsPerUnit = 64, kBallsPerUnit = 16;
 
 // Lower bound on the distance of two placed parts from balls around their vertices.
 double ball_gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
@@ -106,7 +101,7 @@ std::optional<FeaturePair> features_of(const Body& a, const PoseMatrix& pose_a, 
   const ConvexPart &part_a = *a.parts[answer.part_a], &part_b = *b.parts[answer.part_b];
   const WitnessPoints start{answer.point_a - answer.normal * part_a.radius,
                             answer.point_b + answer.normal * part_b.radius + (pose_b.t_w - pose_a.t_w)};
-  meter.count(units_of_features(part_a, part_b));
+  meter.count(FeaturePair::units_to_find(part_a, part_b));
   return FeaturePair::find(part_a, pose_a, part_b, pose_b, start, answer.normal, wants_radius);
 }
 
@@ -202,7 +197,8 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
     }
   meter.count(terms.size() * terms.size() / kTermsPerUnit);
   const std::size_t joints = plan_.joints.size();
-  double* const hessian = row.hessian_joints.empty() ? nullptr : row.hessian_joints.data();
+  // The movers of current poses are all joints of the scene, not columns of the query.
+  double* const hessian = row.hessian_joints.empty() || is_current_ ? nullptr : row.hessian_joints.data();
   double curvature = 0;
   for (std::size_t x = 0; x < terms.size(); ++x)
     for (std::size_t y = x; y < terms.size(); ++y) {
@@ -252,9 +248,9 @@ Interval SecondOrder::bound_rate(const BodyPoses& placement, BodyPair pair, cons
   if (placement.has_uncertainties())
     for (const std::uint32_t body : {pair.a, pair.b}) tilt += placement.uncertainty(body).known.turn;
   const double error = (unknown + speeds * tilt + turns * (slack.inner + slack.outer) +
-                        speed_errors(bounds, placement, pair, answer, chains, slack.inner)) *
+                        speed_errors(bounds, placement, pair, answer, chains, slack, tilt, meter)) *
                        (1 + 0x1p-40);
-  Interval all = bounds.of(motion);
+  Interval all = bounds.of(motion, meter);
   if (!plan_.query.signed_distance && answer.lower <= 0) all = {std::min(all.lower, 0.0), std::max(all.upper, 0.0)};
   all = {difference_below(all.lower, error), sum_above(all.upper, error)};
   return all.is_possible() ? all : within(std::numeric_limits<double>::infinity());
@@ -262,24 +258,28 @@ Interval SecondOrder::bound_rate(const BodyPoses& placement, BodyPair pair, cons
 
 // Bound on the change of the rate by errors of the query's velocities.
 double SecondOrder::speed_errors(const RateBounds& bounds, const BodyPoses& placement, BodyPair pair,
-                                 const PairAnswer& answer, const Chains& chains, double inner) const {
+                                 const PairAnswer& answer, const Chains& chains, const Slack& slack, double tilt,
+                                 WorkMeter& meter) const {
   if (plan_.speed_errors.empty()) return 0;
   double sum = 0;
   for (int side = 0; side < 2; ++side) {
     const std::uint32_t body = side ? pair.b : pair.a;
     const Vec3d arm = side ? answer.point_b : answer.point_a;
+    const double reach = scene_.bodies()[body].reach + slack.inner, turn_arm = norm(arm) + reach;
     for (const PairMover& m : chains.side[side].movers) {
       if (m.at == kNone || plan_.speed_errors[m.at] == 0) continue;
       PairMotion unit;
       (side ? unit.turn_b : unit.turn_a) = m.spin;
       (side ? unit.shift_b : unit.shift_a) = m.shift - cross(m.spin, arm);
-      const Interval by_speed = bounds.of(unit);
-      sum += plan_.speed_errors[m.at] * std::abs(m.scale) * std::max(-by_speed.lower, by_speed.upper);
+      const Interval by_speed = bounds.of(unit, meter);
+      const double turn = norm(m.spin), displaced = (norm(m.shift) + turn * turn_arm) * tilt;
+      const double most = std::max(-by_speed.lower, by_speed.upper) + displaced + turn * (slack.inner + slack.outer);
+      sum += plan_.speed_errors[m.at] * std::abs(m.scale) * most;
     }
     for (const std::uint32_t given : chains.side[side].given) {
       const double* const errors = plan_.speed_errors.data() + plan_.joints.size() + 2 * given_of_[given];
       const double away = norm(placement[body].pose.t_w - placement[given].pose.t_w);
-      sum += errors[0] * (away + scene_.bodies()[body].reach + inner) + errors[1];
+      sum += errors[0] * (away + reach) + errors[1];
     }
   }
   return sum * (1 + 0x1p-36);
@@ -313,7 +313,7 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
   find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
               chains);
   row.rate = rate_of(chains.side, features->normal());
-  if (wants_hessian) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
+  if (wants_hessian && !is_current_) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
   combine(*features, chains, row, meter);
   if (wants_radius)
     row.smooth_radius =

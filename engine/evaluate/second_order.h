@@ -37,7 +37,7 @@ class SecondOrder {
   Interval bound_rate(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer,
                       const std::optional<FeaturePair>& features, const Chains& chains, WorkMeter& meter) const;
   double speed_errors(const RateBounds& bounds, const BodyPoses& placement, BodyPair pair, const PairAnswer& answer,
-                      const Chains& chains, double inner) const;
+                      const Chains& chains, const Slack& slack, double tilt, WorkMeter& meter) const;
 
   const engine::Scene& scene_;
   const Plan& plan_;

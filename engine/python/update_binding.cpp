@@ -3,12 +3,12 @@
 #include <nanobind/stl/vector.h>
 
 #include <array>
-#include <chrono>
 #include <memory>
 #include <span>
 #include <vector>
 
 #include "engine/python/scene_bindings.h"
+#include "engine/state/pose_store.h"
 
 namespace clearance::python {
 
@@ -51,13 +51,12 @@ nb::tuple PyUpdates::set_points(std::uint32_t body, const CloudRows& xyz, const 
 nb::tuple PyUpdates::joints() const {
   const std::shared_ptr<engine::Engine> engine = use();
   const engine::Scene& scene = engine->scene();
-  const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
   nb::list joints, groups;
   for (std::uint32_t j = 0; j < scene.joints().size(); ++j) {
     const SceneJoint& joint = scene.joints()[j];
     const JointState s = engine->joint_state(j);
     joints.append(nb::make_tuple(joint.name, joint.lower, joint.upper, s.position, static_cast<int>(s.status),
-                                 s.beyond_limits, s.stamp_ns, s.receipt_ns ? now - s.receipt_ns : -1));
+                                 s.beyond_limits, s.stamp_ns, s.receipt_ns ? monotonic_ns() - s.receipt_ns : -1));
   }
   for (const JointGroup& group : scene.joint_groups()) groups.append(nb::make_tuple(group.name, group.joints));
   return nb::make_tuple(joints, groups);
@@ -90,11 +89,10 @@ nb::list PyUpdates::body_states() const {
   nb::list states;
   const std::shared_ptr<engine::Engine> engine = use();
   const std::size_t count = engine->scene().bodies().size();
-  const std::int64_t now = std::chrono::nanoseconds(std::chrono::steady_clock::now().time_since_epoch()).count();
   for (std::size_t i = 0; i < count; ++i) {
     const BodyState s = engine->body_state(static_cast<std::uint32_t>(i));
     states.append(nb::make_tuple(tuple_of(s.X_wb), static_cast<int>(s.status), s.parent, s.stamp_ns,
-                                 s.receipt_ns ? now - s.receipt_ns : -1));
+                                 s.receipt_ns ? monotonic_ns() - s.receipt_ns : -1));
   }
   return states;
 }

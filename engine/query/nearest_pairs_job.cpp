@@ -137,6 +137,7 @@ class NearestPairsJob final : public ParallelJob {
       s.nearest.clear();
       s.order.clear();
       s.pairs = plan_.pairs.slice(0, plan_.size.pairs, s.storage);
+      s.order.reserve(s.pairs.size());  // no more than Engine::list_bytes()
     }
     if (!s.is_ordered && !order_pairs(s, here, meter)) return false;
     while (s.is_evaluating || is_left(s)) {

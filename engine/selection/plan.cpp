@@ -129,6 +129,8 @@ void take_joints(const QueryView& query, const engine::Scene& scene, Plan& plan)
 void take_speed_errors(const QueryView& query, Plan& plan) {
   const std::size_t wanted = query.joints.size() + 2 * query.bodies.size();
   const std::span<const double> errors = query.speed_errors;
+  if (!errors.empty() && query.configuration_count == 0)
+    reject("speed_errors: only with configurations, whose velocities they are of");
   if (!errors.empty() && errors.size() != wanted)
     reject("speed_errors: expected " + std::to_string(wanted) +
            " numbers, one for each joint and two for each body, got " + std::to_string(errors.size()));

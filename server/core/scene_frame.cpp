@@ -48,6 +48,13 @@ std::vector<wire::GroupRecord> group_records(const std::vector<Group>& groups, I
   return records;
 }
 
+/// Writes the header again with the time, which is that after all states were read: no age is below 0.
+template <class Header>
+void set_clock(Header& header, std::vector<std::byte>& payload) {
+  header.now_ns = monotonic_ns();
+  std::memcpy(payload.data(), &header, sizeof header);
+}
+
 }  // namespace
 
 std::vector<std::byte> scene_payload(const engine::Engine& engine) {
@@ -80,7 +87,6 @@ std::vector<std::byte> joints_payload(const engine::Engine& engine) {
   wire::JointsHeader header;
   header.scene_revision = engine.scene_revision();
   header.revision = engine.pose_revision();
-  header.now_ns = monotonic_ns();
   header.joint_count = static_cast<std::uint32_t>(scene.joints().size());
   header.group_count = static_cast<std::uint32_t>(groups.size());
   header.member_count = static_cast<std::uint32_t>(members.size());
@@ -100,6 +106,7 @@ std::vector<std::byte> joints_payload(const engine::Engine& engine) {
     record.beyond_limits = state.beyond_limits;
     append(payload, record);
   }
+  set_clock(header, payload);
   for (const auto& group : groups) append(payload, group);
   for (const std::uint32_t member : members) append(payload, member);
   return payload;
@@ -109,7 +116,6 @@ std::vector<std::byte> states_payload(const engine::Engine& engine) {
   wire::StatesHeader header;
   header.count = engine.scene().bodies().size();
   header.revision = engine.pose_revision();
-  header.now_ns = monotonic_ns();
   std::vector<std::byte> payload;
   append(payload, header);
   for (std::uint32_t i = 0; i < header.count; ++i) {
@@ -123,6 +129,7 @@ std::vector<std::byte> states_payload(const engine::Engine& engine) {
     record.status = static_cast<std::uint8_t>(state.status);
     append(payload, record);
   }
+  set_clock(header, payload);
   return payload;
 }
 

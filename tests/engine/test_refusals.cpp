@@ -77,6 +77,14 @@ TEST_P(EngineTest, BadQueriesNameTheirFault) {
          q.configuration_count = 3;
          q.configurations = kOne;
        }},
+      {"speed_errors: only with configurations",
+       [](QueryView& q) {
+         static const std::uint32_t b[] = {0};
+         static const double errors[] = {0.1, 0.1};
+         q.bodies = b;
+         q.fields = kFieldRateBounds;
+         q.speed_errors = errors;
+       }},
       {"the scene is revision", [](QueryView& q) { q.scene_revision = 12345; }},
   };
   const engine::Engine engine = make(mixed_scene(6, 3, 8));

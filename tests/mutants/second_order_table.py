@@ -49,6 +49,7 @@ SECOND_ORDER_MUTANTS = [
         ("rate_parts", _RATE, "if (@other.beyond@) continue", "true"),
         ("radius_parts", _ORDER, "radius = @std::clamp((other.bounds.lower - distance) / 2, 0.0, radius)@", "radius"),
         ("rate_turn_errors", _ORDER, "sum += @errors[0]@ * (away", "0.0"),
-        ("rate_shift_errors", _ORDER, "reach + inner) + @errors[1]@", "0.0"),
+        ("rate_tilt_errors", _ORDER, "displaced = @(norm(m.shift) + turn * turn_arm) * tilt@", "0.0"),
+        ("rate_shift_errors", _ORDER, "(away + reach) + @errors[1]@", "0.0"),
     ),
 ]

@@ -90,7 +90,7 @@ def test_attached_bodies_move_with_their_parent(scene_of_balls):
     pair = [("table", "rider")]
     assert engine.distances(pair, fields=RATES).rate.tolist() == [[-0.5]]
     engine.attach("rider", None)
-    assert np.isnan(engine.distances(pair, fields=RATES).rate).all(), "nobody knows how it falls"
+    assert np.isnan(engine.distances(pair, fields=RATES).rate).all(), "its velocity is unknown"
 
 
 def test_points_that_are_replaced_may_move(scene_of_balls):

@@ -52,6 +52,18 @@ TestQuery pairs_query(std::vector<IdPair> pairs) {
   return query;
 }
 
+/// A body without configurations, and errors of velocities that nothing has.
+TestQuery speed_errors_query() {
+  TestQuery query;
+  query.bodies = {1};
+  query.header.all_pairs = 1;
+  query.header.fields = kFieldRateBounds;
+  const double errors[] = {0.1, 0.1};
+  wire::append_record(query.records, static_cast<std::uint16_t>(wire::QueryRecord::kSpeedErrors), wire::kRecordRequired,
+                      std::as_bytes(std::span(errors)));
+  return query;
+}
+
 TestQuery moved_query(std::vector<std::uint32_t> bodies) {
   TestQuery query;
   query.configurations.resize(bodies.size(), Pose7{0, 0, 1, 1, 0, 0, 0});
@@ -154,6 +166,8 @@ void add_query_values(List& list, std::uint64_t scene_revision) {
   list.query("static moved body", moved_query({0}), ErrorCode::kBadQuery,
              "bodies[0]: 'table' is static and cannot be moved");
   list.query("body moved twice", moved_query({1, 2, 1}), ErrorCode::kBadQuery, "bodies[2]: 'cup' is named twice");
+  list.query("errors of the velocities of no configurations", speed_errors_query(), ErrorCode::kBadQuery,
+             "speed_errors: only with configurations");
   TestQuery wrong_scene;
   wrong_scene.scene_revision = scene_revision + 1;
   list.query("query for another scene", wrong_scene, ErrorCode::kWrongScene,

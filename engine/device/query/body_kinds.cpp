@@ -44,6 +44,8 @@ bool ElementKinds::* kernel_for(BodyKind a, BodyKind b) {
 std::string unsupported_pair(const engine::Scene& scene, const Device& device, const Plan& plan, bool with_elements) {
   std::vector<BodyKind> kinds(scene.bodies().size());
   for (std::uint32_t body = 0; body < kinds.size(); ++body) kinds[body] = kind_of(scene, device, body);
+  const bool are_hulls = std::all_of(kinds.begin(), kinds.end(), [](BodyKind kind) { return kind == BodyKind::kHull; });
+  if (are_hulls && plan.query.all_pairs) return {};  // named pairs may have unknown bodies
   const auto of = [&](std::uint32_t body) { return body < kinds.size() ? kinds[body] : BodyKind::kUnknown; };
   constexpr std::uint64_t kSlice = 1u << 16;
   std::vector<BodyPair> storage;

@@ -91,7 +91,7 @@ class UnsupportedQueries : public testing::Test {
 
   Fault fault_, strict_fault_;
   bool is_strict_ = true;  // the engine that is made next
-  cuda::FakeDevice fake_{{true, "a stand-in", ""}, [this](const engine::Scene& scene, int, std::uint64_t) {
+  cuda::FakeDevice fake_{{true, "a fake", ""}, [this](const engine::Scene& scene, int, std::uint64_t) {
                            return std::make_shared<HullsDevice>(
                                std::exchange(is_strict_, false) ? strict_fault_ : fault_, scene);
                          }};
@@ -199,6 +199,19 @@ TEST_F(UnsupportedQueries, NameBodiesThatTheDeviceDoesNotHold) {
   q.pairs = pairs;
   q.reduce = Reduce::kMin;
   expect_rejected(q, "'mesh' is a mesh of triangles");
+}
+
+TEST_F(UnsupportedQueries, AreNotKeptOnACpuThatMayNotAnswer) {
+  const std::vector<BodyPair> pairs{{id("box"), id("cylinder")}};
+  QueryView q;
+  q.all_pairs = false;
+  q.pairs = pairs;
+  const std::string text = rejection([&] {
+    PreparedQuery prepared = strict_.prepare(q);
+    prepared.keep_on_cpu();
+    strict_.start(std::move(prepared), endless());
+  });
+  EXPECT_NE(text.find("'cylinder' is a closed form (cylinder)"), std::string::npos) << text;
 }
 
 TEST_F(UnsupportedQueries, OfMotionsNameBodiesToo) {

@@ -5,11 +5,13 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <string>
 #include <vector>
 
 #include "tests/engine/evaluate_query.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/oracle/nearest_spans.h"
+#include "tests/temporary_folder.h"
 
 namespace clearance::exact {
 namespace {
@@ -252,6 +254,25 @@ TEST(RateBounds, OfBodiesOfSeveralPartsHoldThoseOfAllNearestParts) {
   EXPECT_NEAR(right.smooth_radius, 0.01, 1e-6) << "it is 0.02 m farther";
 }
 
+// So many pairs of parts at one place that keeping them all could exhaust the memory.
+TEST(RateBounds, OfVeryManyNearestPartsAreTheSpeeds) {
+  const auto at = [](int parts) {
+    engine::Scene scene;
+    for (const char* name : {"a", "b"}) {
+      Body body;
+      body.name = name;
+      for (int i = 0; i < parts; ++i) body.parts.push_back(make_convex_part({Vec3d{0, 0, 0}}, 0.1));
+      scene.add_body(std::move(body));
+    }
+    return MovingPair(std::move(scene)).at(Pose{}, Pose{{0, 0, 1}}, twists_of({0, 0, 0}, {1, 0, 0}));
+  };
+  const auto few = at(8), many = at(40);
+  EXPECT_TRUE(few.hold(0) && many.hold(0));
+  EXPECT_LT(few.width(), 1e-4);
+  EXPECT_NEAR(many.lower, -1, 1e-9);
+  EXPECT_NEAR(many.upper, 1, 1e-9);
+}
+
 TEST(RateBounds, OfOverlapsAreTheSpeedsAndWithDepthsThoseOfTheCores) {
   const auto balls = [] {
     engine::Scene scene;
@@ -291,6 +312,44 @@ TEST(RateBounds, HoldTheRatesOfAllVelocitiesWithinTheirErrors) {
     EXPECT_LT(r.width(), 2 * (0.1 * 1.4 + 0.05 + 0.2 * 1.4 + 0.02) + 1e-3);
   }
   EXPECT_LT(nearest, 0.2) << "of the least half width";
+}
+
+// A ball a metre from a vertical axis, or on a horizontal slide, and one far above it: only a tilt of the base lets the
+// joint move the first up or down.
+TEST(RateBounds, HoldTheRatesOfUncertainAxesWithinErrorsOfSpeeds) {
+  for (const std::string kind :
+       {"type='continuous'><axis xyz='0 0 1'/>", "type='prismatic'><axis xyz='1 0 0'/><limit lower='-1' upper='1'/>"}) {
+    const TemporaryFolder folder;
+    const std::string geometry = "<collision><geometry><sphere radius='0.1'/></geometry></collision>";
+    engine::RobotOptions options;
+    options.urdf = folder.write(
+        "r.urdf", "<robot name='r'><link name='base'/><link name='arm'/><link name='tip'>" + geometry +
+                      "</link><joint name='j' " + kind + "<parent link='base'/><child link='arm'/></joint>" +
+                      "<joint name='f' type='fixed'><parent link='arm'/><child link='tip'/><origin xyz='1 0 0'/>" +
+                      "</joint></robot>");
+    options.home.emplace();
+    options.parent = "stand";
+    engine::Scene scene;
+    scene.add_sphere("above", 0.1, {.is_static = true, .pose = Pose{{1, 0, 100}}});
+    scene.add_box("stand", {0.1, 0.1, 0.1}, {.pose = Pose{}, .uncertainty = {.position = 0, .angle = 0.05}});
+    scene.add_robot("r", options);
+    const BodyPair pair{0, scene.find_body("r/tip")};
+    const engine::Engine engine(std::move(scene));
+    const std::uint32_t joint = 0;
+    const double position = 0, speed = 0, error = 1;
+    QueryView query;
+    query.pairs = {&pair, 1};
+    query.all_pairs = false;
+    query.joints = {&joint, 1};
+    query.positions = {&position, 1};
+    query.velocities = {&speed, 1};
+    query.speed_errors = {&error, 1};
+    query.configuration_count = 1;
+    query.fields = kDefaultFields | kFieldRateBounds;
+    const test::Answer r = test::evaluate(engine, query);
+    EXPECT_LT(r.view.rate_bounds[0], -std::sin(0.05)) << kind;
+    EXPECT_GT(r.view.rate_bounds[1], std::sin(0.05)) << kind;
+  }
 }
 
 // The distance of uncertain bodies is the least of all permitted placements.

@@ -250,6 +250,24 @@ class Slider {
   BodyPair pair_;
 };
 
+// Its joints are columns of a query, but nothing moves them.
+TEST(SecondOrder, OfCurrentPosesHasNoHessian) {
+  test::RobotRandom random(7);
+  const ShapeScene scene(random);
+  const std::uint32_t joint = scene.joints().back();
+  QueryView query;
+  query.joints = {&joint, 1};
+  query.fields = kFields;
+  const Answer r = evaluate(scene.engine(), query);
+  ASSERT_GT(r.size.rows, 10u);
+  int known = 0;
+  for (std::uint64_t row = 0; row < r.size.rows; ++row) {
+    EXPECT_TRUE(std::isnan(r.view.hessian_joints[row]));
+    known += std::isfinite(r.view.curvature[row]);
+  }
+  EXPECT_GT(known, 5);
+}
+
 TEST(SecondOrder, OfTwoBallsIsTheIdentityAcrossTheNormalByTheDistanceOfTheirCentres) {
   Slider slider("<sphere radius='0.1'/>");
   engine::Scene scene;
