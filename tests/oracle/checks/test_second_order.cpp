@@ -42,7 +42,9 @@ class ShapeScene {
     scene.add_robot("r", options);
     robot_ = scene.robots()[0];
     for (std::uint32_t j = 0; j < scene.joints().size(); ++j) joints_.push_back(j);
-    engine_ = std::make_unique<engine::Engine>(std::move(scene));
+    // Without covers, for whose thread of low priority each scene's end would wait on a busy machine.
+    engine_ = std::make_unique<engine::Engine>(
+        std::move(scene), engine::Engine::Options{.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
   }
 
   const engine::Engine& engine() const { return *engine_; }
