@@ -45,7 +45,6 @@ SECOND_ORDER_MUTANTS = [
         ("rate_lean", _RATE, "lean.normal = @features_->lean(lean.a, lean.b, begin_with_a)@", "Vec3d{0, 0, 0}"),
         ("rate_upper", _RATE, "longest = norm(normal_ + lean.normal * t) * @upper_@", "0.999 * upper_"),
         ("rate_inner", _RATE, "difference_below(gap, error), @longest * inner_ * kUp@)", "0.0"),
-        ("rate_normal", _RATE, "error = (@normal_error_ * most@", "0.0"),
         ("rate_parts", _RATE, "if (@other.beyond@) continue", "true"),
         ("radius_parts", _ORDER, "radius = @std::clamp((other.bounds.lower - distance) / 2, 0.0, radius)@", "radius"),
         ("rate_turn_errors", _ORDER, "sum += @errors[0]@ * (away", "0.0"),

@@ -32,7 +32,7 @@ def test_intervals_are_proved_and_as_narrow_as_requested(rows):
     assert not [row for row in rows if row["wrong"] or row["wider"]]
     unresolved = {(row["case"], row["setting"]) for row in rows if row["unresolved"]}
     assert {case for case, setting in unresolved if setting == "exact"} == {"boxes that touch"}
-    # At a wide tolerance [0, 1e-12] is the answer for some of these solids, which pairs depends on the poses' last bits.
+    # At a wide tolerance, some of these solids get [0, 1e-12]; for which depends on the last bits of the poses.
     assert {case for case, _ in unresolved} <= {"boxes that touch", "solids 1e-12 m apart"}
     widest = {s: max(float(row["width_most_m"]) for row in rows if row["setting"] == s) for s in ("exact", "0.001")}
     assert widest["exact"] < 1e-12 < widest["0.001"] <= 1e-3

@@ -374,25 +374,29 @@ TEST(RateBounds, HoldTheRatesOfUncertainPlacements) {
   }
 }
 
-// A ball away from its body's origin, whose place depends on an uncertain angle, and with it the normal.
+// A ball above a face whose angle is uncertain, and with it the normal. Neither turns, so nothing else widens the bounds.
 TEST(RateBounds, HoldTheRatesOfAllNormals) {
-  const auto balls = [](double angle) {
+  const auto boxes = [](double angle) {
     engine::Scene scene;
     scene.add_sphere("a", 0.1, {});
     Body b;
     b.name = "b";
-    b.parts.push_back(make_convex_part({Vec3d{1, 0, 0}}, 0.1));
+    std::vector<Vec3d> corners;
+    for (const double x : {-0.5, 0.5})
+      for (const double y : {-0.5, 0.5})
+        for (const double z : {-0.5, 0.5}) corners.push_back({x, y, z});
+    b.parts.push_back(make_convex_part(corners, 0));
     b.uncertainty.angle = angle;
     scene.add_body(std::move(b));
     return scene;
   };
-  const MovingPair known(balls(0)), pair(balls(0.05));
+  const MovingPair known(boxes(0)), pair(boxes(0.05));
   const Twists twists = twists_of({0, 0, 0}, {0, 1, 0});
-  const Pose a{{1, 0, 1}};
+  const Pose a{{0, 0, 1}};
   const auto r = pair.at(a, Pose{}, twists);
   for (const double angle : {-0.05, -0.02, 0.03, 0.05}) {
-    const auto exact = known.at(a, Pose{{0, 0, 0}, std::cos(angle / 2), 0, 0, std::sin(angle / 2)}, twists);
-    EXPECT_NEAR(exact.rate, -angle, 1e-3);
+    const auto exact = known.at(a, Pose{{0, 0, 0}, std::cos(angle / 2), std::sin(angle / 2), 0, 0}, twists);
+    EXPECT_NEAR(std::abs(exact.rate), std::abs(angle), 1e-3);
     EXPECT_TRUE(r.hold(exact.rate)) << r.lower << " " << exact.rate << " " << r.upper;
   }
 }
