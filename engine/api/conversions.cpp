@@ -5,7 +5,6 @@
 
 #include "engine/bvh/surface.h"
 #include "engine/scene/body_ball.h"
-#include "engine/state/pose_store.h"
 
 namespace clearance {
 

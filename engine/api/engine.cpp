@@ -2,7 +2,6 @@
 
 #include "engine/api/engine_impl.h"
 #include "engine/api/scene_impl.h"
-#include "engine/state/pose_store.h"
 #include "wire/api/joints_named.h"
 #include "wire/api/velocities.h"
 

@@ -8,7 +8,6 @@
 #include <vector>
 
 #include "engine/python/scene_bindings.h"
-#include "engine/state/pose_store.h"
 
 namespace clearance::python {
 
