@@ -121,9 +121,9 @@ TEST(MovingReports, ABodyThatTurns) {
   ASSERT_TRUE(report.contact);
   // At the angle a of the bar to the rail the ball of 0.1 m is past its end face, whose middle is at 0.5 cos a.
   const double angle = (1 - report.contact->t) * std::acos(-1.0) / 2;
-  const double ahead = std::max(0.6 * std::cos(angle) - 0.5, 0.0), beside = std::max(0.6 * std::sin(angle) - 0.05, 0.0);
-  EXPECT_NEAR(std::hypot(ahead, beside), 0.1, 5e-3);
-  EXPECT_GT(beside, 0.01);
+  const double ahead = std::max(0.6 * std::cos(angle) - 0.5, 0.0), across = std::max(0.6 * std::sin(angle) - 0.05, 0.0);
+  EXPECT_NEAR(std::hypot(ahead, across), 0.1, 5e-3);
+  EXPECT_GT(across, 0.01);
   const PathReport free = rail.explain({.configurations = poses, .positions = std::vector<double>{0.4, 0.4}}, rail.bar);
   ASSERT_TRUE(free.check.free);
   EXPECT_NEAR(free.least->upper, 0.8 - std::hypot(0.5, 0.05) - 0.1, 1e-3) << "of a corner";

@@ -174,7 +174,7 @@ TEST(StopCheck, RejectsWhatDoesNotFit) {
     }
     return "nothing was thrown";
   };
-  const std::array<Mover, 1> person{Mover{yard.person, 1}}, back{Mover{yard.person, -1}}, nobody{Mover{99, 1}},
+  const std::array<Mover, 1> person{Mover{yard.person, 1}}, back{Mover{yard.person, -1}}, unknown{Mover{99, 1}},
       every{Mover{kEveryBody, 1}};
   EXPECT_EQ(text({none}), "check_stop: deceleration: expected finite numbers above 0");
   EXPECT_EQ(text({std::span(brakes).first(1)}), "check_stop: deceleration: expected one for each joint");
@@ -182,7 +182,7 @@ TEST(StopCheck, RejectsWhatDoesNotFit) {
   EXPECT_EQ(text({brakes}, std::nan("")), "check_stop: velocities: expected finite numbers");
   EXPECT_EQ(text({brakes, 0, person}), "check_stop: others: no pose of 'person' has been received");
   EXPECT_EQ(text({brakes, 0, back}), "check_stop: others: expected speeds >= 0, got -1.000000");
-  EXPECT_EQ(text({brakes, 0, nobody}), "check_stop: others: no body or group has the id 99");
+  EXPECT_EQ(text({brakes, 0, unknown}), "check_stop: others: no body or group has the id 99");
   EXPECT_EQ(text({brakes, 0, every}), "check_stop: others: no body or group has the id 4294967295");
 }
 

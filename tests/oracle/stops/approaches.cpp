@@ -92,9 +92,9 @@ void walk(const ExactArm& arm, const std::vector<ExactArm::Placed>& goal, Approa
     constexpr double kStep = 1e-5;
     const double here = arm.distance(goal, person.at, false);
     for (std::size_t i = 0; i < 3; ++i) {
-      Point beside = person.at;
-      beside[i] += kStep;
-      towards[i] = here - arm.distance(goal, beside, false);
+      Point moved = person.at;
+      moved[i] += kStep;
+      towards[i] = here - arm.distance(goal, moved, false);
     }
     const double slope = length(towards);
     towards = slope > 0 ? (1 / slope) * towards : person.heading;
