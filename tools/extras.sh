@@ -18,12 +18,12 @@ extras=(
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "drake            2  client/python/clearance tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
-  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
-  "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
+  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/engine/test_jax.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
+  "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
-  "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
+  "ray              6  client/python/clearance client/examples/roadmap.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep_ray.py tests/python/sweep/sweeps.py"
   "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/geometry engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
   "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
@@ -194,7 +194,7 @@ run_jax() {
   tools/build.sh release product
   step jax-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step jax-install "Install JAX" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off jax==0.10.2 numpy pytest
-  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py tests/python/test_second_order.py -k "test_jax or jax-"
+  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/engine/test_jax.py tests/python/engine/test_second_order.py -k "test_jax or jax-"
 }
 
 # Second derivatives in PyTorch, on the host.
@@ -203,7 +203,7 @@ run_torch() {
   tools/build.sh release product
   step torch-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step torch-install "Install PyTorch" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off torch numpy pytest
-  "$venv/bin/python" -m pytest -q tests/python/test_second_order.py -k "torch-"
+  "$venv/bin/python" -m pytest -q tests/python/engine/test_second_order.py -k "torch-"
 }
 
 # The viewer's page in a headless browser; screenshots are in out/extras/pages.
@@ -253,7 +253,7 @@ run_ray() {
   step ray-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ray-install "Install Ray and pyarrow" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
-  "$venv/bin/python" -m pytest -q tests/python/test_sweep_jobs.py tests/python/test_sweep.py tests/python/test_sweep_ray.py
+  "$venv/bin/python" -m pytest -q tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_ray.py
   PYTHONPATH=build/python "$venv/bin/python" client/examples/roadmap.py --nodes 1000 --queries 20 --output out/extras/roadmap
 }
 

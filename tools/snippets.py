@@ -36,7 +36,7 @@ LONG = "takes minutes; the same in little: "
 #: finds stale ones.
 LEFT_OUT: dict[str, dict[str, str]] = {
     "README.md": {
-        "make demo": ELSEWHERE + "tests/python/test_demo.py",
+        "make demo": ELSEWHERE + "tests/python/cli/test_demo.py",
         "make test": "it runs this",
     },
     "docs/accuracy.md": {
@@ -55,7 +55,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "docs/examples.md": {
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
-        "clearance sweep": LONG + "tests/python/test_sweep.py; Ray by make test-extras EXTRAS=ray",
+        "clearance sweep": LONG + "tests/python/sweep/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
     },
@@ -79,12 +79,12 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "mkdir -p /run/clearance": NEEDS + "Docker",
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
-        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/test_ros_bridge.py has the package",
+        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/ros/test_ros_bridge.py has the package",
         "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
         "cd ~/ws": NEEDS + "ROS 2",
         "ros2 launch": NEEDS + "ROS 2",
     },
-    "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/test_docs.py"},
+    "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/docs/test_docs.py"},
 }
 #: Pages whose indented blocks are formulas or drawings.
 FORMULAS = {

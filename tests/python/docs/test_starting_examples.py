@@ -10,7 +10,7 @@ import pytest
 import clearance
 from clearance.examples.__main__ import FOLDER, NAMES, main
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -10,7 +10,7 @@ import clearance
 from conftest import Daemon
 from patience import PATIENCE_S
 
-CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
+CELL = Path(__file__).resolve().parents[3] / "scenes/cell/robot.yaml"
 MARGIN = 0.02
 
 

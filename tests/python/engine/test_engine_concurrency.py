@@ -167,7 +167,7 @@ def test_interrupt():
 
     code = """
 import os, signal, sys, threading
-sys.path.insert(0, sys.argv[1])
+sys.path[:0] = sys.argv[1:]
 from test_engine_concurrency import big_query
 engine, query = big_query()
 main = threading.get_ident()
@@ -185,7 +185,8 @@ try:
 except KeyboardInterrupt:
     print("interrupted")
 """
-    command = [sys.executable, "-c", code, os.path.dirname(__file__)]
+    folder = os.path.dirname(__file__)
+    command = [sys.executable, "-c", code, folder, os.path.dirname(folder)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S)
     assert done.stdout == "interrupted\n", done.stderr
 

@@ -11,7 +11,7 @@ import pytest
 
 from conftest import BUILD
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "cli"))
 
 import man_page  # noqa: E402

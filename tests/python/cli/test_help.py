@@ -6,7 +6,7 @@ from pathlib import Path
 
 from conftest import BUILD
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "golden"))
+sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "golden"))
 
 import help_texts
 

@@ -4,12 +4,12 @@ import csv
 import io
 import json
 import os
+import subprocess
 
 import pytest
 
-from conftest import ROOT
+from conftest import CLEARANCE, ROOT
 from patience import PATIENCE_S
-from test_inspect import CLEARANCE, subprocess
 
 ARM = ROOT / "tests/engine/robot/arm.urdf"
 OTHER_SRDF = ROOT / "tests/engine/robot/every_joint.srdf"

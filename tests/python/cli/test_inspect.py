@@ -1,15 +1,12 @@
 """clearance inspect: the cost of a scene, and parts that it could do without."""
 
 import json
-import shutil
 import subprocess
 
 import pytest
 
-from conftest import BUILD, INSTALLED, ROOT
+from conftest import CLEARANCE, ROOT
 from patience import PATIENCE_S
-
-CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
 
 
 def run(*arguments, program=CLEARANCE, **options):

@@ -15,7 +15,7 @@ from clearance._device.plan import DeviceArray, DevicePlan
 from clearance._words import COLUMNS, Field
 from robots import arm_scene, rows_of
 
-ARM = Path(__file__).resolve().parents[1] / "engine" / "robot" / "arm.urdf"
+ARM = Path(__file__).resolve().parents[2] / "engine" / "robot" / "arm.urdf"
 #: Those of its pairs that do not overlap at any of its positions.
 ARM_PAIRS = [
     (f"arm/{link}", other)

@@ -6,8 +6,8 @@ import subprocess
 import pytest
 
 import clearance
+from conftest import CLEARANCE
 from patience import PATIENCE_S
-from test_inspect import CLEARANCE
 
 SCENE = """
 bodies:

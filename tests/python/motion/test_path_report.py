@@ -7,7 +7,7 @@ import pytest
 
 import clearance
 
-CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
+CELL = Path(__file__).resolve().parents[3] / "scenes/cell/robot.yaml"
 MARGIN = 0.02
 
 

@@ -11,7 +11,7 @@ import pytest
 import clearance
 from patience import PATIENCE_S
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "client/examples"))
 
 from drive import BRAKE, HOLD, Drive  # noqa: E402

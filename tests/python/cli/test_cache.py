@@ -3,14 +3,12 @@
 import csv
 import json
 import os
-import shutil
 import subprocess
 
 import clearance
-from conftest import BUILD, INSTALLED
+from conftest import CLEARANCE
 from patience import PATIENCE_S
 
-CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
 TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 1 4 3\n"
 
 

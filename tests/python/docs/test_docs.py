@@ -13,7 +13,7 @@ import pytest
 import clearance
 from patience import PATIENCE_S
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 
 

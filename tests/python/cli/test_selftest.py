@@ -1,9 +1,10 @@
 """clearance selftest: every backend computes correctly."""
 
 import json
+import subprocess
 
+from conftest import CLEARANCE
 from patience import PATIENCE_S
-from test_inspect import CLEARANCE, subprocess
 
 
 def run(*arguments):

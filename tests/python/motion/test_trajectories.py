@@ -13,7 +13,7 @@ from clearance import Status, Trajectory
 from robots import rows_of
 from scenes import same_bits
 
-CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
+CELL = Path(__file__).resolve().parents[3] / "scenes/cell/robot.yaml"
 PAIRS = [("arm", "cup"), ("arm/palm", "table"), ("arm/fore", "table")]
 
 

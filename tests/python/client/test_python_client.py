@@ -12,9 +12,9 @@ from conftest import BUILD, INSTALLED
 from patience import PATIENCE_S
 
 TESTS = [
-    "test_client.py", "test_client_errors.py", "test_client_scene.py", "test_prepare.py", "test_prepare_memory.py",
-    "test_prepare_scene.py", "test_future.py", "test_poses.py", "test_remote_plan.py",
-    "test_joints.py", "test_velocities.py",
+    "client/test_client.py", "client/test_client_errors.py", "client/test_client_scene.py", "engine/test_prepare.py",
+    "engine/test_prepare_memory.py", "engine/test_prepare_scene.py", "engine/test_future.py", "engine/test_poses.py",
+    "engine/test_remote_plan.py", "engine/test_velocities.py", "scene/test_joints.py",
 ]  # fmt: skip
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import clearance
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 sys.path.insert(0, str(ROOT / "tools"))
 

@@ -7,7 +7,7 @@ import pytest
 
 import clearance
 
-ROOT = Path(__file__).resolve().parents[2]
+ROOT = Path(__file__).resolve().parents[3]
 
 #: Headers of the C++ classes, and their Python classes.
 CLASSES = {
