@@ -3,7 +3,7 @@
 
 #include "clearance_lcm/pose_update_t.hpp"
 #include "clearance_lcm/query_t.hpp"
-#include "tests/faults/victim.h"
+#include "tests/faults/victim/victim.h"
 #include "wire/lcm/lcm_bus.h"
 #include "wire/lcm/lcm_check.h"
 #include "wire/lcm/lcm_frames.h"

@@ -4,7 +4,7 @@
 #include <chrono>
 #include <thread>
 
-#include "tests/faults/victim.h"
+#include "tests/faults/victim/victim.h"
 #include "tests/server/shm/raw_shm_client.h"
 #include "wire/wire.h"
 

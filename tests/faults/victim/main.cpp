@@ -10,7 +10,7 @@
 #include <cstring>
 
 #include "client/client.h"
-#include "tests/faults/victim.h"
+#include "tests/faults/victim/victim.h"
 #include "wire/wire.h"
 
 namespace clearance::faults {

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <stdexcept>
 
-#include "tests/faults/victim.h"
+#include "tests/faults/victim/victim.h"
 #include "wire/protocol.h"
 #include "wire/shm_os.h"
 
