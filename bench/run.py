@@ -49,7 +49,7 @@ SUITES = {
         "Pairs of hulls, compared with Coal, FCL and Bullet: times, and wrong answers in hard cases.",
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",
         "--workload gap_1mm_42 --rounds 1 --seconds 0.01", options="--results {results}",
-        targets="clearance-peers-export clearance-peers-ours", packages="tools/peers_packages.txt",
+        targets="clearance-peers-export clearance-peers-ours", packages="tools/packages/peers.txt",
         pages="docs/performance.md docs/pictures/performance.png docs/accuracy.md", draw="peers"),
     "broad": Suite(
         "Ways to find near pairs, alone and within queries.",

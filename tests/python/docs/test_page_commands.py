@@ -10,7 +10,7 @@ import pytest
 
 from conftest import BUILD, ROOT
 
-sys.path.insert(0, str(ROOT / "tools"))
+sys.path.insert(0, str(ROOT / "tools/docs"))
 
 import snippets
 from page_reader import lines_of

@@ -11,7 +11,7 @@ import clearance
 
 ROOT = Path(__file__).resolve().parents[3]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
-sys.path.insert(0, str(ROOT / "tools"))
+sys.path.insert(0, str(ROOT / "tools/docs"))
 
 import error_page  # noqa: E402
 import snippets  # noqa: E402
@@ -68,7 +68,7 @@ def test_the_cookbook_answers_its_questions():
 
 def test_the_page_of_errors_is_that_of_the_code():
     text = error_page.PAGE.read_text()
-    assert text == error_page.page(), "run tools/error_page.py"
+    assert text == error_page.page(), "run tools/docs/error_page.py"
     rows = dict(re.findall(r"^\| `([A-Z_]+)` \| (\d+) \|", text, re.MULTILINE))
     for words in (clearance.Status, clearance.Flag, clearance.wire.ErrorCode):
         for word in words:
@@ -86,7 +86,7 @@ def test_the_page_of_errors_is_that_of_the_code():
 
 def test_tables_of_supported_queries_are_those_of_the_code():
     for page in support_page.TABLES:
-        assert (ROOT / page).read_text() == support_page.filled(page), "run tools/support_page.py"
+        assert (ROOT / page).read_text() == support_page.filled(page), "run tools/docs/support_page.py"
 
 
 def test_conditions_that_cannot_be_read_are_reported(tmp_path, monkeypatch):

@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[3]
 
 
 def package_list():
-    lines = (ROOT / "tools/packages.txt").read_text().splitlines()
+    lines = (ROOT / "tools/packages/build.txt").read_text().splitlines()
     return [name for name in (line.split("#")[0].strip().rstrip("?") for line in lines) if name]
 
 

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes the last part of docs/reference.md: every status, flag, error code, exception and exit code, from the code.
 
-    tools/error_page.py            # writes it
-    tools/error_page.py --check    # exit code 1 if the page differs from the result
+    tools/docs/error_page.py            # writes it
+    tools/docs/error_page.py --check    # exit code 1 if the page differs from the result
 
 Lines are the comments of the enumerators, the docstrings of the exceptions and the texts of --help.
 """
@@ -15,11 +15,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 PACKAGE = ROOT / "client/python/clearance"
 PAGE = ROOT / "docs/reference.md"
-BEGIN = "<!-- From here on made by tools/error_page.py from the code; a test compares. -->\n"
+BEGIN = "<!-- From here on made by tools/docs/error_page.py from the code; a test compares. -->\n"
 PROGRAMS = [
     "clearance",
     "clearanced",
@@ -132,7 +132,7 @@ def page() -> str:
 def main() -> int:
     if sys.argv[1:] == ["--check"]:
         same = PAGE.read_text() == page()
-        print(f"{PAGE.relative_to(ROOT)}: {'up to date' if same else 'not what tools/error_page.py writes'}")
+        print(f"{PAGE.relative_to(ROOT)}: {'up to date' if same else 'not what tools/docs/error_page.py writes'}")
         return int(not same)
     PAGE.write_text(page())
     return 0

@@ -14,7 +14,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 DAEMON = re.compile(r"(?:build/bin/)?clearanced\s")
 EXPORT = re.compile(r"export (\w+)=(\S*)")

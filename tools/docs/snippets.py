@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs the snippets and commands of pages in order, and compares their output with the output shown on the page.
 
-    tools/snippets.py docs/cookbook.md             # exit code 1, and the difference, if the output differs
-    tools/snippets.py --write docs/cookbook.md     # writes the output of its snippets into the page
+    tools/docs/snippets.py docs/cookbook.md             # exit code 1, and the difference, if the output differs
+    tools/docs/snippets.py --write docs/cookbook.md     # writes the output of its snippets into the page
 
 ```python       is run. The first of a page is a common start: it is run again before each of the others, so that a
                 reader can combine it with any of them. Its output is the block ```text that follows immediately.
@@ -10,7 +10,7 @@ an indented     block contains shell commands, one per line. A daemon that one s
 ```yaml         that begins with "# NAME.yaml" is that file.
 
 Other fenced blocks are not run (```py is another library's Python), nor are those in LEFT_OUT, with the reason. A page
-is read in a separate folder with the repository's files (tools/page_reader.py).
+is read in a separate folder with the repository's files (tools/docs/page_reader.py).
 """
 
 import argparse

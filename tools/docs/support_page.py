@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Writes the tables of supported queries: the options of each reduction, and the queries that a GPU answers.
 
-    tools/support_page.py            # writes the tables into docs/python.md and docs/cuda.md
-    tools/support_page.py --check    # exit code 1 if a page differs
+    tools/docs/support_page.py            # writes the tables into docs/python.md and docs/cuda.md
+    tools/docs/support_page.py --check    # exit code 1 if a page differs
 
 Cells of the options are results of tiny queries. Cells of the GPU are the engine's own conditions, read from its source
 and evaluated: no GPU is needed.
@@ -16,7 +16,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 DEVICE = ROOT / "engine/device/query"
 
@@ -179,7 +179,7 @@ def main() -> int:
     pages = {page: filled(page) for page in TABLES}
     stale = [page for page, text in pages.items() if (ROOT / page).read_text() != text]
     if sys.argv[1:] == ["--check"]:
-        print("\n".join(f"{page}: run tools/support_page.py" for page in stale) or "up to date")
+        print("\n".join(f"{page}: run tools/docs/support_page.py" for page in stale) or "up to date")
         return int(bool(stale))
     for page in stale:
         (ROOT / page).write_text(pages[page])

@@ -1,8 +1,8 @@
 #!/usr/bin/env python3
 """Runs a notebook and compares the output of its cells with the stored output; pictures only have to exist.
 
-    tools/notebook.py --check docs/notebook/first_steps.ipynb     # exit code 1, and the cell, if the output differs
-    tools/notebook.py --write docs/notebook/first_steps.ipynb     # writes the output and pictures into the notebook
+    tools/docs/notebook.py --check docs/notebook/first_steps.ipynb   # exit code 1, and the cell, if the output differs
+    tools/docs/notebook.py --write docs/notebook/first_steps.ipynb   # writes the output and pictures into the notebook
 
 Runs in the repository's folder, with the Python that runs this. Needs nbclient and ipykernel.
 """
@@ -13,7 +13,7 @@ from pathlib import Path
 import nbformat
 from nbclient import NotebookClient
 
-ROOT = Path(__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 
 def outputs(cell) -> list:
