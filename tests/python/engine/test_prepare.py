@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import clearance
-from clearance._query.query import NO_ARGUMENTS
+from clearance._query.conversions import NO_ARGUMENTS
 from clearance.wire import ErrorCode
 from conftest import PATIENCE_S
 from robots import rows_of
