@@ -29,7 +29,7 @@ lint:  ## check the format of C++ (clang-format), format, lint and types of Pyth
 
 SECONDS ?= 600
 fuzz:  ## run libFuzzer on every parser of untrusted bytes, SECONDS=600 for each target; installs clang; rewrites docs/results/fuzz.csv
-	@tools/setup.sh tools/fuzz_packages.txt
+	@tools/setup.sh tools/packages/fuzz.txt
 	@tools/build.sh fuzz fuzzers
 	@$(PYTHON_VENV) tools/fuzz.py --seconds $(SECONDS) --csv docs/results/fuzz.csv
 

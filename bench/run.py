@@ -49,8 +49,8 @@ SUITES = {
         "Pairs of hulls, compared with Coal, FCL and Bullet: times, and wrong answers in hard cases.",
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",
         "--workload gap_1mm_42 --rounds 1 --seconds 0.01", options="--results {results}",
-        targets="clearance-peers-export clearance-peers-ours", packages="tools/peers_packages.txt",
-        pages="docs/performance.md docs/performance.png docs/accuracy.md", draw="peers"),
+        targets="clearance-peers-export clearance-peers-ours", packages="tools/packages/peers.txt",
+        pages="docs/performance.md docs/pictures/performance.png docs/accuracy.md", draw="peers"),
     "broad": Suite(
         "Ways to find near pairs, alone and within queries.",
         "build/bin/clearance-broad", "broad", "--bodies 120 --rounds 2", targets="clearance-broad",
@@ -67,11 +67,11 @@ SUITES = {
     "robots": Suite(
         "MotionBenchMaker's states: validity and least distance, compared with Pinocchio and Coal.",
         "bench/robots/bench_robots.py", "robots", "--robots panda --problems 1 --states 5 --rounds 1",
-        python=ROBOTS, pages="docs/robots.md docs/robots.png", draw="robots"),
+        python=ROBOTS, pages="docs/robots.md docs/pictures/robots.png", draw="robots"),
     "rrt": Suite(
         "The same problems planned by RRT-Connect, end to end, compared with Pinocchio and Coal.",
         "bench/robots/bench_rrt.py", "rrt", "--robots panda --problems 1 --rounds 1", python=ROBOTS,
-        pages="docs/robots.md docs/robots.png", draw="robots"),
+        pages="docs/robots.md docs/pictures/robots.png", draw="robots"),
     "plans": Suite(
         "The same problems planned by plan(), every motion proved.",
         "bench/robots/bench_plans.py", "plans", "--robots panda --problems 1 --rounds 1", targets="clearance-plans",
@@ -109,11 +109,11 @@ SUITES = {
         "Time against tolerance and margin: robots, edges, true meshes, clouds, numerical extremes.",
         "bench/tradeoff/bench_tradeoff.py", "tradeoff tradeoff_models tradeoff_extremes",
         "--robots panda --problems 1 --states 6 --rounds 1", options="--results {results}", python="bench/tradeoff",
-        pages="docs/tradeoff.md docs/tradeoff.png", draw="tradeoff"),
+        pages="docs/tradeoff.md docs/pictures/tradeoff.png", draw="tradeoff"),
     "report": Suite(
         "The experiments of the 2023 report with its systems, ours and Coal.",
         "bench/report/bench_report.py", "report", "--brief", targets="clearance-report",
-        pages="docs/notes/report.md docs/report.png", draw="report"),
+        pages="docs/notes/report.md docs/pictures/report.png", draw="report"),
 }  # fmt: skip
 
 

@@ -37,15 +37,10 @@ std::vector<std::byte> query_records(const Query& query) {
 }
 
 void add_inputs(const Query& query, bool with_configurations, RecordList& records) {
-  const auto add = [&records](wire::QueryRecord tag, auto array) {
-    if (!array.empty()) records.insert(tag, std::as_bytes(array));
-  };
-  add(wire::QueryRecord::kJoints, query.joints);
-  if (!with_configurations) return;
-  add(wire::QueryRecord::kPositions, query.positions);
-  add(wire::QueryRecord::kGrowths, query.growths);
-  add(wire::QueryRecord::kVelocities, query.velocities);
-  add(wire::QueryRecord::kTwists, query.twists);
+  wire::QueryInputs inputs{query.joints, query.positions, query.growths, query.velocities, query.twists};
+  if (!with_configurations) inputs = {.joints = query.joints};
+  wire::for_each_input(
+      inputs, [&records](wire::QueryRecord tag, std::span<const std::byte> bytes) { records.insert(tag, bytes); });
 }
 
 std::uint64_t expected_reply_bytes(const wire::QueryHeader& q, std::span<const IdPair> pairs, std::size_t joints,

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Draws docs/edge.gif: an edge whose samples are all free, and the contact between two of them (tools/edge.py)."""
+"""Draws docs/pictures/edge.gif: an edge with free samples and a contact between two of them (tools/edge.py)."""
 import sys
 
 import numpy as np
@@ -100,4 +100,4 @@ def main(path):
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1] if len(sys.argv) > 1 else "docs/edge.gif"))
+    sys.exit(main(sys.argv[1] if len(sys.argv) > 1 else "docs/pictures/edge.gif"))

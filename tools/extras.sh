@@ -18,17 +18,17 @@ extras=(
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "drake            2  client/python/clearance tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
-  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/test_jax.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
-  "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/test_second_order.py"
+  "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/engine/test_jax.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
+  "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
-  "examples         3  client/examples client/python/clearance scenes/cell tools/examples_requirements.txt"
-  "site             3  docs mkdocs.yml tools/site_*.* tools/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
-  "ray              6  client/python/clearance client/examples/roadmap.py tests/python/test_sweep.py tests/python/test_sweep_jobs.py tests/python/test_sweep_ray.py tests/python/sweeps.py"
+  "examples         3  client/examples client/python/clearance scenes/cell tools/packages/examples_requirements.txt"
+  "site             3  docs mkdocs.yml tools/docs/site_*.* tools/docs/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
+  "ray              6  client/python/clearance client/examples/roadmap.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep_ray.py tests/python/sweep/sweeps.py"
   "fuzz            12  wire server client/*.cpp client/*.h engine/mesh engine/robot engine/geometry engine/scene engine/scene_io engine/state engine/cache tests/fuzz"
   "robots           3  engine/robot engine/base engine/pose cli/robot.cpp tests/engine/robot"
   "races           15  wire server client/*.cpp client/*.h tests/server tests/lcm tests/client"
   "kernels         20  engine/cuda engine/device engine/narrow engine/base engine/hull engine/pose bench/report CMakeLists.txt cmake"
-  "prove            5  proof engine/base/vec.h engine/base/arithmetic.h engine/narrow engine/hull/lanes engine/hull/support.cpp tools/prove_packages.txt"
+  "prove            5  proof engine/base/vec.h engine/base/arithmetic.h engine/narrow engine/hull/lanes engine/hull/support.cpp tools/packages/prove.txt"
 )
 
 # These rebuild everything in roots of other systems, or fetch gigabytes: --changed lists them and leaves them to a release.
@@ -63,7 +63,7 @@ PYTHON
 # Each wheel in roots with Python alone: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
 run_wheels() {
   local native abi3 client root
-  tools/setup.sh tools/install_packages.txt
+  tools/setup.sh tools/packages/install.txt
   CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
   native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
   abi3=$(newest 'dist/clearance-*-abi3-*.whl') client=$(newest 'dist/clearance_client-*.whl')
@@ -102,7 +102,7 @@ try_wheel() {
 # The Debian package in a root of the distribution on which it was built.
 run_deb() {
   local root deb
-  tools/setup.sh tools/install_packages.txt
+  tools/setup.sh tools/packages/install.txt
   # CI builds in the same folder, for one GPU architecture.
   [ ! -f build/CMakeCache.txt ] || cmake -U CLEARANCE_CUDA_ARCHITECTURES build >"$log_dir/deb.log"
   tools/build.sh release product
@@ -120,8 +120,8 @@ run_deb() {
 # bit for bit; processor-specific code is tested; and a daemon is queried over every transport, in a network namespace.
 run_arm() {
   local tests=(test_fp_environment test_lanes test_kinematics) packages root bin=build-arm64/bin
-  tools/setup.sh tools/install_packages.txt
-  mapfile -t packages < <(sed 's/#.*//; s/?//' tools/packages.txt | xargs -n 1)
+  tools/setup.sh tools/packages/install.txt
+  mapfile -t packages < <(sed 's/#.*//; s/?//' tools/packages/build.txt | xargs -n 1)
   root=$(tools/root.sh arm64-bookworm "${packages[@]}")
   lcm_for_arm "$root/opt/lcm"
   tools/build.sh release _client _engine clearance_mesh_loader
@@ -194,7 +194,7 @@ run_jax() {
   tools/build.sh release product
   step jax-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step jax-install "Install JAX" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off jax==0.10.2 numpy pytest
-  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/test_jax.py tests/python/test_second_order.py -k "test_jax or jax-"
+  JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/engine/test_jax.py tests/python/engine/test_second_order.py -k "test_jax or jax-"
 }
 
 # Second derivatives in PyTorch, on the host.
@@ -203,13 +203,13 @@ run_torch() {
   tools/build.sh release product
   step torch-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step torch-install "Install PyTorch" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off torch numpy pytest
-  "$venv/bin/python" -m pytest -q tests/python/test_second_order.py -k "torch-"
+  "$venv/bin/python" -m pytest -q tests/python/engine/test_second_order.py -k "torch-"
 }
 
 # The viewer's page in a headless browser; screenshots are in out/extras/pages.
 run_viewer() {
   local venv=out/extras/viewer
-  [ "${CHROMIUM:-$(command -v chromium)}" ] || tools/setup.sh tools/viewer_packages.txt
+  [ "${CHROMIUM:-$(command -v chromium)}" ] || tools/setup.sh tools/packages/viewer.txt
   if [ -z "${CHROMIUM:-$(command -v chromium)}" ]; then
     say "The viewer's page is not tried: there is no chromium, and CHROMIUM names none"
     return
@@ -228,7 +228,7 @@ run_examples() {
   tools/build.sh release product
   step examples-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step examples-install "Install what the examples need" "$python" -m pip install --disable-pip-version-check --progress-bar off \
-    -r tools/examples_requirements.txt
+    -r tools/packages/examples_requirements.txt
   "$python" client/examples/trajectory_optimiser.py
   "$python" client/examples/ompl_planner.py
   "$python" client/examples/mujoco_simulator.py
@@ -241,8 +241,8 @@ run_site() {
   tools/build.sh release product
   step site-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step site-install "Install what makes the site" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    -r tools/site_requirements.txt
-  PYTHONPATH=build/python "$venv/bin/python" tools/notebook.py --check docs/notebook/first_steps.ipynb
+    -r tools/packages/site_requirements.txt
+  PYTHONPATH=build/python "$venv/bin/python" tools/docs/notebook.py --check docs/notebook/first_steps.ipynb
   step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
 }
 
@@ -253,13 +253,13 @@ run_ray() {
   step ray-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ray-install "Install Ray and pyarrow" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
-  "$venv/bin/python" -m pytest -q tests/python/test_sweep_jobs.py tests/python/test_sweep.py tests/python/test_sweep_ray.py
+  "$venv/bin/python" -m pytest -q tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_ray.py
   PYTHONPATH=build/python "$venv/bin/python" client/examples/roadmap.py --nodes 1000 --queries 20 --output out/extras/roadmap
 }
 
 # Half a minute for each target of tests/fuzz, under the address and undefined-behaviour sanitizers.
 run_fuzz() {
-  tools/setup.sh tools/fuzz_packages.txt
+  tools/setup.sh tools/packages/fuzz.txt
   tools/build.sh fuzz fuzzers
   .venv/bin/python tools/fuzz.py --seconds "${FUZZ_SECONDS:-30}" --jobs 2
 }
@@ -296,7 +296,7 @@ run_kernels() {
 
 # The proof of the float64 bounds, against the source as it is, and random changes of the source, which must not pass.
 run_prove() {
-  tools/setup.sh tools/prove_packages.txt
+  tools/setup.sh tools/packages/prove.txt
   .venv/bin/python proof/prove.py
   .venv/bin/python proof/mutants.py --count "${PROOF_MUTANTS:-12}" --seed "${SEED:-1}"
 }

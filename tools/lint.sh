@@ -5,10 +5,10 @@ set -euo pipefail
 . "$(dirname "$0")/step.sh"
 
 bin=.venv/bin
-if ! cmp -s tools/lint_requirements.txt .venv/clearance-lint; then
+if ! cmp -s tools/packages/lint_requirements.txt .venv/clearance-lint; then
   step lint-setup "Install the linters into .venv" \
-    "$bin/python" -m pip install --disable-pip-version-check --progress-bar off -r tools/lint_requirements.txt
-  cp tools/lint_requirements.txt .venv/clearance-lint
+    "$bin/python" -m pip install --disable-pip-version-check --progress-bar off -r tools/packages/lint_requirements.txt
+  cp tools/packages/lint_requirements.txt .venv/clearance-lint
 fi
 
 # All run at once, and report in order.

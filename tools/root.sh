@@ -16,7 +16,7 @@ root=$PWD/out/roots/$suite
 options=(--variant=minbase)
 mirror=http://deb.debian.org/debian
 [ "$(id -u)" = 0 ] || die "tools/root.sh makes roots by debootstrap, and needs to be root"
-command -v debootstrap >/dev/null || die "there is no debootstrap: tools/setup.sh tools/install_packages.txt"
+command -v debootstrap >/dev/null || die "there is no debootstrap: tools/setup.sh tools/packages/install.txt"
 
 # Ubuntu's keys are not in a Debian package: the deb that contains them is verified by its digest.
 ubuntu_keys() {

@@ -7,7 +7,7 @@
 #   CLEARANCE_APT=0 tools/setup.sh      leave apt alone (the packages come from elsewhere)
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
-lists=(tools/packages.txt "$@")
+lists=(tools/packages/build.txt "$@")
 
 python=${PYTHON:-python3}
 command -v "$python" >/dev/null || die "no $python on this machine; install it (apt-get install python3) or set PYTHON"
@@ -58,7 +58,7 @@ install_packages() {
 
 if [ "${CLEARANCE_APT:-1}" != 0 ]; then
   command -v dpkg-query >/dev/null ||
-    die "this is not a Debian or Ubuntu machine: install what tools/packages.txt lists by other means, then run with CLEARANCE_APT=0"
+    die "this is not a Debian or Ubuntu machine: install what tools/packages/build.txt lists by other means, then run with CLEARANCE_APT=0"
   mapfile -t missing < <(missing_packages)
   if ((${#missing[@]})); then
     apt=(env DEBIAN_FRONTEND=noninteractive apt-get)

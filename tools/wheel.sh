@@ -17,10 +17,10 @@ kinds=("$@")
 ((${#kinds[@]})) || kinds=(native abi3 client)
 
 tools_in_venv() {
-  cmp -s tools/wheel_requirements.txt .venv/clearance-wheel && return
+  cmp -s tools/packages/wheel_requirements.txt .venv/clearance-wheel && return
   step wheel-setup "Install what makes wheels into .venv" \
-    .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off -r tools/wheel_requirements.txt
-  cp tools/wheel_requirements.txt .venv/clearance-wheel
+    .venv/bin/python -m pip install --disable-pip-version-check --progress-bar off -r tools/packages/wheel_requirements.txt
+  cp tools/packages/wheel_requirements.txt .venv/clearance-wheel
 }
 
 build_native() { build .venv/bin/python; }

@@ -1,17 +1,8 @@
-// Payloads of the other frames: replies, poses, scenes, bodies, counters, errors.
+// Payloads of the other frames: poses, scenes, bodies, counters, errors.
 #include "wire/checks.h"
 
 namespace clearance::wire {
 namespace {
-
-Wide columns_wide(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints) {
-  Wide bytes = 0;
-  for (int f = 0; f < kFieldCount; ++f)
-    if (fields >> f & 1)
-      bytes =
-          (bytes + Wide(rows) * field_bytes(f, joints) + kColumnAlignment - 1) / kColumnAlignment * kColumnAlignment;
-  return bytes;
-}
 
 /// Checks that names are terminated, and that members are in the list and below `count`.
 void expect_groups(const std::string& what, const Records<GroupRecord>& groups, const Records<std::uint32_t>& members,
@@ -25,51 +16,6 @@ void expect_groups(const std::string& what, const Records<GroupRecord>& groups, 
   for (std::uint64_t i = 0; i < members.size(); ++i)
     if (members[i] >= count) bad_frame(what + ": members[" + str(i) + "] is no " + thing);
 }
-
-}  // namespace
-
-std::uint64_t columns_bytes(std::uint64_t rows, std::uint32_t fields, std::uint64_t joints) {
-  const Wide bytes = columns_wide(rows, fields, joints);
-  if (bytes > kMaxPayloadBytes - sizeof(ReplyHeader))
-    throw WireError(ErrorCode::kTooLarge, "reply: " + str(rows) + " rows need " + str(bytes) +
-                                              " bytes, more than a frame may have (" + str(kMaxFrameBytes) + ")");
-  return static_cast<std::uint64_t>(bytes);
-}
-
-std::uint64_t column_offset(std::uint64_t rows, std::uint32_t fields, Field field, std::uint64_t joints) {
-  std::uint64_t offset = 0;
-  for (int f = 0; f < kFieldCount && (1u << f) != field; ++f)
-    if (fields >> f & 1) offset = align(offset + rows * field_bytes(f, joints), kColumnAlignment);
-  return offset;
-}
-
-ReplyHeader parse_reply(std::span<const std::byte> payload, std::span<const std::byte> records, std::uint32_t* joints) {
-  const auto header = head<ReplyHeader>(payload, "reply");
-  if (header.fields & ~kKnownFields) bad_frame("reply: fields has unknown bits: " + str(header.fields & ~kKnownFields));
-  PassedOver passed_over;
-  std::uint32_t width = 0;
-  read_records("reply", records, passed_over, [&width](const RecordView& record) {
-    if (record.tag == static_cast<std::uint16_t>(ReplyRecord::kIgnored)) return true;
-    if (record.tag != static_cast<std::uint16_t>(ReplyRecord::kJoints)) return false;
-    if (record.bytes.size() != sizeof width)
-      bad_frame("reply: joints has " + str(record.bytes.size()) + " bytes, not 4");
-    std::memcpy(&width, record.bytes.data(), sizeof width);
-    return true;
-  });
-  if (!(header.fields & kJointFields) != !width)
-    bad_frame("reply: columns by joints and the record of how many joints they have come together");
-  expect_width("reply", header.fields, width);
-  expect_size(
-      "reply", [&] { return str(header.rows) + " rows"; },
-      sizeof(ReplyHeader) + columns_wide(header.rows, header.fields, width), payload.size());
-  // The last column is padded, too, like all others.
-  if (strnlen(header.backend, sizeof header.backend) == sizeof header.backend)
-    bad_frame("reply: the backend's name does not end");
-  if (joints) *joints = width;
-  return header;
-}
-
-namespace {
 
 /// @param each numbers of an entry
 UpdateExtras update_extras(const char* what, std::span<const std::byte> records, std::uint64_t count,

@@ -156,17 +156,10 @@ std::uint64_t query_payload_bytes(std::uint64_t pairs, std::uint64_t bodies, std
   return static_cast<std::uint64_t>(query_bytes(pairs, bodies, configurations));
 }
 
-void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions, std::span<const double> growths,
-                          std::span<const double> velocities, std::span<const double> twists) {
-  const auto add = [&records](QueryRecord tag, auto array) {
-    if (!array.empty()) insert_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, std::as_bytes(array));
-  };
-  add(QueryRecord::kJoints, joints);
-  add(QueryRecord::kPositions, positions);
-  add(QueryRecord::kGrowths, growths);
-  add(QueryRecord::kVelocities, velocities);
-  add(QueryRecord::kTwists, twists);
+void insert_inputs(std::vector<std::byte>& records, const QueryInputs& inputs) {
+  for_each_input(inputs, [&records](QueryRecord tag, std::span<const std::byte> bytes) {
+    insert_record(records, static_cast<std::uint16_t>(tag), kRecordRequired, bytes);
+  });
 }
 
 void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader& query, const void* pairs,

@@ -65,11 +65,28 @@ void write_query(std::byte* frame, const FrameHeader& header, const QueryHeader&
 /// \param options QueryOptions, or a type with members of the same names.
 template <class Options>
 std::vector<std::byte> option_records(const Options& options);
-/// Inserts the records of a query's joints, growths and velocities, if it has any.
-/// \param positions those and the others are empty for kPairs
-void insert_joint_records(std::vector<std::byte>& records, std::span<const std::uint32_t> joints,
-                          std::span<const double> positions, std::span<const double> growths = {},
-                          std::span<const double> velocities = {}, std::span<const double> twists = {});
+/// The arrays of a query's joints and of its configurations, which are empty for kPairs except `joints`.
+struct QueryInputs {
+  std::span<const std::uint32_t> joints = {};  ///< (J,)
+  std::span<const double> positions = {};      ///< (K, J)
+  std::span<const double> growths = {};        ///< (K, M)
+  std::span<const double> velocities = {};     ///< (K, J)
+  std::span<const double> twists = {};         ///< (K, M, 6)
+};
+/// Calls add(tag, bytes) for each input that is not empty, in the order of tags.
+template <class Add>
+void for_each_input(const QueryInputs& inputs, Add&& add) {
+  const auto one = [&add](QueryRecord tag, auto array) {
+    if (!array.empty()) add(tag, std::as_bytes(array));
+  };
+  one(QueryRecord::kJoints, inputs.joints);
+  one(QueryRecord::kPositions, inputs.positions);
+  one(QueryRecord::kGrowths, inputs.growths);
+  one(QueryRecord::kVelocities, inputs.velocities);
+  one(QueryRecord::kTwists, inputs.twists);
+}
+/// Inserts the records of a query's inputs.
+void insert_inputs(std::vector<std::byte>& records, const QueryInputs& inputs);
 
 /// Throws WireError (kBadFrame for sizes, kBadQuery for values, kNotSupported for an unknown required record).
 /// \param with_configurations has_configurations() of the query's type.

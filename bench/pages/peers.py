@@ -3,7 +3,7 @@
 from harness import grouped
 from pages import markdown, plot, results, times
 
-PICTURE = "performance.png"
+PICTURE = "pictures/performance.png"
 LEFT_OUT = {("two_2M", "Bullet"), ("two_2M", "Bullet f32")}  # 80 ms a pair, and wrong
 RIGHT = 1e-5  # a peer's setting counts if its worst relative error in the run is below
 

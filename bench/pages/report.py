@@ -7,7 +7,7 @@ import re
 from harness import RESULTS, read
 from pages import all_of, markdown, plot
 
-PICTURE = "report.png"
+PICTURE = "pictures/report.png"
 
 # Microseconds as the report prints them (AMD Ryzen 9 5900X, NVIDIA GeForce RTX 3060), by experiment and case.
 REPORTED = {

@@ -2,7 +2,7 @@
 
 from pages import markdown, plot, results
 
-PICTURE = "robots.png"
+PICTURE = "pictures/robots.png"
 WAYS = {
     "Coal": ("#999999", "Pinocchio and Coal, the faster way"),
     "Clearance over shared memory": ("#74a9cf", "Clearance, shared memory, batches"),

@@ -2,7 +2,7 @@
 
 from pages import all_of, markdown, plot, results, times
 
-PICTURE = "tradeoff.png"
+PICTURE = "pictures/tradeoff.png"
 EXACT = "exact"
 ITSELF = " and itself"
 NAMES = {EXACT: "exact", "1e-06": "1 um", "0.0001": "0.1 mm", "0.001": "1 mm", "0.01": "1 cm", "0.05": "5 cm",

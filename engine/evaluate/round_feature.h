@@ -1,4 +1,4 @@
-// Smooth pieces of the surfaces of cones, cylinders and ellipsoids, as features that meet others.
+// Smooth patches of the surfaces of cones, cylinders and ellipsoids, as features that meet others.
 #pragma once
 
 #include <span>

@@ -5,137 +5,23 @@
 #include <nanobind/stl/unique_ptr.h>
 #include <nanobind/stl/vector.h>
 
-#include <atomic>
 #include <chrono>
 #include <limits>
 #include <utility>
 
-#include "client/python/bindings/answer.h"
 #include "client/python/bindings/gil.h"
-#include "client/python/bindings/process_guard.h"
-#include "client/python/bindings/query.h"
-#include "engine/device/device.h"
 #include "engine/engine.h"
 #include "engine/python/device_plan_binding.h"
 #include "engine/python/path_binding.h"
+#include "engine/python/running_query.h"
 #include "engine/python/scene_bindings.h"
 #include "engine/python/update_binding.h"
-#include "engine/query/job_pool.h"
 
 namespace clearance::python {
 namespace {
 
 /// Interval at which a long call tests for Ctrl-C.
 constexpr std::chrono::milliseconds kSignalPeriod{50};
-
-using Clock = std::chrono::steady_clock;
-
-std::int64_t nanoseconds_since(Clock::time_point begin) {
-  return std::chrono::nanoseconds(Clock::now() - begin).count();
-}
-
-/// A running query with its columns.
-class PyJob {
- public:
-  PyJob(std::shared_ptr<engine::Engine> engine, ProcessGuard guard, Job job, Answer answer)
-      : engine_(std::move(engine)), guard_(guard), job_(std::move(job)), answer_(std::move(answer)) {}
-
-  /// Works for a time without the interpreter's lock. Returns true once done.
-  bool advance(std::int64_t budget_ns) {
-    guard_.check("this query");
-    const GilRelease release;
-    return go_on(budget_ns);
-  }
-  /// The same, for a caller that has released the lock.
-  /// \param begin of this slice
-  bool go_on(std::int64_t budget_ns, Clock::time_point begin = Clock::now()) {
-    const bool done = job_.advance(std::chrono::nanoseconds(budget_ns));
-    ns_ += nanoseconds_since(begin);
-    return done;
-  }
-
-  /// Returns the answer, once, after the job is done.
-  Answer take() {
-    const ReplyInfo& info = job_.info();
-    answer_.rows = info.rows;
-    answer_.total = info.total;
-    answer_.scene_revision = info.scene_revision;
-    answer_.snapshot_revision = info.snapshot_revision;
-    answer_.snapshot_stamp_ns = info.snapshot_stamp_ns;
-    answer_.snapshot_sequence = info.snapshot_sequence;
-    answer_.pose_age_ns = info.pose_age_ns;
-    answer_.backend = info.backend;
-    answer_.engine_ns = static_cast<std::uint64_t>(ns_);
-    return std::move(answer_);
-  }
-
- private:
-  std::shared_ptr<engine::Engine> engine_;
-  ProcessGuard guard_;
-  Job job_;
-  Answer answer_;
-  std::int64_t ns_ = 0;
-};
-
-/// A query whose runs share jobs.
-struct RepeatedQuery : Query {
-  /// Returns the pool of its jobs, or null for the first run: a call makes a new query, and the engine finds its jobs.
-  std::shared_ptr<JobPool> pool() const { return has_run->exchange(true) ? jobs : nullptr; }
-
-  std::shared_ptr<JobPool> jobs = std::make_shared<JobPool>();
-  std::shared_ptr<std::atomic<bool>> has_run = std::make_shared<std::atomic<bool>>(false);
-};
-
-static_assert(sizeof(BodyPair) == 2 * sizeof(std::uint32_t) && sizeof(Pose) == 7 * sizeof(double));
-
-constexpr std::size_t kMostConfigurations = 0xFFFFFFFF;
-
-QueryView view_of(const Query& q) {
-  QueryView view;
-  view.all_pairs = !q.pairs;
-  if (q.pairs) view.pairs = {reinterpret_cast<const BodyPair*>(q.pairs->data()), q.pairs->shape(0)};
-  view.bodies = ids_of(q.bodies);
-  view.joints = ids_of(q.joints);
-  view.scene_revision = q.scene_revision;
-  copy_options(q, view);
-  copy_margins(q, view);
-  return view;
-}
-
-QueryView view_of(const Query& q, const Configurations& at) {
-  at.check(q);
-  if (at.count() > kMostConfigurations) throw nb::value_error("configurations: too many");
-  QueryView view = view_of(q);
-  view.configuration_count = static_cast<std::uint32_t>(at.count());
-  if (at.poses)
-    view.configurations = {reinterpret_cast<const Pose*>(at.poses->data()), at.poses->shape(0) * at.poses->shape(1)};
-  view.positions = numbers_of(at.positions);
-  return view;
-}
-
-// A device writes directly into pinned memory; into other memory each answer is copied again. Falls back to ordinary
-// memory if none is available, or so much is pinned that the machine might suffer.
-std::shared_ptr<void> pinned_block(std::size_t bytes) {
-  constexpr std::size_t kMostPinned = std::size_t{2} << 30;
-  static std::atomic<std::size_t> pinned{0};
-  struct PinnedBlock {
-    explicit PinnedBlock(std::size_t n) : bytes(n), memory(n) { pinned += bytes; }
-    ~PinnedBlock() { pinned -= bytes; }
-    std::size_t bytes;
-    cuda::PinnedMemory memory;
-  };
-  if (pinned + bytes > kMostPinned) return allocate_block(bytes);
-  try {
-    auto block = std::make_shared<PinnedBlock>(bytes);
-    return {block, block->memory.data()};
-  } catch (const cuda::DeviceError&) {
-    return allocate_block(bytes);
-  }
-}
-BlockPool& pinned_blocks() {
-  static BlockPool& pool = *new BlockPool(pinned_block);
-  return pool;
-}
 
 using RowNumbers = nb::ndarray<const std::uint64_t, nb::ndim<1>, nb::c_contig, nb::device::cpu>;
 
@@ -159,7 +45,7 @@ class PyEngine : public PyUpdates {
                                std::optional<PositionsArray> positions) const {
     const Configurations at{std::move(poses), std::move(positions)};
     const GilRelease release;
-    return std::make_unique<PyJob>(begin(query, view_of(query, at)));
+    return std::make_unique<PyJob>(begin_query(use(), guard_, query, view_of(query, at)));
   }
 
   /// Returns the answer, or none after the timeout.
@@ -253,7 +139,7 @@ class PyEngine : public PyUpdates {
     bool done = false;
     {
       const GilRelease release;
-      job.emplace(begin(query, view));
+      job.emplace(begin_query(use(), guard_, query, view));
       done = job->go_on(kSlice, start);
     }
     while (!done) {
@@ -263,45 +149,6 @@ class PyEngine : public PyUpdates {
       done = job->go_on(kSlice);
     }
     return nb::cast(job->take());
-  }
-
-  // Begins a query. The caller has released the interpreter's lock.
-  PyJob begin(const RepeatedQuery& query, const QueryView& view) const {
-    const std::shared_ptr<engine::Engine> engine = use();
-    check_query_ids(*engine, query.scene_revision, view);
-    PreparedQuery prepared = prepare(*engine, view, query);
-    const QuerySize size = prepared.size();
-    const Layout layout = layout_of(size.fields, size.rows, size.joints);
-    Answer answer;
-    answer.owner = allocate(*engine, layout.bytes);
-    answer.base = static_cast<const std::byte*>(answer.owner.get());
-    answer.bytes = layout.bytes;
-    answer.offset = layout.offset;
-    answer.fields = size.fields;
-    answer.configurations = size.configurations;
-    answer.pairs = size.pairs;
-    answer.joints = size.joints;
-    answer.beyond_limits = beyond_limits(query, view.positions);
-    const ReplyView reply =
-        reply_view_over(static_cast<std::byte*>(answer.owner.get()), size.rows, size.fields, nullptr, size.joints);
-    Job job = engine->start(std::move(prepared), reply);
-    return {engine, guard_, std::move(job), std::move(answer)};
-  }
-
-  static PreparedQuery prepare(const engine::Engine& engine, QueryView view, const RepeatedQuery& query) {
-    const std::shared_ptr<JobPool> jobs = query.pool();
-    if (!query.points_by_default) return engine.prepare(view, jobs);
-    const std::uint32_t without = view.fields;
-    view.fields |= kFieldPoints | kFieldNormal;
-    PreparedQuery prepared = engine.prepare(view, jobs);
-    if (prepared.size().rows <= kDefaultPointsRows) return prepared;
-    view.fields = without;
-    return engine.prepare(view);
-  }
-
-  static std::shared_ptr<void> allocate(const engine::Engine& engine, std::size_t bytes) {
-    const std::string_view backend = engine.backend();
-    return (backend == "cuda" || backend == "auto" ? pinned_blocks() : plain_blocks()).take(bytes);
   }
 };
 

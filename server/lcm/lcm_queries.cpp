@@ -78,7 +78,7 @@ std::vector<std::byte> query_frame_of(const clearance_lcm::query_t& query, std::
   const std::uint64_t payload =
       wire::query_payload_bytes(header.pair_count, header.body_count, header.configuration_count);
   std::vector<std::byte> records = wire::option_records(options);
-  wire::insert_joint_records(records, joints, positions);
+  wire::insert_inputs(records, {.joints = joints, .positions = positions});
   std::vector<std::byte> frame(sizeof(wire::FrameHeader) + payload + records.size());
   const wire::FrameHeader frame_header =
       wire::make_header(wire::FrameType::kQuery, static_cast<std::uint64_t>(query.request_id), payload,

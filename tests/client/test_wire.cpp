@@ -172,7 +172,7 @@ TEST(Wire, ARecordListWritesTheBytesOfEncodedRecords) {
     const Bytes encoded = option_records(options);
     ASSERT_FALSE(encoded.empty());
     Bytes expected = encoded, epoch;
-    if (with_joints) insert_joint_records(expected, joints, positions, {}, velocities);
+    if (with_joints) insert_inputs(expected, {.joints = joints, .positions = positions, .velocities = velocities});
     const std::uint64_t rows[] = {9};
     insert_record(expected, static_cast<std::uint16_t>(QueryRecord::kRows), kRecordRequired,
                   std::as_bytes(std::span(rows)));
@@ -202,7 +202,7 @@ TEST(Wire, ThereIsAVelocityForEachPosition) {
   const std::span<const double> positions(numbers, 2);
   const auto records_with = [&](std::span<const double> velocities, std::span<const double> twists) {
     Bytes records;
-    insert_joint_records(records, joints, positions, {}, velocities, twists);
+    insert_inputs(records, {.joints = joints, .positions = positions, .velocities = velocities, .twists = twists});
     return records;
   };
   const Bytes right = records_with(positions, {}), few = records_with(positions.first(1), {}),

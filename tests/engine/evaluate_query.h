@@ -25,6 +25,14 @@ inline constexpr std::uint32_t kAllFields =
 /// Bounds and points in float32.
 inline constexpr std::uint32_t kFloat32 = kFieldBounds | kFieldPoints32;
 
+/// A query of one pair, which outlives it.
+inline QueryView query_of_pair(const BodyPair& pair) {
+  QueryView query;
+  query.pairs = {&pair, 1};
+  query.all_pairs = false;
+  return query;
+}
+
 /// The memory of a query's answer.
 inline Answer empty_answer(const engine::Engine& engine, const QueryView& query) {
   Answer a;

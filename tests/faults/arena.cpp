@@ -12,7 +12,7 @@
 #include <stdexcept>
 #include <thread>
 
-#include "tests/faults/victim.h"
+#include "tests/faults/victim/victim.h"
 #include "tests/lcm/lcm_network.h"
 #include "tests/source_file.h"
 

@@ -17,7 +17,7 @@ namespace clearance::faults {
 
 extern const std::string kScene;  ///< scenes/random_100
 
-/// The process fault_victim (victim_main.cpp). Killed with this object if it still runs.
+/// The process fault_victim (victim/main.cpp). Killed with this object if it still runs.
 class Victim {
  public:
   explicit Victim(std::vector<std::string> arguments);

@@ -51,16 +51,13 @@ STANDARD_NAMES = {
 
 
 class Modules:
-    """modules.txt: the modules that each module may use, in order, and the folders that may be large."""
+    """modules.txt: the modules that each module may use, in order."""
 
     def __init__(self) -> None:
         self.allowed: dict[str, set[str]] = {}
-        self.large: set[str] = set()
         for line in (Path(__file__).parent / "modules.txt").read_text().splitlines():
             name, _, rest = line.partition(":")
-            if name.startswith("large "):
-                self.large.add(name.removeprefix("large "))
-            elif line and not line.startswith("#"):
+            if line and not line.startswith("#"):
                 self.allowed[name] = set(rest.split())
 
     def of(self, path: Path) -> str:
@@ -143,21 +140,16 @@ def check_arrows() -> list[str]:
         errors.append(f"only {len(arrows)} includes lead from module to module: the check does not see them")
     unused = {(m, other) for m, allowed in modules.allowed.items() for other in allowed - {"*"}} - set(arrows)
     errors += [f"modules.txt: {module} may use {other}, and does not" for module, other in sorted(unused)]
-    return errors + check_sizes(modules.large)
+    return errors + check_sizes()
 
 
-def check_sizes(large: set[str]) -> list[str]:
+def check_sizes() -> list[str]:
     listed = subprocess.run(
         ["git", "ls-files", "--", *FOLDERS], cwd=ROOT, text=True, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
     ).stdout.splitlines()  # without git (an unpacked archive): all files
     paths = [Path(name) for name in listed] or [p.relative_to(ROOT) for f in FOLDERS for p in (ROOT / f).rglob("*")]
     sizes = collections.Counter(str(p.parent) for p in paths if p.suffix in (*SOURCES, ".py") and (ROOT / p).is_file())
-    errors = [
-        f"{folder} has {n} sources, more than {MOST}: divide it, or give a reason in tests/modules/modules.txt"
-        for folder, n in sorted(sizes.items())
-        if n > MOST and folder not in large
-    ]
-    return errors + [f"modules.txt: {folder} is not large" for folder in sorted(large) if sizes[folder] <= MOST]
+    return [f"{folder} has {n} sources, more than {MOST}: divide it" for folder, n in sorted(sizes.items()) if n > MOST]
 
 
 def check_headers(compiler: list[str]) -> list[str]:

@@ -72,17 +72,17 @@ inline void subsets(const std::vector<Vec3d>& points, std::size_t most, std::vec
   }
 }
 
-// The nearest spans of two hulls: of all vertices, edges and triangles of their points, which include the hulls' own.
-inline Spans nearest_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, const std::vector<Vec3d>& b,
-                           const RealFrame& X_b) {
+// Calls visit(spans, distance, least weight) for vertices, edges and triangles of two sets of points, which include the
+// hulls' own.
+template <class Visit>
+void for_each_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, const std::vector<Vec3d>& b,
+                    const RealFrame& X_b, Visit&& visit) {
   std::vector<Vec3d> at_a, at_b;
   for (const Vec3d& v : a) at_a.push_back(moved<double>(X_a, v));
   for (const Vec3d& v : b) at_b.push_back(moved<double>(X_b, v));
   std::vector<std::vector<std::size_t>> of_a, of_b;
   subsets(a, 3, of_a);
   subsets(b, 3, of_b);
-  Spans best;
-  double least = std::numeric_limits<double>::infinity();
   for (const auto& i : of_a)
     for (const auto& j : of_b) {
       if (i.size() + j.size() > 4) continue;
@@ -92,9 +92,19 @@ inline Spans nearest_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, co
       for (const std::size_t k : j) q.push_back(at_b[k]), s.b.push_back(b[k]);
       double weight = 0;
       const double d = distance_of(p, q, &weight);
-      // Of equal ones that with the fewest points counts: it came first, or its weights are not above 0.
-      if (weight > 1e-9 && d < least - 1e-12) least = d, best = s;
+      visit(s, d, weight);
     }
+}
+
+// The nearest spans of two hulls.
+inline Spans nearest_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, const std::vector<Vec3d>& b,
+                           const RealFrame& X_b) {
+  Spans best;
+  double least = std::numeric_limits<double>::infinity();
+  for_each_spans(a, X_a, b, X_b, [&](const Spans& s, double d, double weight) {
+    // Of equal ones that with the fewest points counts: it came first, or its weights are not above 0.
+    if (weight > 1e-9 && d < least - 1e-12) least = d, best = s;
+  });
   return best;
 }
 

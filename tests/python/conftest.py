@@ -34,6 +34,7 @@ ROS_PACKAGE = ROOT / "ros" / "clearance_ros"
 ROS_MESSAGES = ROOT / "ros" / "clearance_msgs"
 BUILD = pathlib.Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 INSTALLED = os.environ.get("CLEARANCE_INSTALLED") == "1"
+CLEARANCE = shutil.which("clearance") if INSTALLED else str(BUILD / "bin" / "clearance")
 
 if not INSTALLED:
     sys.path.insert(0, str(BUILD / "python"))

@@ -1,6 +1,6 @@
 """Enumerations and columns of queries and answers.
 
-Mirrors wire/types.h and wire/mesh_as.h, value by value (tests/python/test_words.py compares them).
+Mirrors wire/types.h and wire/mesh_as.h, value by value (tests/python/client/test_words.py compares them).
 """
 
 from __future__ import annotations

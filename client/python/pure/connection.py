@@ -25,7 +25,7 @@ class HangWatch:
     Counts samples instead of time, so that a process that was itself suspended does not report a hung daemon.
     """
 
-    _LOOKS, _SLACK_S, _LARGE, _S_PER_BYTE = 8, 0.1, 1 << 20, 100e-9  # 10 MB/s, what a network of 100 Mbit/s takes
+    _LOOKS, _SLACK_S, _LARGE, _S_PER_BYTE = 8, 0.1, 1 << 20, 100e-9  # 10 MB/s, the speed of a 100 Mbit/s network
 
     def __init__(self, patience_s: float):
         self._step = patience_s / self._LOOKS

@@ -35,9 +35,7 @@ class MovingPair {
     const BodyPair pair{0, 1};
     const std::uint32_t bodies[] = {0, 1};
     const Pose poses[] = {a, b};
-    QueryView query;
-    query.pairs = {&pair, 1};
-    query.all_pairs = false;
+    QueryView query = test::query_of_pair(pair);
     query.bodies = bodies;
     query.configurations = poses;
     query.configuration_count = 1;
@@ -77,27 +75,13 @@ RealFrame after(const RealFrame& X, const double* twist, const Real& time) {
 // All spans of two hulls that are nearest up to rounding.
 std::vector<Spans> near_spans(const std::vector<Vec3d>& a, const RealFrame& X_a, const std::vector<Vec3d>& b,
                               const RealFrame& X_b) {
-  std::vector<Vec3d> at_a, at_b;
-  for (const Vec3d& v : a) at_a.push_back(moved<double>(X_a, v));
-  for (const Vec3d& v : b) at_b.push_back(moved<double>(X_b, v));
-  std::vector<std::vector<std::size_t>> of_a, of_b;
-  subsets(a, 3, of_a);
-  subsets(b, 3, of_b);
   std::vector<std::pair<double, Spans>> all;
   double least = kInfinite;
-  for (const auto& i : of_a)
-    for (const auto& j : of_b) {
-      if (i.size() + j.size() > 4) continue;
-      Spans s;
-      std::vector<Vec3d> p, q;
-      for (const std::size_t k : i) p.push_back(at_a[k]), s.a.push_back(a[k]);
-      for (const std::size_t k : j) q.push_back(at_b[k]), s.b.push_back(b[k]);
-      double weight = 0;
-      const double d = distance_of(p, q, &weight);
-      if (!(weight > -1e-6)) continue;
-      least = std::min(least, d);
-      all.emplace_back(d, s);
-    }
+  for_each_spans(a, X_a, b, X_b, [&](const Spans& s, double d, double weight) {
+    if (!(weight > -1e-6)) return;
+    least = std::min(least, d);
+    all.emplace_back(d, s);
+  });
   std::vector<Spans> near;
   for (const auto& [d, s] : all)
     if (d < least + 1e-9) near.push_back(s);
@@ -208,9 +192,7 @@ TEST(RateBounds, OfHalfSpacesAndRoundCores) {
   const BodyPair pair{0, 1};
   const std::uint32_t body = 1;
   const double s = std::sqrt(0.5), twist[] = {0, 2, 0, 0.1, 0, 0.25};
-  QueryView query;
-  query.pairs = {&pair, 1};
-  query.all_pairs = false;
+  QueryView query = test::query_of_pair(pair);
   query.bodies = {&body, 1};
   query.configuration_count = 1;
   query.twists = twist;
@@ -337,9 +319,7 @@ TEST(RateBounds, HoldTheRatesOfUncertainAxesWithinErrorsOfSpeeds) {
     const engine::Engine engine(std::move(scene));
     const std::uint32_t joint = 0;
     const double position = 0, speed = 0, error = 1;
-    QueryView query;
-    query.pairs = {&pair, 1};
-    query.all_pairs = false;
+    QueryView query = test::query_of_pair(pair);
     query.joints = {&joint, 1};
     query.positions = {&position, 1};
     query.velocities = {&speed, 1};

@@ -233,9 +233,7 @@ class Slider {
     pair_ = {0, scene.find_body("s/l3")};
     const engine::Engine engine(std::move(scene));
     const double row[] = {place.x, place.y, place.z};
-    QueryView query;
-    query.pairs = {&pair_, 1};
-    query.all_pairs = false;
+    QueryView query = test::query_of_pair(pair_);
     query.joints = joints_;
     query.positions = row;
     query.configuration_count = 1;
@@ -353,9 +351,7 @@ TEST(SecondOrder, TwistsOfBodiesAddUp) {
   const Pose poses[] = {Pose{{0, 0, 2}}, Pose{{0.25, 0, 0}}};
   // The ball moves sideways and down; the box turns about y.
   const double twists[] = {0, 0, 0, 0.5, 0, -1, 0, 2, 0, 0, 0, 0};
-  QueryView query;
-  query.pairs = {&pair, 1};
-  query.all_pairs = false;
+  QueryView query = test::query_of_pair(pair);
   query.bodies = bodies;
   query.configurations = poses;
   query.configuration_count = 1;

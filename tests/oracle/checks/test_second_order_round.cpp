@@ -98,9 +98,7 @@ TEST(SecondOrderOfRoundCores, OfABallIsTheSecondDerivativeOfThe60DigitDistance) 
     constexpr std::uint32_t kStates = 16;
     std::vector<double> rows;
     for (std::uint32_t k = 0; k < 3 * kStates; ++k) rows.push_back(random.uniform(-1.5, 1.5));
-    QueryView query;
-    query.pairs = {&pair, 1};
-    query.all_pairs = false;
+    QueryView query = test::query_of_pair(pair);
     query.joints = joints;
     query.positions = rows;
     query.configuration_count = kStates;

@@ -182,7 +182,9 @@ struct TestQuery {
     const std::uint64_t payload =
         wire::query_payload_bytes(q.pair_count, q.body_count, has_configurations ? q.configuration_count : 0);
     std::vector<std::byte> all_records = records;
-    wire::insert_joint_records(all_records, joints, has_configurations ? positions : std::vector<double>());
+    wire::insert_inputs(
+        all_records,
+        {.joints = joints, .positions = std::span(positions).first(has_configurations ? positions.size() : 0)});
     if (!weights.empty())
       wire::insert_record(all_records, static_cast<std::uint16_t>(wire::QueryRecord::kWeights), wire::kRecordRequired,
                           std::as_bytes(std::span(weights)));

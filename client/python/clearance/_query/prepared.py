@@ -14,8 +14,9 @@ from .._names import NameTable
 from .._words import DEFAULT_FIELDS, FIELD_MASKS, Reduce
 from .call import Call, Request, Steps
 from .calls import CALLS, Checks
+from .conversions import NO_ARGUMENTS
 from .future import Future, Task
-from .query import NO_ARGUMENTS, Query, Run, Source
+from .query import Query, Run, Source
 from .result import Result
 
 _WRONG_SCENE = 2

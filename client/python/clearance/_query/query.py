@@ -3,23 +3,22 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, Callable, Optional, Protocol
 
 import numpy as np
 
-from .._arguments import to_bool, to_floats, to_number_from_0, to_option
+from .._arguments import to_bool, to_floats, to_number_from_0
 from .._errors import QueryError, StaleQuery
 from .._joints import Joints, JointTable
 from .._names import NameTable, has_selectors
 from .._words import MARGIN_DTYPE
+from .conversions import one_each, options_of, own, some
 from .meanwhile import BodyPath, to_body_paths
 from .result import fields_mask
 
 #: Bit in addition to those of columns: the engine adds points and normal if there are few rows.
 POINTS_BY_DEFAULT = 1 << 31
-#: Rows of wire/query_options.h that are no arguments of calls.
-NO_ARGUMENTS = frozenset(("min_pose_stamp_ns", "wait_for", "control_points"))
 
 
 class Source(Protocol):
@@ -72,9 +71,9 @@ class Query:
             if bodies is not None:
                 raise ValueError("bodies: expected none, since meanwhile names those that move, got some")
             bodies = list(self.meanwhile)
-        self.pairs = None if pairs is None else _own(names.pairs_array(pairs))
+        self.pairs = None if pairs is None else own(names.pairs_array(pairs))
         self.selects = self.pairs is not None and has_selectors(self.pairs)
-        self.bodies = None if bodies is None else _some(_own(names.bodies_array(bodies, "bodies")), "bodies")
+        self.bodies = None if bodies is None else some(own(names.bodies_array(bodies, "bodies")), "bodies")
         self._movable = names.movable
         self.joints = None if joints is None else _joints_of(source, joints)
         self.joint_count = 0 if self.joints is None else len(self.joints)
@@ -83,12 +82,12 @@ class Query:
         self.timeout_s = None if timeout_s is None else to_number_from_0(timeout_s, "timeout_s")
         self.copy = to_bool(given.pop("copy", True), "copy")
         weights = given.pop("weights", None)
-        self.weights = None if weights is None else _one_each(weights, "weights", "one number for each joint")
+        self.weights = None if weights is None else one_each(weights, "weights", "one number for each joint")
         self.braking = given.pop("braking", None)  # of check_stop
         errors = given.pop("speed_errors", None)
-        self.speed_errors = None if errors is None else _one_each(errors, "speed_errors", _SPEED_ERRORS)
+        self.speed_errors = None if errors is None else one_each(errors, "speed_errors", _SPEED_ERRORS)
         self._take_margin(given)
-        self._options = dict(_options(source._module.OPTIONS, call, given))
+        self._options = dict(options_of(source._module.OPTIONS, call, given))
         self.reduce = self._options.get("reduce", 0)
         self._runs: dict[tuple[bool, int, int], Run] = {}
         self.rows_each: dict[bool, int] = {}  #: rows of one configuration, cached by the source
@@ -130,7 +129,7 @@ class Query:
             return None, None
         if self.joints is not None:
             return self.bodies, self.joints.ids
-        return _some(self._movable, "bodies") if self.bodies is None else self.bodies, None
+        return some(self._movable, "bodies") if self.bodies is None else self.bodies, None
 
     def run(self, moves: bool, count: int, points: int = 2) -> Run:
         """Returns the query for the current poses, or for `count` configurations, or motions of some control points."""
@@ -288,39 +287,7 @@ class Run:
         return self.names.body_names
 
 
-def _options(table: Mapping[str, Any], call: str, given: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
-    """Converts options of wire/query_options.h."""
-    for name, value in given.items():
-        if name not in table or name in NO_ARGUMENTS:
-            raise TypeError(f"{call}() got an unexpected argument {name!r}, or one for a daemon alone")
-        if name == "rel_tol":
-            yield name, -1.0 if value is None else to_number_from_0(value, name, " or None")
-        else:
-            _, kind, _, words, *_ = table[name]
-            yield name, to_option(value, kind, words, name)
-
-
 def _joints_of(source: Source, joints: Any) -> Joints:
     table = source._joint_table
-    ids = _some(_own(table.ids_of(joints, "joints")), "joints")
+    ids = some(own(table.ids_of(joints, "joints")), "joints")
     return table.joints(ids)
-
-
-def _own(array: np.ndarray) -> np.ndarray:
-    """Returns a read-only copy, which the caller cannot change."""
-    array = array.copy()
-    array.flags.writeable = False
-    return array
-
-
-def _some(ids: np.ndarray, what: str) -> np.ndarray:
-    if not len(ids):
-        raise ValueError(f"{what}: expected at least one")
-    return ids
-
-
-def _one_each(numbers: Any, what: str, expected: str) -> np.ndarray:
-    each = to_floats(numbers, what, expected)
-    if each.ndim != 1:
-        raise ValueError(f"{what}: expected {expected}, got shape {each.shape}")
-    return each.copy()

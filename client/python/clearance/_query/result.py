@@ -9,37 +9,9 @@ import numpy as np
 from .._arguments import did_you_mean
 from .._names import names_of
 from .._words import BY_JOINT, COLUMNS, FIELD_MASKS, KNOWN_FIELDS, Field, Reduce, Status, row_shape
+from .attributes import AnswerAttribute, ColumnAttribute
 
 _ROWS_ALONE = frozenset(int(reduce) for reduce in (Reduce.WITHIN, Reduce.MIN, Reduce.ANY))  # (R,) or (K,)
-
-
-class _ColumnAttribute:
-    """A column, converted to an array on first access and cached."""
-
-    def __init__(self, doc: str):
-        self.__doc__ = doc
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, result: Optional[Result], owner: Optional[type] = None) -> Any:
-        if result is None:
-            return self
-        array = result.__dict__[self.name] = result._column(self.name)
-        return array
-
-
-class _AnswerAttribute:
-    """A number of the answer, read on access, since most callers use only a few of them."""
-
-    def __init__(self, doc: str):
-        self.__doc__ = doc
-
-    def __set_name__(self, owner: type, name: str) -> None:
-        self.name = name
-
-    def __get__(self, result: Optional[Result], owner: Optional[type] = None) -> Any:
-        return self if result is None else getattr(result._answer, self.name)
 
 
 #: Members of Result that describe it, in addition to the columns.
@@ -69,69 +41,69 @@ class Result:
     The bounds are certified: the exact distance of the stored convex parts at the given poses lies in [lower, upper].
     """
 
-    distance: np.ndarray = _ColumnAttribute("float64: upper if apart, 0 or lower if overlapping; NaN for a bad pose")  # type: ignore[assignment]
-    lower: np.ndarray = _ColumnAttribute("float64: certified lower bound; -inf for a bad pose")  # type: ignore[assignment]
-    upper: np.ndarray = _ColumnAttribute("float64: certified upper bound; +inf for a bad pose")  # type: ignore[assignment]
-    status: np.ndarray = _ColumnAttribute("uint8: values of clearance.Status")  # type: ignore[assignment]
-    flags: np.ndarray = _ColumnAttribute("uint16: bits of clearance.Flag")  # type: ignore[assignment]
-    point_a: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on a, world frame; NaN where there is none")  # type: ignore[assignment]
-    point_b: np.ndarray = _ColumnAttribute("(..., 3) float64: witness point on b, world frame; NaN where there is none")  # type: ignore[assignment]
-    normal: np.ndarray = _ColumnAttribute("(..., 3) float64: unit, from a towards b: the direction that proves lower")  # type: ignore[assignment]
-    pieces: np.ndarray = _ColumnAttribute("(..., 2) uint32: index of the nearest piece within a and b")  # type: ignore[assignment]
-    gradient: np.ndarray = _ColumnAttribute(
+    distance: np.ndarray = ColumnAttribute("float64: upper if apart, 0 or lower if overlapping; NaN for a bad pose")  # type: ignore[assignment]
+    lower: np.ndarray = ColumnAttribute("float64: certified lower bound; -inf for a bad pose")  # type: ignore[assignment]
+    upper: np.ndarray = ColumnAttribute("float64: certified upper bound; +inf for a bad pose")  # type: ignore[assignment]
+    status: np.ndarray = ColumnAttribute("uint8: values of clearance.Status")  # type: ignore[assignment]
+    flags: np.ndarray = ColumnAttribute("uint16: bits of clearance.Flag")  # type: ignore[assignment]
+    point_a: np.ndarray = ColumnAttribute("(..., 3) float64: witness point on a, world frame; NaN where there is none")  # type: ignore[assignment]
+    point_b: np.ndarray = ColumnAttribute("(..., 3) float64: witness point on b, world frame; NaN where there is none")  # type: ignore[assignment]
+    normal: np.ndarray = ColumnAttribute("(..., 3) float64: unit, from a towards b: the direction that proves lower")  # type: ignore[assignment]
+    pieces: np.ndarray = ColumnAttribute("(..., 2) uint32: index of the nearest piece within a and b")  # type: ignore[assignment]
+    gradient: np.ndarray = ColumnAttribute(
         "(..., 2, 6) float64, of a, of b: by a turn about its own origin (m/rad), by a shift (m/m); world axes"
     )  # type: ignore[assignment]
-    gradient_joints: np.ndarray = _ColumnAttribute(
+    gradient_joints: np.ndarray = ColumnAttribute(
         "(..., J) float64: by the position of each of the query's joints, in their order (m/rad or m/m)"
     )  # type: ignore[assignment]
-    hessian_joints: np.ndarray = _ColumnAttribute(
+    hessian_joints: np.ndarray = ColumnAttribute(
         "(..., J, J) float64, symmetric: by the positions of two joints (m/rad^2, m/rad, 1/m); NaN where there is none"
     )  # type: ignore[assignment]
-    rate: np.ndarray = _ColumnAttribute("float64, m/s: of the distance at the given velocities; NaN if unknown")  # type: ignore[assignment]
-    rate_bounds: np.ndarray = _ColumnAttribute(
+    rate: np.ndarray = ColumnAttribute("float64, m/s: of the distance at the given velocities; NaN if unknown")  # type: ignore[assignment]
+    rate_bounds: np.ndarray = ColumnAttribute(
         "(..., 2) float64, m/s: certified interval of the one-sided derivatives by time; infinite if unknown"
     )  # type: ignore[assignment]
-    curvature: np.ndarray = _ColumnAttribute(
+    curvature: np.ndarray = ColumnAttribute(
         "float64, m/s^2: second derivative by time while the velocities stay constant; NaN where there is none"
     )  # type: ignore[assignment]
-    smooth_radius: np.ndarray = _ColumnAttribute(
+    smooth_radius: np.ndarray = ColumnAttribute(
         "float64, metres of relative motion over which the same features stay the nearest: a lower bound for"
         " translations, an estimate if bodies turn; 0 where these change within rounding, NaN if undefined"
     )  # type: ignore[assignment]
-    pair_lower: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
-    pair: np.ndarray = _ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
-    time: np.ndarray = _ColumnAttribute("float64, 0 to 1: when in a motion the witness points are; NaN: no points")  # type: ignore[assignment]
-    first_contact: np.ndarray = _ColumnAttribute(
+    pair_lower: np.ndarray = ColumnAttribute("(..., 2) uint32: body ids of the pair whose lower bound is the row's")  # type: ignore[assignment]
+    pair: np.ndarray = ColumnAttribute("(..., 2) uint32: body ids, as a column; see pairs")  # type: ignore[assignment]
+    time: np.ndarray = ColumnAttribute("float64, 0 to 1: when in a motion the witness points are; NaN: no points")  # type: ignore[assignment]
+    first_contact: np.ndarray = ColumnAttribute(
         "(..., 2) float64, 0 to 1: until when a motion is proved beyond its margins, and when within; inf: never"
     )  # type: ignore[assignment]
-    steps: np.ndarray = _ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
-    free_scale: np.ndarray = _ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
-    verdict: np.ndarray = _ColumnAttribute(
+    steps: np.ndarray = ColumnAttribute("uint32: configurations evaluated for a motion")  # type: ignore[assignment]
+    free_scale: np.ndarray = ColumnAttribute("float64: how far joints may move, in their weights; see free_scale()")  # type: ignore[assignment]
+    verdict: np.ndarray = ColumnAttribute(
         'uint8, reduce="any" only: values of clearance.Status, as status, but OK for any pair proved within its margin'
     )  # type: ignore[assignment]
-    bounds: np.ndarray = _ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
-    points32: np.ndarray = _ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
+    bounds: np.ndarray = ColumnAttribute("(..., 2) float32: lower and upper, rounded outward")  # type: ignore[assignment]
+    points32: np.ndarray = ColumnAttribute("(..., 2, 3) float32: points of a, of b from its body's origin; world axes")  # type: ignore[assignment]
 
     def __init__(self, answer: Any, reduce: int, source: PairSource):
         self._answer = answer
         self._reduce = reduce
         self._source = source
 
-    fields: int = _AnswerAttribute("Bits of clearance.Field: the columns that are there.")  # type: ignore[assignment]
-    configurations: int = _AnswerAttribute("K, at least 1.")  # type: ignore[assignment]
-    total: int = _AnswerAttribute(
+    fields: int = AnswerAttribute("Bits of clearance.Field: the columns that are there.")  # type: ignore[assignment]
+    configurations: int = AnswerAttribute("K, at least 1.")  # type: ignore[assignment]
+    total: int = AnswerAttribute(
         'Pairs found by reduce="within", also those past max_results; else the number of rows.'
     )  # type: ignore[assignment]
-    snapshot_revision: int = _AnswerAttribute("Revision of the poses that this answer saw.")  # type: ignore[assignment]
-    snapshot_stamp_ns: int = _AnswerAttribute("Newest publisher's stamp among those poses.")  # type: ignore[assignment]
-    snapshot_sequence: int = _AnswerAttribute("Its publisher's count of the update with that stamp; 0: not counted.")  # type: ignore[assignment]
-    pose_age_ns: int = _AnswerAttribute(
+    snapshot_revision: int = AnswerAttribute("Revision of the poses that this answer saw.")  # type: ignore[assignment]
+    snapshot_stamp_ns: int = AnswerAttribute("Newest publisher's stamp among those poses.")  # type: ignore[assignment]
+    snapshot_sequence: int = AnswerAttribute("Its publisher's count of the update with that stamp; 0: not counted.")  # type: ignore[assignment]
+    pose_age_ns: int = AnswerAttribute(
         "Nanoseconds from the receipt of the oldest pose to the query's begin; -1: none was received."
     )  # type: ignore[assignment]
-    scene_revision: int = _AnswerAttribute("Revision of the scene.")  # type: ignore[assignment]
-    engine_ns: int = _AnswerAttribute("Nanoseconds spent in the engine.")  # type: ignore[assignment]
-    server_ns: int = _AnswerAttribute("Nanoseconds spent in the daemon as a whole (0 in process).")  # type: ignore[assignment]
-    backend: str = _AnswerAttribute("The backend that answered.")  # type: ignore[assignment]
+    scene_revision: int = AnswerAttribute("Revision of the scene.")  # type: ignore[assignment]
+    engine_ns: int = AnswerAttribute("Nanoseconds spent in the engine.")  # type: ignore[assignment]
+    server_ns: int = AnswerAttribute("Nanoseconds spent in the daemon as a whole (0 in process).")  # type: ignore[assignment]
+    backend: str = AnswerAttribute("The backend that answered.")  # type: ignore[assignment]
 
     @property
     def _lead(self) -> tuple[int, ...]:

@@ -89,8 +89,8 @@ class Scene(ShapeScene, RobotScene):
             "surface" (its triangles) or "solid" (the volume that they enclose; the mesh must be closed and consistently
             oriented). "auto" is the hull of a convex or an open mesh, otherwise a solid.
 
-        Warns (MeshWarning) if the pieces stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it is at
-        least 50 m wide: files in millimetres need scale=0.001.
+        Warns (MeshWarning) if the convex parts stand far out of the mesh (BodyInfo.hull_excess is a bound), and if it
+        is at least 50 m wide: files in millimetres need scale=0.001.
         """
         rest = self._rest(parent, static, pose, uncertainty, padding, max_speed)
         file, scales = to_path(path, "path"), three_numbers(scale, "scale", one=True)

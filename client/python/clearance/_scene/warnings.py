@@ -21,7 +21,7 @@ def warn_of_robots(scene: Any, first: int) -> None:
 
 
 def warn_of_meshes(scene: Any, first: int) -> None:
-    """Warns once for all bodies from `first` on whose meshes are probably not what they are taken for."""
+    """Warns once for all bodies from `first` on whose meshes are probably taken for the wrong kind."""
     found = scene.mesh_warnings(first)
     if not found:
         return

@@ -140,7 +140,7 @@ class Page:
             client.camera.position = position
 
     def show(self, look: str) -> None:
-        """Draws bodies as "mesh", "pieces" or "points"."""
+        """Draws bodies as `mesh`, `pieces` or `points`."""
         self._look = look
         for body in self._bodies:
             body.show(look)

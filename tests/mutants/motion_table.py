@@ -1,0 +1,140 @@
+"""The mutants of bounds on motions (table.py)."""
+
+from __future__ import annotations
+
+from mutant import mutants_of
+
+MOTION_MUTANTS = [
+    # Bounds on motions.
+    *mutants_of(
+        "motions HalfSpans.*:JointCurve.*:MotionBounds.*:MotionRates.*:*MotionOracleTest.*",
+        ("motion_bend_of_one", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * (2 * sum.turn)"),
+        ("motion_bend_of_two", "robot/motion_path_step.h", "speed * (turn + 2 * sum.turn)", "speed * turn"),
+        (
+            "motion_bend_of_carrier",
+            "robot/motion_path.cpp",
+            "outer.acceleration + 2 * outer.turn * speed",
+            "outer.acceleration",
+        ),
+        ("motion_mimic", "robot/motion_path_step.h", "* @mover.scale@ * kMotionSlack", "1.0"),
+        ("motion_travel", "robot/motion_path_step.h", "@mover.reach_travel@ * travel)", "0"),
+        (
+            "motion_reach",
+            "robot/motion_path.cpp",
+            "mover.reach = (@across(axis, next_) + beyond_@)",
+            "0.99 * (across(axis, next_) + beyond_)",
+        ),
+        ("motion_turn", "selection/body_motion.cpp", "turn_ = (@2@ * half_angle_", "1.98"),
+        ("motion_shift", "selection/body_motion.cpp", "shift_ = @length_of(along_)@", "0.99 * length_of(along_)"),
+        ("motion_longer_way", "selection/body_motion.cpp", "s = @sign < 0 ? -1 : 1@", "1"),
+        (
+            "motion_bend_of_body",
+            "motion/motion_bounds.cpp",
+            "(radius * motion.turn() + 4 * wrong) * motion.turn()",
+            "0 * motion.turn()",
+        ),
+        ("motion_one_side", "motion/motion_bounds.cpp", "@a.speed + b.speed@, a.acceleration", "b.speed"),
+        (
+            "motion_drift",
+            "motion/motion_bounds.cpp",
+            "rates.add_drift(@drift_of(pair.a, moving, placed) + drift_of(pair.b, moving, placed)@ +",
+            "0 * drift_of(pair.a, moving, placed)",
+        ),
+        ("motion_held", "motion/motion_bounds.cpp", "(reach + link.offset) * kUp", "reach * kUp"),
+        ("motion_bend", "motion/motion_step.h", "gap(end) - bend", "gap(end)"),
+        ("motion_middle", "motion/motion_step.h", "(there < middle ? there : middle) - error", "there - error"),
+        ("motion_lean", "motion/motion_step.h", "n + lean_a * @s@", "(0 * s)"),
+        (
+            "motion_way",
+            "motion/motion_span.cpp",
+            "difference_below(answer.lower, request.way)",
+            "difference_below(answer.lower, 0.9 * request.way)",
+        ),
+        (
+            "motion_boxes",
+            "motion/motion_span.cpp",
+            "sum_above(speed(pair.a), speed(pair.b)) * node.half()",
+            "0.5 * sum_above(speed(pair.a), speed(pair.b)) * node.half()",
+        ),
+        ("motion_slack", "motion/motion_step.h", "inner + drift * half", "drift * half"),
+        ("motion_seer", "motion/motion_step.h", "twist.turn = twist.turn - @seer.turn@", "0.0 * seer.turn"),
+        ("motion_contact", "motion/motion_search.cpp", "goal.unproved = @std::min(goal.unproved, begin)@", "begin"),
+        ("motion_along_boxes", "motion/motion_span.cpp", "low = @std::min(gaps.before, gaps.after)@", "gaps.middle"),
+        (
+            "motion_proved_until",
+            "motion/motion_step.h",
+            "(middle - kept) / (middle - end)",
+            "1.5 * (middle - kept) / (middle - end)",
+        ),
+        (
+            "motion_bend_of_curve",
+            "motion/motion_bounds.cpp",
+            "@link.path.rates(moving.bend[link.robot], travel, beyond).speed@) * kUp",
+            "0.0",
+        ),
+        (
+            "motion_span_of_curve",
+            "motion/motion_span.cpp",
+            "take_span(@node.begin@, node.end, moving)",
+            "(0.5 * node.begin + 0.5 * node.end)",
+        ),
+        ("curve_way", "selection/joint_curve.cpp", "way = std::max(way, @std::abs(p)@)", "0.9 * std::abs(p)"),
+        (
+            "curve_rest",
+            "selection/joint_curve.cpp",
+            "std::abs(p - joint.slope * @progress_[i]@)",
+            "(1.1 * progress_[i])",
+        ),
+        ("curve_bend", "selection/joint_curve.cpp", "joint.bend = @2@ * (rest + error)", "1.9"),
+        ("curve_pace", "selection/joint_curve.cpp", "farthest_ / (@degree@ * step)", "1"),
+        ("curve_sign", "selection/joint_curve.cpp", "i <= degree ? @std::min(r, 0.0)@", "r"),
+        ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * curves[j].rounding()", "0.0"),
+        ("derivative_slope", "selection/joint_curve.cpp", "polar(first, degree_ - 1, @middle@, middle, 0)", "begin"),
+        (
+            "derivative_change",
+            "selection/joint_curve.cpp",
+            "(greatest_in(first, degree_ - 1, begin, @end@) + unit)",
+            "(0.9 * end + 0.1 * begin)",
+        ),
+        (
+            "derivative_bend",
+            "selection/joint_curve.cpp",
+            "(greatest_in(second, degree_ - 2, @begin@, end) + 2 * d * unit)",
+            "(0.9 * begin + 0.1 * end)",
+        ),
+        ("derivative_error", "selection/joint_curve.cpp", "found.error = @unit@", "1e-3 * unit"),
+    ),
+    # Bodies that move or grow meanwhile.
+    *mutants_of(
+        "motions Meanwhile.*:*MotionOracleTest.*meanwhile",
+        ("growth_speed", "motion/motion_bounds.cpp", "rates.speed += @grown.change@", "0.0"),
+        ("growth_bend", "motion/motion_bounds.cpp", "(rates.acceleration + @grown.bend@)", "0.0"),
+        ("growth_most", "motion/motion_bounds.cpp", "sum.most += @at + rounding@", "0.99 * at"),
+        ("growth_least", "motion/motion_bounds.cpp", "sum.least += std::max(@at@ - rounding, 0.0)", "1.001 * at"),
+        ("growth_of_boxes", "motion/motion_bounds.cpp", "speeds.push_back((speed + @grown@) * kUp)", "0 * grown"),
+        ("growth_slope", "motion/motion_span.cpp", "n * (@request.growth.slope@ / norm(n))", "0.0"),
+        (
+            "given_way",
+            "motion/moving_bodies.cpp",
+            "@std::hypot(by[0].change, by[1].change, by[2].change)@ * kMotionSlack",
+            "0.9 * std::hypot(by[0].change, by[1].change, by[2].change)",
+        ),
+        (
+            "given_bend",
+            "motion/moving_bodies.cpp",
+            "@std::hypot(by[0].bend, by[1].bend, by[2].bend)@ * kMotionSlack",
+            "0.0",
+        ),
+        ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),
+    ),
+    *mutants_of(
+        "motions Meanwhile.*",
+        ("covered_shift", "decision/span_rates.cpp", "(@by.shift@ + path.reach * by.turn) * kUp", "0.5 * by.shift"),
+        ("covered_turn", "decision/span_rates.cpp", "(@path.reach * by.turn * by.turn@ + by.bend)", "0.0"),
+        ("covered_bend", "decision/span_rates.cpp", "path.reach * by.turn * by.turn + @by.bend@", "0.0"),
+        ("covered_velocity", "decision/given_motions.cpp", "@spans_[body].shift@};", "spans_[body].shift * 0.8"),
+        ("covered_growth", "decision/motion_placement.cpp", "static_cast<float>((bend + @growth@) * kUp)", "0.0"),
+        ("covered_growth_of_pair", "decision/motion_placement.cpp", "@growths_[pair.a]@ + growths_[pair.b]", "0.0"),
+        ("covered_growth_in_span", "decision/given_motions.cpp", "@spans_[body].growth@ * half", "0.0"),
+    ),
+]
