@@ -3,7 +3,8 @@
 
     bench/run.py list                         lists the suites, and the files that each rewrites
     bench/run.py SUITE... [OPTION...]         options of the suites' programs, such as --rounds 5
-    bench/run.py all                          runs every suite, also after one that fails; the last lines list all
+    bench/run.py all                          runs every suite, also after one that fails; the last lines list all. The
+                                              defaults of the suites are for 90 minutes on two quiet cores
     bench/run.py --quick SUITE...             a small run: writes to out/bench and no pages
 """
 
