@@ -13,6 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs/results"
+STAMP = "# measured "  # begin of the line with which bench/run.py dates a CSV file
 
 
 def parser(doc, seed=None):
@@ -58,9 +59,9 @@ def write(rows, path, remark=None):
 
 
 def read(path):
-    """Returns (remark, rows) of a CSV file. The remark is its first comment, or empty."""
+    """Returns (remark, rows) of a CSV file. The remark is its first comment without that of stamp(), or empty."""
     lines = path.read_text().splitlines()
-    comments = [line.lstrip("# ").strip() for line in lines if line.startswith("#")]
+    comments = [line.lstrip("# ").strip() for line in lines if line.startswith("#") and not line.startswith(STAMP)]
     return (comments or [""])[0], list(csv.DictReader(line for line in lines if not line.startswith("#")))
 
 
@@ -78,6 +79,19 @@ def grouped(rows, *keys):
 def stamped(remark):
     """The remark with machine, date and load."""
     return f"{remark}; {machine()}, {datetime.date.today()}, one thread, load {os.getloadavg()[0]:.0f}"
+
+
+def stamp(path, minutes):
+    """Begins a CSV file with a comment of the date, the commit, the minutes of the suite, and the machine."""
+    lines = [line for line in path.read_text().splitlines(keepends=True) if not line.startswith(STAMP)]
+    line = f"{STAMP}{datetime.date.today()}, commit {commit()}, {minutes:.1f} minutes, {machine()}\n"
+    path.write_text("".join([line, *lines]))
+
+
+def stamp_of(path):
+    """The comment of stamp() in a CSV file, or an empty string."""
+    lines = path.read_text().splitlines() if path.exists() else []
+    return next((line.lstrip("# ") for line in lines if line.startswith(STAMP)), "")
 
 
 @functools.cache

@@ -3,16 +3,19 @@
 
     bench/run.py list                         lists the suites, and the files that each rewrites
     bench/run.py SUITE... [OPTION...]         options of the suites' programs, such as --rounds 5
-    bench/run.py all                          runs every suite
+    bench/run.py all                          runs every suite, also after one that fails; the last lines list all. The
+                                              defaults of the suites are for 90 minutes on two quiet cores
     bench/run.py --quick SUITE...             a small run: writes to out/bench and no pages
 """
 
 import argparse
 import subprocess
 import sys
+import time
 from dataclasses import dataclass
 
 from environment import ROOT, python_of, variables
+from harness import stamp, stamp_of
 
 VENV = ROOT / ".venv/bin/python"
 ROBOTS = "bench/robots"
@@ -120,6 +123,9 @@ SUITES = {
 def show_suites():
     for name, suite in SUITES.items():
         print(f"  {name:<12} {suite.what}\n  {'':<12} {' '.join(suite.files())}")
+        stamps = {stamp_of(ROOT / file) for file in suite.files() if file.endswith(".csv")}
+        for found in sorted(filter(None, stamps)):
+            print(f"  {'':<12} {found}")
     print(f"  {'pages':<12} The tables of docs/*.md from docs/results, without measuring.")
 
 
@@ -141,9 +147,37 @@ def run(name, options, quick):
     command = [suite.program, *suite.options.format(results=results, name=name).split()]
     if suite.program.endswith(".py"):
         command.insert(0, python_of(suite.python, VENV) if suite.python else VENV)
+    files = [ROOT / results / f"{file}.csv" for file in suite.rewrites.split()]
+    old, begin = [modified(file) for file in files], time.monotonic()
     call(*command, *suite.quick.split() * quick, *options, env=variables())
+    minutes = (time.monotonic() - begin) / 60
+    for file, before in zip(files, old):
+        if modified(file) != before:
+            stamp(file, minutes)
     if suite.pages and not quick:
         write_pages(*(["--draw", suite.draw] if suite.draw else []))
+
+
+def modified(file):
+    """Time of a file's last change, or None without a file."""
+    return file.stat().st_mtime_ns if file.exists() else None
+
+
+def attempt(name, options, quick):
+    """Runs a suite, or another word of the command line. Returns whether it succeeded."""
+    try:
+        if name == "list":
+            show_suites()
+        elif name == "pages":
+            call("tools/setup.sh")
+            write_pages(*options)
+        else:
+            print(f"{name}: {SUITES[name].what}", flush=True)
+            run(name, options, quick)
+    except (OSError, subprocess.CalledProcessError, SystemExit) as error:
+        print(f"bench: {name}: {error}", file=sys.stderr)
+        return False
+    return True
 
 
 def main():
@@ -158,20 +192,15 @@ def main():
     unknown = [name for name in names if name not in (*SUITES, "list", "pages")]
     if unknown or not names:
         parser.error(f"no suite {' '.join(unknown)!r}; there are all, list, pages, {', '.join(SUITES)}")
-    failed = []
+    failed, lines = [], []
     for name in names:
-        try:
-            if name == "list":
-                show_suites()
-            elif name == "pages":
-                call("tools/setup.sh")
-                write_pages(*options)
-            else:
-                print(f"{name}: {SUITES[name].what}", flush=True)
-                run(name, options, given.quick)
-        except (OSError, subprocess.CalledProcessError) as error:
+        begin = time.monotonic()
+        if not attempt(name, options, given.quick):
             failed.append(name)
-            print(f"bench: {name}: {error}", file=sys.stderr)
+        outcome = "failed" if name in failed else "done"
+        lines.append(f"bench: {name:<12} {outcome:<6} {(time.monotonic() - begin) / 60:6.1f} minutes")
+    if len(names) > 1:
+        print("\n".join(lines), flush=True)
     return f"bench: failed: {' '.join(failed)}" if failed else 0
 
 

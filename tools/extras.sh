@@ -62,13 +62,15 @@ PYTHON
 
 # Each wheel in roots with Python alone: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
 run_wheels() {
-  local native abi3 client root
+  local native py310 abi3 client root
   tools/setup.sh tools/packages/install.txt
   CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
   native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
-  abi3=$(newest 'dist/clearance-*-abi3-*.whl') client=$(newest 'dist/clearance_client-*.whl')
+  py310=$(newest 'dist/clearance-*-cp310-cp310-*.whl') abi3=$(newest 'dist/clearance-*-abi3-*.whl')
+  client=$(newest 'dist/clearance_client-*.whl')
   root=$(tools/root.sh jammy python3 python3-venv python3.11 python3.11-venv)
   try_wheel "$root" python3.11 3.11 "$native"
+  try_wheel "$root" python3 3.10 "$py310"
   try_wheel "$root" python3 3.10 "$client" "$native"
   root=$(tools/root.sh trixie python3 python3-venv)
   try_wheel "$root" python3 3.13 "$abi3"

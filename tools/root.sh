@@ -4,7 +4,7 @@
 #
 #   bullseye bookworm trixie    Debian 11, 12, 13
 #   jammy noble                 Ubuntu 22.04, 24.04
-#   trixie-build                another of the kind, with the packages of a build in addition to those of a run
+#   jammy-build trixie-build    others of the kind, with the packages of a build in addition to those of a run
 #   arm64-bookworm              Debian 12 for 64-bit ARM: its packages unpacked and not set up, for a cross-compiler and qemu
 set -euo pipefail
 . "$(dirname "$0")/step.sh" >&2
@@ -50,7 +50,7 @@ if [[ $suite = arm64-* ]]; then
   exit
 fi
 if [ ! -f "$root.made" ]; then
-  case $suite in
+  case ${suite%-build} in
     jammy | noble)
       mirror=http://archive.ubuntu.com/ubuntu
       options+=(--components=main,universe --keyring="$(ubuntu_keys)")
@@ -58,7 +58,7 @@ if [ ! -f "$root.made" ]; then
   esac
   rm -rf "$root"
   step "root-$suite" "Make the root $suite" debootstrap "${options[@]}" "${suite%-build}" "$root" "$mirror" >&2
-  if [[ $mirror = *ubuntu ]]; then echo "deb $mirror $suite-updates main universe" >>"$root/etc/apt/sources.list"; fi
+  if [[ $mirror = *ubuntu ]]; then echo "deb $mirror ${suite%-build}-updates main universe" >>"$root/etc/apt/sources.list"; fi
   touch "$root.made"
 fi
 cp /etc/resolv.conf "$root/etc/resolv.conf"

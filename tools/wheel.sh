@@ -1,9 +1,11 @@
 #!/usr/bin/env bash
-# Builds the wheels, into dist/: tools/wheel.sh [native] [abi3] [client]; without a name all. No package index has them.
+# Builds the wheels, into dist/: tools/wheel.sh [native] [py310] [abi3] [client]; without a name all. No package index has
+# them.
 #
 #   native   package, daemon, command line and mesh loader for .venv's Python, with every library that they need but glibc's and
 #            the compiler's
-#   abi3     the same for every Python from 3.12 on: built with Debian 13's Python, and with this machine's compiler and libraries
+#   py310    the same for Python 3.10: built with Ubuntu 22.04's Python, and with this machine's compiler and libraries
+#   abi3     the same for every Python from 3.12 on: built with Debian 13's Python
 #   client   the client alone, of Python alone: Python 3.9 and later, shared memory and ZeroMQ
 #
 # A wheel asks for glibc 2.35 at most (Ubuntu 22.04), and takes at most 60 MB; anything else is an error here. The kernels
@@ -14,7 +16,7 @@ set -euo pipefail
 platform=manylinux_2_35_$(uname -m)
 most_bytes=60000000
 kinds=("$@")
-((${#kinds[@]})) || kinds=(native abi3 client)
+((${#kinds[@]})) || kinds=(native py310 abi3 client)
 
 tools_in_venv() {
   cmp -s tools/packages/wheel_requirements.txt .venv/clearance-wheel && return
@@ -25,30 +27,34 @@ tools_in_venv() {
 
 build_native() { build .venv/bin/python; }
 
-# A Python of a newer Debian needs its own glibc, which the wheel must not: it runs under its own loader, with
-# everything else from here.
-build_abi3() {
-  local root packages=$PWD/out/wheel-abi3/packages python=$PWD/out/wheel-abi3/python3.13 triplet
+build_py310() { build_elsewhere jammy 3.10; }
+build_abi3() { build_elsewhere trixie 3.13 -C wheel.py-api=cp312; }
+
+# build_elsewhere SUITE VERSION OPTION...: with the Python of another system. It runs under its own loader and with its own
+# glibc, which the wheel must not need; everything else is from here.
+build_elsewhere() {
+  local suite=$1 version=$2 root packages=$PWD/out/wheel-$1/packages python=$PWD/out/wheel-$1/python$2 triplet
+  shift 2
   triplet=$(uname -m)-linux-gnu
-  root=$(tools/root.sh trixie-build python3 python3-dev)
+  root=$(tools/root.sh "$suite-build" python3 python3-dev)
   mkdir -p "$packages"
-  # Debian's Python.h includes processor-dependent parts as <TRIPLET/python3.13/pyconfig.h>, below /usr/include. That
+  # Debian's Python.h includes processor-dependent parts as <TRIPLET/python3.N/pyconfig.h>, below /usr/include. That
   # folder also has a C library's headers, which must not be found, so a link from the folder of Python.h leads there.
-  mkdir -p "$root/usr/include/python3.13/$triplet"
-  ln -sfnr "$root/usr/include/$triplet/python3.13" "$root/usr/include/python3.13/$triplet/python3.13"
+  mkdir -p "$root/usr/include/python$version/$triplet"
+  ln -sfnr "$root/usr/include/$triplet/python$version" "$root/usr/include/python$version/$triplet/python$version"
   # Python::SABIModule, which builds a module for the stable ABI, was added in CMake 3.26.
-  [ -d "$packages/cmake" ] || step wheel-abi3 "Install what builds for Python 3.13" .venv/bin/python -m pip install \
-    --disable-pip-version-check --progress-bar off --target "$packages" --python-version 3.13 --implementation cp \
+  [ -d "$packages/cmake" ] || step "wheel-$suite" "Install what builds for Python $version" .venv/bin/python -m pip install \
+    --disable-pip-version-check --progress-bar off --target "$packages" --python-version "$version" --implementation cp \
     --only-binary=:all: --platform "$platform" --platform "manylinux_2_28_$(uname -m)" --platform "manylinux_2_17_$(uname -m)" \
     --platform "manylinux2014_$(uname -m)" --platform "manylinux_2_12_$(uname -m)" \
     pip scikit-build-core nanobind==2.9.2 lcm==1.5.3 "cmake>=3.26,<4" ninja
   cat >"$python" <<SCRIPT
 #!/bin/sh
 exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root"/lib64/ld-linux-*.so.2) --argv0 "\$0" \\
-  --library-path $root/usr/lib/$triplet $root/usr/bin/python3.13 "\$@"
+  --library-path $root/usr/lib/$triplet $root/usr/bin/python$version "\$@"
 SCRIPT
   chmod +x "$python"
-  PATH="$packages/bin:$PATH" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" build "$python" -C wheel.py-api=cp312
+  PATH="$packages/bin:$PATH" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" build "$python" "$@"
 }
 
 # build PYTHON OPTION...: a wheel with its libraries.

@@ -22,6 +22,8 @@ struct Metric {
 constexpr MetricKind kCounterMetric = MetricKind::kCounterMetric, kGaugeMetric = MetricKind::kGaugeMetric;
 constexpr auto kMetrics = std::to_array<Metric>({
     {"uptime_s", kGaugeMetric, "Seconds since the daemon started."},
+    {"heap.used_bytes", kGaugeMetric, "Allocated memory of the daemon's heaps, in bytes."},
+    {"heap.kept_bytes", kGaugeMetric, "Freed memory that the heaps keep for later requests, in bytes."},
     {"frames", kCounterMetric, "Requests received."},
     {"replies", kCounterMetric, "Requests answered."},
     {"rows", kCounterMetric, "Rows of answers."},

@@ -103,7 +103,7 @@ def measure(name, links, resources, options):
 
 def main():
     parser = problems.parser(__doc__, "panda ur5", seed=1)
-    parser.add_argument("--states", type=int, default=2000)
+    parser.add_argument("--states", type=int, default=200)
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()
     resources = problems.fetch()

@@ -92,8 +92,8 @@ def time_verdicts(robot, resources, margin, options):
 
 def main():
     parser = problems.parser(__doc__, "panda ur5 fetch", seed=1)
-    parser.add_argument("--problems", type=int, default=10, help="of each family: numbers 1 to this")
-    parser.add_argument("--edges", type=int, default=100, help="of each problem, compared with samples")
+    parser.add_argument("--problems", type=int, default=3, help="of each family: numbers 1 to this")
+    parser.add_argument("--edges", type=int, default=200, help="of each problem, compared with samples")
     parser.add_argument("--verdicts", type=int, default=400, help="edges of each problem and kind that are timed")
     parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--programs", type=Path, nargs="+", default=[verdicts.PROGRAM], help="of other builds, too")

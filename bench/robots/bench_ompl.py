@@ -128,7 +128,7 @@ def measure(robot, resources, options):
 
 def main():
     parser = problems.parser(__doc__, "panda ur5 fetch", seed=1)
-    parser.add_argument("--problems", type=int, default=3, help="of each family: numbers 1 to this")
+    parser.add_argument("--problems", type=int, default=1, help="of each family: numbers 1 to this")
     parser.add_argument("--seconds", type=float, default=20.0, help="on the wall, for each plan")
     options = parser.parse_args()
     resources = problems.fetch()

@@ -221,7 +221,7 @@ def measure(options, robot, resources):
 
 def main():
     parser = problems.parser(__doc__, "panda ur5 fetch baxter", seed=1)
-    parser.add_argument("--problems", type=int, default=50, help="of each family: numbers 1 to this")
+    parser.add_argument("--problems", type=int, default=2, help="of each family: numbers 1 to this")
     parser.add_argument("--states", type=int, default=4096, help="random ones of each problem")
     parser.add_argument("--rounds", type=int, default=3)
     options = parser.parse_args()

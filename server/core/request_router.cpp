@@ -1,5 +1,7 @@
 #include "server/core/request_router.h"
 
+#include <malloc.h>
+
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -25,6 +27,16 @@ void work_in_background(RequestRouter& router, Request& request, std::uint64_t r
   const auto work = std::make_shared<Work>(context.answers, context.engine, request.header, request.take_payload());
   context.reply_in_background(request, request.bytes + reply_bytes,
                               [work](auto budget, std::uint64_t& ignored) { return work->advance(budget, ignored); });
+}
+
+/// Appends the bytes of the C library's heaps, large blocks included. A heap that grows while `used` does not is kept by
+/// the allocator, and is no leak.
+void append_heap(Stats::Named& counters) {
+#ifdef __GLIBC__
+  const struct mallinfo2 info = mallinfo2();
+  counters.emplace_back("heap.used_bytes", info.uordblks + info.hblkhd);
+  counters.emplace_back("heap.kept_bytes", info.fordblks);
+#endif
 }
 
 void certify(RequestRouter& on, Request& request) {
@@ -168,6 +180,7 @@ Stats::Named RequestRouter::counters() const {
                    {"requests.waiting", running + deferred + scenes.waiting()},
                    {"plans.open", plans.count()},
                    {"plans.bytes", plans.bytes()}};
+  append_heap(all);
   context.stats.append_to(all);
   const auto engine = context.engine->stats();
   all.insert(all.end(), engine.begin(), engine.end());

@@ -25,7 +25,8 @@ struct Options {
 
 const char* const kFaults[] = {"killed",    "frozen",  "scribbling",       "descriptors",   "memory",
                                "file_size", "reloads", "killed_of_mortal", "daemons_killed"};
-const char* const kStats[] = {"frames", "replies", "errors", "requests.dropped", "shm.connections", "shm.violations"};
+const char* const kStats[] = {"frames",          "replies",        "errors",          "requests.dropped",
+                              "shm.connections", "shm.violations", "heap.used_bytes", "heap.kept_bytes"};
 
 void write_head(std::ostream& out, const Options& o) {
   out << "# clearance-soak --minutes " << o.minutes << " --seed " << o.seed << " --load " << o.load << "\nseconds,cpu";

@@ -105,6 +105,7 @@ def check_whole(clearance, scene):
             done = subprocess.run([BIN / "clearance", *arguments], capture_output=True, text=True)
             assert done.returncode == 0 and done.stdout, (arguments, done)
         assert done.stdout.split() == ["clearance", clearance.__version__]
+        assert subprocess.check_output([sys.executable, "-m", "clearance", "--version"], text=True) == done.stdout
         check_robot(folder)
         check_view()
         daemon.terminate()

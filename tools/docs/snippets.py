@@ -38,6 +38,8 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "README.md": {
         "make demo": ELSEWHERE + "tests/python/cli/test_demo.py",
         "make test": "it runs this",
+        "tools/wheel.sh native": NEEDS + "minutes; make test-extras EXTRAS=wheels",
+        "pip install numpy": NEEDS + "a network; make test-extras EXTRAS=wheels installs it so",
     },
     "docs/accuracy.md": {
         "make ": LONG + "make test has a part of it",
@@ -76,6 +78,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "git clone": "the repository is there",
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
+        "pip install numpy": NEEDS + "a network; make test-extras EXTRAS=wheels installs it so",
         "mkdir -p /run/clearance": NEEDS + "Docker",
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",

@@ -2,6 +2,7 @@
 
 import re
 import subprocess
+import sys
 
 import clearance
 from conftest import BUILD, INSTALLED
@@ -17,6 +18,13 @@ def test_package_and_programs_say_the_projects_version(root):
     for name in () if INSTALLED else ("clearance", "clearanced"):
         said = subprocess.run([BUILD / "bin" / name, "--version"], capture_output=True, text=True, check=True).stdout
         assert said.split() == [name, version]
+
+
+def test_the_package_runs_the_command(root):
+    command = [sys.executable, "-m", "clearance", "--version"]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["clearance", version_of_project(root)]
+    assert subprocess.run([*command[:-1], "--nonsense"], capture_output=True).returncode == 2
 
 
 def test_changelog_has_the_version(root):

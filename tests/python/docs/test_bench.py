@@ -48,17 +48,25 @@ def test_the_list_has_every_suite_and_its_files(capsys):
 
 @pytest.fixture
 def checkout(tmp_path):
-    """A folder with the runner, in which every program it starts writes its arguments to the file calls."""
+    """A repository with the runner, in which every program it starts writes its arguments to the file calls, and a
+    CSV file of one row where --csv names one.
+    """
     (tmp_path / "bench/robots").mkdir(parents=True)
-    for file in ("bench/run.py", "bench/environment.py", "bench/robots/requirements.txt"):
+    for file in ("bench/run.py", "bench/environment.py", "bench/harness.py", "bench/robots/requirements.txt"):
         shutil.copy(ROOT / file, tmp_path / file)
     fakes = [".venv/bin/python", "build/robots/venv/bin/python", "build/bin/clearance-broad", "tools/build.sh"]
     for name in (*fakes, "tools/setup.sh"):
         path = tmp_path / name
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(f'#!/bin/sh\necho "{name} $*" >>calls\ncase "$*" in *--fail*) exit 7;; esac\n')
+        path.write_text(
+            f'#!/bin/sh\necho "{name} $*" >>calls\ncase "$*" in *--fail*) exit 7;; esac\n'
+            'while [ $# -gt 1 ]; do [ "$1" = --csv ] && printf "a\\n1\\n" >"$2"; shift; done; true\n'
+        )
         path.chmod(0o755)
     shutil.copy(ROOT / "bench/robots/requirements.txt", tmp_path / "build/robots/venv/installed")
+    git = ["git", "-C", tmp_path, "-c", "user.name=test", "-c", "user.email=test@localhost"]
+    for command in (["init", "-q"], ["add", "bench"], ["commit", "-q", "-m", "The runner"]):
+        subprocess.run([*git, *command], check=True)
     return tmp_path
 
 
@@ -103,10 +111,34 @@ def test_a_quick_run_leaves_results_and_pages(checkout):
 def test_suites_that_fail_are_named(checkout):
     done, calls = bench(checkout, "broad", "classes", "--fail")
     assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad classes\n"), done.stderr
+    assert re.findall(r"^bench: (\w+) +(\w+) +0\.\d minutes$", done.stdout, re.M) == [
+        ("broad", "failed"),
+        ("classes", "failed"),
+    ]
     assert not [call for call in calls if "write_pages" in call]
     shutil.rmtree(checkout / "build/bin")
     done, _ = bench(checkout, "broad")
     assert done.returncode == 1 and "clearance-broad" in done.stderr, done.stderr
+
+
+def test_a_suite_after_one_that_fails_is_run(checkout):
+    (checkout / "build/bin/clearance-broad").unlink()
+    done, calls = bench(checkout, "broad", "classes")
+    assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad\n"), done.stderr
+    assert "classes      done " in done.stdout and calls[-1].endswith("--csv docs/results/classes.csv")
+
+
+def test_results_have_date_commit_and_minutes(checkout):
+    file = checkout / "docs/results/broad.csv"
+    assert bench(checkout, "broad", "--fail")[0].returncode == 1 and not file.exists()
+    for _ in range(2):  # the second stamp replaces the first
+        assert bench(checkout, "broad")[0].returncode == 0
+        first, *rest = file.read_text().splitlines()
+        assert re.fullmatch(r"# measured \d{4}-\d\d-\d\d, commit [0-9a-f]{8}\+, 0\.\d minutes, .+ x\d+", first)
+        assert rest == ["a", "1"]
+    assert harness.read(file) == ("", [{"a": "1"}])
+    assert f"docs/results/broad.csv docs/performance.md\n{'':15}{first[2:]}\n" in bench(checkout, "list")[0].stdout
+    assert bench(checkout, "broad", "--fail")[0].returncode == 1 and file.read_text().splitlines()[0] == first
 
 
 def test_no_suite_of_that_name(checkout):
