@@ -38,6 +38,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("--scene", default=ROOT / "scenes/cell/robot.yaml", type=Path)
     parser.add_argument("--picture", default=ROOT / "out/demo.png", type=Path)
+    parser.add_argument("--samples", default=2, type=int, help="in each direction of a pixel of the picture")
     parser.add_argument("--seconds", default=2.0, type=float, help="of latency measurement for each transport")
     parser.add_argument("--move", default=2.0, type=float, help="seconds that all moves before the question")
     options = parser.parse_args()
@@ -173,6 +174,7 @@ def draw_picture(options, scene, solid, states, answer):
         rows,
         title=f"{options.scene.parent.name}: every body's nearest neighbour",
         footnote=f"pose revision {answer.revision}; distances with certified bounds, in metres",
+        samples=options.samples,
     )
     say(f"Picture   {shown(options.picture)} ({time.monotonic() - started:.0f} s)")
 

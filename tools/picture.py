@@ -9,7 +9,7 @@ from matplotlib.collections import LineCollection
 
 import render
 
-WIDTH, HEIGHT, OVERSAMPLING = 1600, 1000, 2
+WIDTH, HEIGHT = 1600, 1000
 ELEVATION, MARGIN = 27, 0.09  # degrees; share of the image that stays free
 RED = np.array([0.86, 0.30, 0.26])
 INK = "#1f2937"
@@ -29,37 +29,38 @@ PALETTE = np.array(
 )
 
 
-def draw(path, names, meshes, rows, title, footnote):
+def draw(path, names, meshes, rows, title, footnote, samples):
     """Writes a PNG.
 
     names: of the bodies, in the order of ids. meshes: for each body (vertices (V, 3) in the world, triangles (T, 3)).
     rows: dicts with body, neighbour (ids), status (word), distance, point, other_point (witnesses, (3,) each).
+    samples: of the surfaces in each direction of a pixel.
     """
     touching = {i for row in rows if row["status"] in ("overlap", "contact") for i in (row["body"], row["neighbour"])}
     coloured = [(v, t, RED if i in touching else PALETTE[i % len(PALETTE)]) for i, (v, t) in enumerate(meshes)]
     points = np.concatenate([v for v, _ in meshes])
     low, high = points.min(0), points.max(0)
     large = render.Camera(
-        points, _best_azimuth(meshes, points), ELEVATION, WIDTH * OVERSAMPLING, HEIGHT * OVERSAMPLING, MARGIN
+        points, _best_azimuth(meshes, points), ELEVATION, WIDTH * samples, HEIGHT * samples, MARGIN
     )
     image, distance, owner = render.render(coloured, large, ground=low[2] - 0.04 * (high - low).max())
-    distance = distance[OVERSAMPLING // 2::OVERSAMPLING, OVERSAMPLING // 2::OVERSAMPLING]
+    distance = distance[samples // 2::samples, samples // 2::samples]
 
     figure = plt.figure(figsize=(WIDTH / 100, HEIGHT / 100), dpi=100)
     axes = figure.add_axes((0, 0, 1, 1))
-    axes.imshow(render.shrink(image, OVERSAMPLING), interpolation="nearest", extent=(0, WIDTH, HEIGHT, 0))
+    axes.imshow(render.shrink(image, samples), interpolation="nearest", extent=(0, WIDTH, HEIGHT, 0))
     axes.axis("off")
     axes.autoscale(False)
 
     def project(world):
-        return large.project(np.atleast_2d(world)) / [OVERSAMPLING, OVERSAMPLING, 1]
+        return large.project(np.atleast_2d(world)) / [samples, samples, 1]
 
     for row in rows:
         if row["status"] not in ("overlap", "contact") and np.isfinite(row["point"]).all():
             _draw_distance(axes, project, np.linspace(row["point"], row["other_point"], 65), distance,
                            0.01 * (high - low).max())
 
-    centres = np.array([_label_place(owner[::8, ::8] == i) * 8 / OVERSAMPLING if (owner[::8, ::8] == i).any()
+    centres = np.array([_label_place(owner[::8, ::8] == i) * 8 / samples if (owner[::8, ::8] == i).any()
                         else project(v.mean(0))[0, :2] for i, (v, _) in enumerate(meshes)])
     for i, (name, (x, y)) in enumerate(zip(names, _spread(centres, [7.6 * len(name) + 8 for name in names], 20))):
         axes.text(

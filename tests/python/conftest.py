@@ -144,7 +144,11 @@ def kind(request, kinds):
     return request.param
 
 
-@pytest.fixture(params=["engine", "shm", "ipc", "udpm"])
+# Those of another client leave out the engine, which they share.
+FRONTS = ["shm", "ipc"] if PYTHON_CLIENT else ["engine", "shm", "ipc", "udpm"]
+
+
+@pytest.fixture(params=FRONTS)
 def front(request, scene, start_daemon, kinds):
     """An engine for the file of the test's own fixture `scene`, or a client of a daemon over a transport."""
     import clearance
@@ -183,7 +187,7 @@ def arm_daemon(urdf, tmp_path_factory, kinds):
     assert daemon.stop() == 0, daemon.log()
 
 
-@pytest.fixture(params=["engine", "shm", "ipc"])
+@pytest.fixture(params=[front for front in FRONTS if front != "udpm"])
 def arm_front(request, urdf, arm_daemon):
     """An engine of that scene, or a client of that daemon."""
     import clearance

@@ -29,6 +29,8 @@ def start(tmp_path, *options, prefix=()):
         "0.5",
         "--seconds",
         "0.2",
+        "--samples",
+        "1",
         "--picture",
         str(tmp_path / "demo.png"),
         *options,
