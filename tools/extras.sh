@@ -14,10 +14,11 @@ extras=(
   "wheels          60  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
-  "coal             2  client/python/clearance tests/install/try_coal.py tests/install/try_pinocchio.py"
+  "coal             2  client/python/clearance tests/install/try_coal.py tests/install/try_pinocchio.py tests/install/try_placo.py"
   "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
   "drake            2  client/python/clearance tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
+  "ros              2  ros client/python/clearance scenes/cell tests/install/try_ros.py tests/python/ros/ros_messages.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/engine/test_jax.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
   "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
   "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
@@ -155,6 +156,7 @@ run_coal() {
   step placo-install "Install placo" "$venv-placo/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
     placo==0.10.2 numpy
   PYTHONPATH=build/python "$venv-placo/bin/python" tests/install/try_pinocchio.py placo
+  PYTHONPATH=build/python "$venv-placo/bin/python" tests/install/try_placo.py
 }
 
 # Models of MuJoCo as scenes, and a limit for mink, each in an environment of its own.
@@ -188,6 +190,16 @@ run_ompl() {
   step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
   step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
+}
+
+# The ROS 2 node on rclpy, with the messages and the middleware of ROS from PyPI.
+run_ros() {
+  local venv=out/extras/ros
+  tools/build.sh release product
+  step ros-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
+  step ros-install "Install rclpy" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+    ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp==9.3.3 ros-sensor-msgs==5.5.1 ros-diagnostic-msgs==5.5.1 ros-trajectory-msgs==5.5.1 numpy
+  PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ros.py build
 }
 
 # Device queries as functions of JAX, which calls a fake in CPU memory: neither a GPU nor JAX's GPU parts are needed.

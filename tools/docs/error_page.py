@@ -43,6 +43,7 @@ SECTIONS = {
 ### Statuses of a row
 `clearance.Status`, in C++ `clearance::Status`.
 Treat an unknown status as no answer: newer daemons may have more.
+In decisions only `BEYOND` is free: there `OK`, `OVERLAP` and `CONTACT` mean that a pair is proved within its margin.
 
 """,
     "flag": """

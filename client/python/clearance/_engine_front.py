@@ -37,7 +37,9 @@ class Engine(Front):
     device_fallback: whether the CPU answers queries that the device does not support, or when it fails or runs out of
         memory; otherwise QueryError.
     covers: when covers are made, which make decisions about bodies that move faster: "background" (on a thread of
-        lowest priority, after the engine is ready) or "off". Answers do not depend on it.
+        lowest priority, after the engine is ready) or "off". Rows have the same bits either way at the default
+        tolerance; at wider ones the interval may be another within the tolerance. Covers may decide a state that is
+        unresolved without them.
 
     Thread-safe; releases the GIL during queries. Not usable in a forked child (RuntimeError).
     """

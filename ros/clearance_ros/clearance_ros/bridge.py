@@ -10,7 +10,8 @@ from dataclasses import dataclass, field
 from typing import Any, Optional
 
 from . import clearance
-from .planning_scene import SceneFollower, pose_of
+from .planning_scene import SceneFollower
+from .shapes import pose_of
 
 #: A stamp older than the last by more than this means a clock that was set back, not a late message.
 JUMP_NS = 1_000_000_000

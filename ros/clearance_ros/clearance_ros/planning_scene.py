@@ -2,44 +2,18 @@
 touch.
 """
 
-from collections.abc import Iterator
 from typing import Any, Optional
 
 import numpy as np
 
 from . import clearance
+from .shapes import matrix_of, pose_of, shapes_of
 
-# Values of moveit_msgs/CollisionObject and shape_msgs/SolidPrimitive.
+# Values of moveit_msgs/CollisionObject.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
-BOX, SPHERE, CYLINDER, CONE = 1, 2, 3, 4
 MATRIX, OCTOMAP = "allowed_collision_matrix", "octomap"  #: their names in `left_out`
-
-
-def pose_of(message: Any) -> list[float]:
-    """[x, y, z, qw, qx, qy, qz] of a geometry_msgs/Pose or Transform.
-
-    A quaternion of zeros in a Pose is the identity, as in MoveIt. In a Transform it stays, and is no rotation.
-    """
-    if hasattr(message, "translation"):
-        p, q, is_empty = message.translation, message.rotation, False
-    else:
-        p, q = message.position, message.orientation
-        is_empty = not any((q.w, q.x, q.y, q.z))
-    turn = [1.0, 0.0, 0.0, 0.0] if is_empty else [q.w, q.x, q.y, q.z]
-    return [float(number) for number in (p.x, p.y, p.z, *turn)]
-
-
-def matrix_of(pose: list[float]) -> np.ndarray:
-    """(4, 4) of a pose."""
-    w, x, y, z = np.array(pose[3:]) / np.linalg.norm(pose[3:])
-    matrix = np.eye(4)
-    matrix[:3, :3] = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
-        [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
-        [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
-    ]
-    matrix[:3, 3] = pose[:3]
-    return matrix
+#: Fields that grow links in MoveIt: their value for a link, that of a true link, and the unit. Names in `left_out`.
+GROWTHS = {"link_padding": ("padding", 0.0, " m"), "link_scale": ("scale", 1.0, "")}
 
 
 class SceneFollower:
@@ -60,6 +34,7 @@ class SceneFollower:
         self._held: dict[str, str] = {}  # the link of each attached object, also of one that was left out
         self._allowed: set[tuple[str, str]] = set()  # pairs that matrices allowed, and the daemon's scene does not
         self._has_octomap = False
+        self._growths: dict[str, dict[str, float]] = {field: {} for field in GROWTHS}  # by link
         self.is_lost = False  #: the daemon was restarted or lacks a message, and no whole scene has arrived since
         self.left_out: dict[str, str] = {}  #: objects and pairs that were not applied, and the reasons
 
@@ -92,8 +67,23 @@ class SceneFollower:
         if self._has_octomap:
             why = "octomaps are not taken: send the points to a cloud of the daemon's scene by set_points()"
             self.left_out.setdefault(OCTOMAP, why)
+        self._follow_growths(message)
         if len(message.allowed_collision_matrix.entry_names) or not message.is_diff:
             self._allow(message.allowed_collision_matrix)
+
+    def _follow_growths(self, message: Any) -> None:
+        """Leaves out links that MoveIt grows, since the daemon's links stay as they are."""
+        for field, (value, true, unit) in GROWTHS.items():
+            known = self._growths[field]
+            if not message.is_diff:
+                known.clear()
+            known.update((item.link_name, float(getattr(item, value))) for item in getattr(message, field, ()))
+            grown = [f"{link} {number:g}{unit}" for link, number in sorted(known.items()) if not number <= true]
+            self.left_out.pop(field, None)
+            if grown:
+                self.left_out[field] = (
+                    f"{', '.join(grown)}: give the links of the daemon's scene a padding, and set MoveIt's to {true:g}"
+                )
 
     def forget(self) -> None:
         """The daemon was restarted, and has none of the objects."""
@@ -129,7 +119,7 @@ class SceneFollower:
             return self._move(item, place)
         if item.planes:
             raise ValueError("planes are not supported: put a half_space into the daemon's scene")
-        shapes = list(_shapes(item))
+        shapes = list(shapes_of(item))
         if not shapes:
             raise ValueError("it has no shape")
         first = len(self._parts.get(item.id, [])) if operation == APPEND else 0
@@ -172,10 +162,20 @@ class SceneFollower:
         """Adds a body for each shape, or none if the daemon rejects one."""
         for i, (name, (shape, within)) in enumerate(zip(names, shapes)):
             try:
-                self._client.add_body(name, parent=parent, pose=place @ within, **shape)
+                self._add_one(name, parent=parent, pose=place @ within, **shape)
             except Exception:
                 self._remove_bodies(names[:i])
                 raise
+
+    def _add_one(self, name: str, **arguments: Any) -> None:
+        """Adds a body. A closed mesh is the solid that it encloses, an open one its triangles."""
+        if "mesh" in arguments:
+            try:
+                self._client.add_body(name, mesh_as="solid", **arguments)
+                return
+            except (clearance.QueryError, clearance.RequestError):  # for example an open mesh
+                arguments["mesh_as"] = "surface"
+        self._client.add_body(name, **arguments)
 
     def _move(self, item: Any, place: np.ndarray) -> None:
         parts = self._parts.get(item.id)
@@ -269,29 +269,3 @@ def _operation(item: Any) -> int:
     """The value of a byte, which ROS 2 represents as bytes in Python."""
     value = item.operation
     return value[0] if isinstance(value, (bytes, bytearray)) else int(value)
-
-
-def _shapes(item: Any) -> Iterator[tuple[dict[str, Any], np.ndarray]]:
-    """Arguments of add_body() for each shape of an object, and its pose in the object."""
-    if len(item.primitives) != len(item.primitive_poses) or len(item.meshes) != len(item.mesh_poses):
-        raise ValueError("it has another number of shapes than of poses")
-    for primitive, pose in zip(item.primitives, item.primitive_poses):
-        yield primitive_of(primitive), matrix_of(pose_of(pose))
-    for mesh, pose in zip(item.meshes, item.mesh_poses):
-        vertices = np.array([[p.x, p.y, p.z] for p in mesh.vertices], dtype=np.float64).reshape(-1, 3)
-        triangles = np.array([list(t.vertex_indices) for t in mesh.triangles], dtype=np.uint32).reshape(-1, 3)
-        yield {"mesh": (vertices, triangles), "mesh_as": "surface"}, matrix_of(pose_of(pose))
-
-
-def primitive_of(primitive: Any) -> dict[str, Any]:
-    """Arguments of add_body() for a shape_msgs/SolidPrimitive, whose dimensions have a specific order."""
-    size = [float(number) for number in primitive.dimensions]
-    kinds = {BOX: ("box", 3), SPHERE: ("sphere", 1), CYLINDER: ("cylinder", 2), CONE: ("cone", 2)}
-    if primitive.type not in kinds:
-        raise ValueError(f"primitives of type {primitive.type} are not supported")
-    word, count = kinds[primitive.type]
-    if len(size) != count:
-        raise ValueError(f"a {word} has {count} dimensions, not {len(size)}")
-    if count == 2:  # height, radius
-        return {word: (size[1], size[0])}
-    return {word: size[0] if count == 1 else size}

@@ -16,6 +16,7 @@ NAMES = [
     "mujoco",
     "drake",
     "ompl",
+    "ros",
     "jax",
     "torch",
     "viewer",

@@ -198,3 +198,30 @@ def test_pairs_that_a_later_matrix_revokes_are_asked_about_again(bridge):
     for harmless in (scene(), scene([thing("", REMOVE)])):
         follower.on_scene(harmless)
         assert "allowed_collision_matrix" in follower.left_out, "not mended by one without"
+
+
+def grown(field, value, is_diff=True, **links):
+    message = scene(is_diff=is_diff)
+    items = [Message(link_name=name, **{value: number}) for name, number in links.items()]
+    setattr(message, field, items)
+    return message
+
+
+@pytest.mark.parametrize("field, value, true", [("link_padding", "padding", 0.0), ("link_scale", "scale", 1.0)])
+def test_links_that_moveit_grows_are_missing(bridge, field, value, true):
+    follower = bridge.scene
+    follower.on_scene(grown(field, value, upper=true, flange=true - 0.1))
+    assert not follower.left_out, "the daemon's links are not smaller"
+    follower.on_scene(grown(field, value, upper=true + 0.01, flange=true))
+    assert follower.left_out[field].startswith(f"upper {true + 0.01:g}")
+    follower.on_scene(grown(field, value, flange=true))
+    follower.on_scene(scene([thing("", REMOVE)]))
+    assert field in follower.left_out, "the other link is as it was"
+    assert bridge.report(0.5).least == -np.inf
+    follower.on_scene(grown(field, value, flange=float("nan")))
+    assert "flange nan" in follower.left_out[field]
+    follower.on_scene(grown(field, value, upper=true, flange=true))
+    assert not follower.left_out
+    follower.on_scene(grown(field, value, upper=true + 1))
+    follower.on_scene(grown(field, value, is_diff=False, flange=true))
+    assert not follower.left_out, "a whole scene has all of its links"

@@ -13,6 +13,10 @@ import pytest
 import clearance.sweep
 from clearance.sweep import Job, JobError
 from clearance.sweep._generators import ArrayFile, Box, Grid, Halton, ParquetFile, Uniform
+from clearance.sweep._plan import _space, _spec
+from clearance.sweep._scenes import pack, unpack
+from clearance.sweep._work import Worker, answer
+from patience import PATIENCE_S
 from sweeps import arm_job
 
 EDGES = {"edges": {"of": {"uniform": {"count": 50}}, "nearest": 3}}
@@ -242,3 +246,26 @@ def test_edges_are_those_of_the_nearest(tmp_path):
     assert [tuple(pair) for pair in np.load(tmp_path / "edges.npy").tolist()] == sorted(near)
     pairs = np.array(sorted(near))
     assert edges.motions and edges.at(np.arange(edges.count)).tobytes() == places[pairs].tobytes()
+
+
+def test_bits_of_rows_depend_neither_on_covers_nor_on_the_batch(tmp_path, urdf):
+    made = arm_job(tmp_path, urdf, answer="least")
+    packed, index = pack(clearance.Scene.load(tmp_path / "scene.yaml")), np.arange(400)
+    with_covers = clearance.Engine(unpack(packed), threads=1)
+    assert with_covers.wait_covers(PATIENCE_S)
+    for tolerance in ({}, {"abs_tol": 0.02}, {"rel_tol": 0.05}):
+        job = Job.from_dict({**made, **tolerance}, tmp_path)
+        space = _space(job, with_covers)
+        spec = _spec(job, job.rows.rows(space, tmp_path), space, tmp_path)
+        engine = Worker(spec, packed).engine
+        first = bits_of(engine, spec, index)
+        assert engine.wait_covers(PATIENCE_S)
+        np.testing.assert_array_equal(bits_of(engine, spec, index), first)
+        np.testing.assert_array_equal(bits_of(engine, spec, index[7:8]), first[7:8])
+        differs = (bits_of(with_covers, spec, index) != first).any()
+        assert differs == bool(tolerance), "covers answer at wide tolerances alone"
+
+
+def bits_of(engine, spec, index):
+    columns = answer(engine, spec, index)
+    return np.stack([columns["lower"], columns["upper"]], axis=1).view(np.uint64)

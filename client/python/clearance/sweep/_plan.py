@@ -56,7 +56,7 @@ def prepare(job: Job, output: Optional[Path] = None, backend: str = "cpu", threa
     parts = output / "parts"
     parts.mkdir(parents=True, exist_ok=True)
     packed = pack(_scene(job))
-    engine = Engine(unpack(packed), backend="cpu", threads=1)
+    engine = Engine(unpack(packed), backend="cpu", threads=1, covers="off")
     for body in engine.bodies:
         if body.max_speed > 0:
             raise JobError(

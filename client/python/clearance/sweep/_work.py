@@ -23,6 +23,8 @@ from ._scenes import Packed, unpack
 
 _AT_ONCE = {False: 4096, True: 512}  # configurations, motions per query; more only need more memory
 _NAMED = 3  # differences listed in an error
+#: From these tolerances on, covers answer states, so that bits depend on the moment at which covers are made.
+_BY_COVERS = {"abs_tol": 1e-4, "rel_tol": 1e-3}
 
 
 @dataclass(frozen=True)
@@ -107,7 +109,13 @@ class Worker:
 
     def __init__(self, spec: Spec, packed: Packed):
         self.spec = spec
-        self.engine = Engine(unpack(packed), backend=spec.backend, threads=spec.threads)  # type: ignore[arg-type]
+        is_wide = any(spec.requested.get(name, 0.0) >= least for name, least in _BY_COVERS.items())
+        self.engine = Engine(
+            unpack(packed),
+            backend=spec.backend,  # type: ignore[arg-type]
+            threads=spec.threads,
+            covers="off" if is_wide and not spec.rows.motions else "background",
+        )
 
     def perform(self, task: Task) -> Outcome:
         """Executes a task. Returns errors instead of raising them, since they would occur on every worker."""
