@@ -258,8 +258,9 @@ class Queries:
 
         rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
         arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() on the
-            same poses, unless their uncertainty grows with age. Or those of motions(), including `start` and `end`,
-            with any reduction; `first_contact` is proved, too, unless `fields` excludes it. Options of prepare(), too.
+            same poses, unless their uncertainty grows with age, or covers answer at a wide tolerance. Or those of
+            motions(), including `start` and `end`, with any reduction; `first_contact` is proved, too, unless `fields`
+            excludes it. Options of prepare(), too.
 
         Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as
         distances() and motions(), and QueryError for a row outside the answer; a daemon also for a document of more
