@@ -38,6 +38,7 @@ struct Braking {
   /// Seconds from the measurement of the positions until the brakes act, at unchanged velocities.
   double reaction_s = 0;
   /// Each must have received a pose. Its age counts, and so does the time to standstill.
+  /// Only pairs of the query count: others that have none are passed over.
   std::span<const Mover> others = {};
   /// All joints stop at one time, on a straight line: the proof covers harder braking along it, too. Otherwise each
   /// stops as soon as it can, at exactly its deceleration.

@@ -177,4 +177,15 @@ StandOut stand_out(const Cover& cover, int level) {
   return result;
 }
 
+std::vector<CoverBall> cut_at(const Cover& cover, int level) {
+  if (level == 0) return {cover.root};
+  std::vector<CoverBall> balls;
+  for (int k = 1; k <= level; ++k)
+    for (const BallPacket& packet : cover.level(k))
+      for (std::uint32_t i = 0; i < packet.count; ++i)
+        if (k == level || packet.children[i] == kNone)
+          balls.push_back({{packet.x[i], packet.y[i], packet.z[i]}, packet.outer[i], packet.inner[i]});
+  return balls;
+}
+
 }  // namespace clearance

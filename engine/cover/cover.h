@@ -61,6 +61,9 @@ struct StandOut {
 };
 StandOut stand_out(const Cover& cover, int level);
 
+/// A cut that covers the body: the balls of a level, from 0 to kLevels - 1, and those above it that are not divided.
+std::vector<CoverBall> cut_at(const Cover& cover, int level);
+
 /// The cover of the union of parts in one frame, or nothing if a part is a half-space, too large or beyond 1e9 m, and for
 /// no or more than 300 parts. Deterministic: the same on every machine. Takes about 0.2 s on one core, for meshes
 /// one to three.

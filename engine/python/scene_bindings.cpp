@@ -18,6 +18,7 @@
 #include "client/python/bindings/gil.h"
 #include "client/python/bindings/query.h"
 #include "engine/bvh/surface.h"
+#include "engine/cover/cover_record.h"
 #include "engine/scene/body_ball.h"
 #include "engine/scene/mesh_warning.h"
 #include "engine/scene/scene.h"
@@ -86,6 +87,28 @@ nb::object display(const engine::Scene& scene, std::uint32_t id) {
   const auto& mesh = body_at(scene, id).display;
   if (!mesh) return nb::none();
   return nb::make_tuple(array_of<double>(mesh->vertices), array_of<std::uint32_t>(mesh->triangles));
+}
+
+/// (N, 5) float32 for each level of a body's cover: centre, outer and inner radius of each ball of its cut. Reads the
+/// cover from the cache, or makes it in seconds; empty for bodies that have none.
+nb::list cover(const engine::Scene& scene, std::uint32_t id) {
+  const std::vector<ConvexPartPtr> parts = body_at(scene, id).parts;
+  std::optional<TimedCover> made;
+  if (may_have_cover(parts)) {
+    const GilRelease release;
+    const Cache cache = Cache::of_environment();
+    const std::string name = cover_name(parts);
+    made = read_cover(cache, name);
+    if (!made) made = make_timed_cover(cache, name, parts);
+  }
+  nb::list levels;
+  for (int level = 0; made && level < Cover::kLevels; ++level) {
+    static_assert(sizeof(CoverBall) == 5 * sizeof(float));
+    auto* balls = new std::vector<CoverBall>(cut_at(made->cover, level));
+    nb::capsule owner(balls, [](void* p) noexcept { delete static_cast<std::vector<CoverBall>*>(p); });
+    levels.append(nb::ndarray<nb::numpy, float>(balls->data(), {balls->size(), 5}, owner));
+  }
+  return levels;
 }
 
 }  // namespace
@@ -236,6 +259,7 @@ void bind_scene(nb::module_& m) {
       .def("source", [](const engine::Scene& s, std::uint32_t id) { return body_at(s, id).source; })
       .def("pieces", &parts)
       .def("display", &display)
+      .def("cover", &cover)
       .def("mesh_warnings",
            [](const engine::Scene& s, std::uint32_t first) {
              nb::list list;

@@ -155,6 +155,9 @@ def try_scene(browser):
         tab.page.get_by_role("option", name="points").click()
         tab.page.get_by_label("names").click()
         tab.picture("points")
+        tab.page.get_by_label("covers", exact=True).click()
+        wait_until(lambda: not viewer._session.uncovered, "the covers")
+        tab.picture("covers")
         tab.open("Service")
         tab.picture("service")
         assert not tab.errors, tab.errors
@@ -214,6 +217,10 @@ def try_path(browser):
         fill(tab.page, "time [s]", "1.5")
         wait_until(lambda: abs(front.joint_states()[0].position - rows[1:, 0].mean()) < 1e-3, "the arm on its path")
         tab.picture("path")
+        tab.page.get_by_role("button", name="Go to the least clearance").click()
+        report = viewer._session.proved_path(0.01).report
+        there = rows[report.nearest.index] + report.nearest.t * np.diff(rows, axis=0)[report.nearest.index]
+        wait_until(lambda: abs(front.joint_states()[0].position - there[0]) < 1e-3, "the arm at the least clearance")
         assert not tab.errors, tab.errors
         tab.page.close()
 

@@ -73,6 +73,12 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/motions.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
+    "docs/ros.md": {
+        "ln -s $PWD/ros": NEEDS + "colcon; make test-extras EXTRAS=ros has the node",
+        "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
+        "cd ~/ws": NEEDS + "colcon",
+        "ros2 launch": NEEDS + "colcon",
+    },
     "docs/safety.md": {"make ": LONG + "make test has a part of it"},
     "docs/start.md": {
         "git clone": "the repository is there",
@@ -82,10 +88,6 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "mkdir -p /run/clearance": NEEDS + "Docker",
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
-        "ln -s $PWD/ros": NEEDS + "ROS 2; tests/python/ros/test_ros_bridge.py has the package",
-        "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
-        "cd ~/ws": NEEDS + "ROS 2",
-        "ros2 launch": NEEDS + "ROS 2",
     },
     "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/docs/test_docs.py"},
 }

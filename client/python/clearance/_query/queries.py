@@ -61,7 +61,7 @@ class Queries:
     ) -> Result:
         """Returns the distances of pairs of bodies and their nearest points, on one consistent snapshot of the poses.
 
-        Every call parses its arguments, which takes about 10 us: prepare() a query that repeats.
+        Every call parses its arguments, which takes 15 to 40 us: prepare() a query that repeats.
 
         pairs: (P, 2) ids; or pairs of names or ids; or pairs of groups such as ("arm", "*"), for all their enabled
             pairs. Default: all enabled pairs, or with configurations those with at least one moved body. The time grows
@@ -217,7 +217,8 @@ class Queries:
         reaction_s: seconds from the measurement of `positions` until the brakes act, at these velocities. Default: 0.
         others: {body or group: m/s}: bodies that may move, anywhere, and the greatest speed of their points and of
             those of bodies that follow them. Each must have received a pose. Its age counts, and so does the time to
-            standstill. Default: none, all stand still.
+            standstill. Only pairs of the query count: others that have none are passed over. Default: none, all stand
+            still.
         pairs, joints, timeout_s: as in check_path().
         margin: metres >= 0 that are kept from everything, such as an intrusion distance. Default: 0.
         together: True, the default: all joints stop at one time, on a straight line, as a stop that keeps the path. The
@@ -257,8 +258,9 @@ class Queries:
 
         rows: row numbers: k * P + p for pair p in configuration or motion k, or k for reduced motions. Default: all.
         arguments: those of distances(), by name, with reduce="none". The bounds have the bits of distances() on the
-            same poses, unless their uncertainty grows with age. Or those of motions(), including `start` and `end`,
-            with any reduction; `first_contact` is proved, too, unless `fields` excludes it. Options of prepare(), too.
+            same poses, unless their uncertainty grows with age, or covers answer at a wide tolerance. Or those of
+            motions(), including `start` and `end`, with any reduction; `first_contact` is proved, too, unless `fields`
+            excludes it. Options of prepare(), too.
 
         Takes ten times as long as the query. The rows of a configuration's pairs prove its reduction. Raises as
         distances() and motions(), and QueryError for a row outside the answer; a daemon also for a document of more

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Optional
 
 import numpy as np
@@ -11,6 +11,7 @@ import viser
 
 from .._query.path_report import PathReport
 from .camera import camera_at_first
+from .covers import Balls, DrawnBalls
 from .edge import Edge, Verdict
 from .model import Picture
 from .path import ProvedPath
@@ -39,6 +40,7 @@ class Drawn:
         self._frame = scene.add_frame(self._path, show_axes=False, visible=False)
         self._looks: dict[str, list[tuple[Any, np.ndarray]]] = {}  # handles with their colours
         self._label: Any = None
+        self._balls = DrawnBalls(scene, f"{self._path}/cover")
         self._pose: Optional[bytes] = None
         self._red = False
 
@@ -73,6 +75,10 @@ class Drawn:
             self._label = self._scene.add_label(f"{self._path}/label", self._name)
         if self._label is not None:
             self._label.visible = visible
+
+    def cover(self, balls: Sequence[Balls], level: Optional[int]) -> None:
+        """Shows a level of its cover, or none."""
+        self._balls.show(balls, level)
 
     def _paint(self, look: str) -> None:
         for handle, colour in self._looks[look]:
@@ -149,6 +155,11 @@ class Page:
         """Shows or hides the names of bodies."""
         for body in self._bodies:
             body.label(visible)
+
+    def cover(self, covers: Mapping[int, Sequence[Balls]], level: Optional[int]) -> None:
+        """Shows a level of the bodies' covers, as far as these are made, or none."""
+        for i, body in enumerate(self._bodies):
+            body.cover(covers.get(i, ()), level)
 
     def draw(self, picture: Picture, segments: bool) -> None:
         """Updates the poses of bodies and the segments between them."""

@@ -10,6 +10,7 @@ from typing import Any, Optional
 import numpy as np
 import viser
 
+from .covers import LEVELS
 from .edge import Edge
 from .model import Picture, ViewQuery, slider_range
 from .path import ProvedPath
@@ -52,6 +53,7 @@ class Panel:
         self.edge_asked = False
         self.path_asked = session.path is not None
         self._along: Optional[float] = None  # seconds: time of the path at which the user has put the joints
+        self._nearest: Optional[float] = None  # seconds: time of the path's least clearance
         self.ends: list[Optional[np.ndarray]] = [None, None]
         self._moved = False
         self._sliders: list[Any] = []
@@ -107,9 +109,11 @@ class Panel:
         self._time = gui.add_slider("time [s]", first, last, (last - first) / 1000, first)
         self._path_margin = gui.add_number("margin [m]", 0.01, min=0.0, max=10.0, step=0.005)
         ask = gui.add_button("Prove the path", hint="nothing is sampled: each motion is proved, or is not")
+        nearest = gui.add_button("Go to the least clearance", hint="where the path is nearest or deepest")
         self._path = gui.add_html("")
         self._time.on_update(self._on_time)
         ask.on_click(self._on_ask_path)
+        nearest.on_click(self._on_nearest)
 
     def _on_time(self, event: Any) -> None:
         if event.client is not None:
@@ -117,6 +121,11 @@ class Panel:
 
     def _on_ask_path(self, event: Any) -> None:
         self.path_asked = True
+
+    async def _on_nearest(self, event: Any) -> None:
+        if self._nearest is not None:
+            self._along, self._moved = self._nearest, True
+            self._time.value = self._nearest
 
     def _make_service(self) -> None:
         gui = self._server.gui
@@ -129,7 +138,9 @@ class Panel:
         self._look = gui.add_dropdown("bodies as", LOOKS, hint="mesh: as given; pieces: what bounds are about")
         self._labels = gui.add_checkbox("names", False)
         self._segments = gui.add_checkbox("segments", True)
-        for control in (self._look, self._labels, self._segments):
+        self._covers = gui.add_checkbox("covers", False, hint="balls that bound distances")
+        self._level = gui.add_slider("level of covers", 0, LEVELS - 1, 1, LEVELS - 2)
+        for control in (self._look, self._labels, self._segments, self._covers, self._level):
             control.on_update(self._on_look)
 
     def _on_look(self, event: Any) -> None:
@@ -182,6 +193,11 @@ class Panel:
     @property
     def segments(self) -> bool:
         return bool(self._segments.value)
+
+    @property
+    def cover_level(self) -> Optional[int]:
+        """The level of covers to show, or None."""
+        return int(self._level.value) if self._covers.value else None
 
     @property
     def margin(self) -> float:
@@ -254,6 +270,8 @@ class Panel:
 
     def show_path(self, proved: ProvedPath) -> None:
         """Shows the motions of a path, and where it is closest."""
+        nearest = proved.report.nearest
+        self._nearest = None if nearest is None else proved.time_of(nearest.index, nearest.t)
         self._set(self._path, path_table(proved))
 
     def say_of_path(self, text: str) -> None:

@@ -11,6 +11,7 @@ from .._errors import ClearanceError, NewEpoch, QueryError
 from .._front import Front
 from .._joints import Joints
 from ..wire import ErrorCode
+from .covers import Balls, cover_of
 from .edge import Edge, certified_edge
 from .model import Picture, ViewQuery, WhatIf, all_joints, look, positions_now, shapes_of
 from .path import ProvedPath, joints_of, proved_path
@@ -43,6 +44,8 @@ class Session:
         self.shapes: list[Shape] = []
         self.known: list[bool] = []  #: whether the scene has a body's shape
         self.joints: Optional[Joints] = None
+        self.covers: dict[int, tuple[Balls, ...]] = {}  #: by body, as far as make_cover() has made them
+        self.uncovered: list[int] = []  #: ids of bodies whose covers are still to be made
         self._shadow: Optional[Shadow] = None
         self._revision = -1
         self.refresh()
@@ -54,6 +57,9 @@ class Session:
         self.known = [body.name in named for body in self.front.bodies]
         self.joints = all_joints(self.front)
         self._shadow = self._make_shadow()
+        self.covers = {}
+        shaped = [body for body, known in zip(self.front.bodies, self.known) if known and body.piece_count]
+        self.uncovered = [body.id for body in sorted(shaped, key=lambda body: body.is_static)]  # robots first
         self._revision = self.front.scene_revision
         self.generation += 1
 
@@ -105,6 +111,13 @@ class Session:
         picture = look(self.front, question, what_if)
         poses = self._poses(what_if)
         return picture if poses is None else replace(picture, poses=poses)
+
+    def make_cover(self) -> None:
+        """Makes the cover of one more body, or reads it from the cache."""
+        if self.uncovered and self.scene is not None:
+            body = self.uncovered.pop(0)
+            ids = {info.name: info.id for info in self.scene.bodies}
+            self.covers[body] = cover_of(self.scene, ids[self.front.bodies[body].name])
 
     def edge(self, start: np.ndarray, end: np.ndarray, margin: float, spans: int) -> Edge:
         """Returns the edge between (J,) positions, as certified_edge() does."""

@@ -94,6 +94,8 @@ class Viewer:
 
     def _turn(self) -> None:
         elsewhere = self._panel.elsewhere()
+        if self._panel.cover_level is not None:
+            self._session.make_cover()
         picture = self._session.picture(self._panel.question, elsewhere)
         positions = None if self._session.joints is None else self._session.positions()
         if self._panel.is_along:
@@ -114,6 +116,7 @@ class Viewer:
             self._panel.look_changed = False
             self._page.show(self._panel.look)
             self._page.label(self._panel.labels)
+        self._page.cover(self._session.covers, self._panel.cover_level)
         self._page.draw(picture, self._panel.segments)
         self._panel.show(picture)
         if positions is not None:
@@ -133,6 +136,8 @@ class Viewer:
     def _notice(self, elsewhere: Optional[np.ndarray]) -> str:
         if elsewhere is not None and self._session.asks_only:
             return "What would be: joints are where the sliders are, and not where the daemon has them."
+        if self._panel.cover_level is not None and self._session.uncovered:
+            return f"Covers of {len(self._session.uncovered)} bodies are still to be made, one a picture."
         return self._session.warning
 
     def _prove(self, picture: Picture) -> None:
