@@ -42,15 +42,16 @@ build_elsewhere() {
   # folder also has a C library's headers, which must not be found, so a link from the folder of Python.h leads there.
   mkdir -p "$root/usr/include/python$version/$triplet"
   ln -sfnr "$root/usr/include/$triplet/python$version" "$root/usr/include/python$version/$triplet/python$version"
+  # pip adds the dependencies of its own Python; those of Python 3.10 alone are named (exceptiongroup, tomli).
   # Python::SABIModule, which builds a module for the stable ABI, was added in CMake 3.26.
   [ -d "$packages/cmake" ] || step "wheel-$suite" "Install what builds for Python $version" .venv/bin/python -m pip install \
     --disable-pip-version-check --progress-bar off --target "$packages" --python-version "$version" --implementation cp \
     --only-binary=:all: --platform "$platform" --platform "manylinux_2_28_$(uname -m)" --platform "manylinux_2_17_$(uname -m)" \
     --platform "manylinux2014_$(uname -m)" --platform "manylinux_2_12_$(uname -m)" \
-    pip scikit-build-core nanobind==2.9.2 lcm==1.5.3 "cmake>=3.26,<4" ninja
+    pip scikit-build-core exceptiongroup tomli nanobind==2.9.2 lcm==1.5.3 "cmake>=3.26,<4" ninja
   cat >"$python" <<SCRIPT
 #!/bin/sh
-exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root"/lib64/ld-linux-*.so.2) --argv0 "\$0" \\
+exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root/usr/lib/$triplet"/ld-linux-*.so.2) --argv0 "\$0" \\
   --library-path $root/usr/lib/$triplet $root/usr/bin/python$version "\$@"
 SCRIPT
   chmod +x "$python"
@@ -96,7 +97,7 @@ keep() {
 rm -rf out/wheel
 for kind in "${kinds[@]}"; do
   case $kind in
-    native | abi3 | client) "build_$kind" ;;
-    *) die "there is no wheel '$kind'; expected native, abi3 or client" ;;
+    native | py310 | abi3 | client) "build_$kind" ;;
+    *) die "there is no wheel '$kind'; expected native, py310, abi3 or client" ;;
   esac
 done

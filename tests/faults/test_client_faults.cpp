@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 #include <signal.h>
 
+#include <algorithm>
 #include <thread>
+#include <utility>
 
 #include "tests/faults/arena.h"
 #include "tests/faults/rounds.h"
@@ -134,6 +136,47 @@ TEST_F(ClientFaults, ScribblingOverEveryByteTheyHurtOnlyThemselves) {
   expect_unharmed();
   expect_all_right();
   EXPECT_EQ(now["errors.internal"], 0u);
+}
+
+/// Serves clients over shared memory, one after the other, each with all queries of an exam whose answers are small.
+/// The daemon keeps buffers of large ones.
+void serve_small(const Arena& arena, const Exam& exam, int clients) {
+  std::size_t served = 0;
+  for (int i = 0; i < clients; ++i) {
+    Client client = patient(arena.shm());
+    for (const auto& known : exam.queries()) {
+      if (known->answer.size() > 4096) continue;
+      ASSERT_TRUE(is_right(client.distances(known->query), *known));
+      ++served;
+    }
+  }
+  ASSERT_GE(served, 3u * clients);
+}
+
+/// Allocated bytes of a daemon once they stay nearly the same. It frees sessions some time after their clients have gone.
+std::uint64_t allocated_at_rest(Client& counters) {
+  const auto allocated = [&] { return stats_of(counters).at("heap.used_bytes"); };
+  const auto deadline = std::chrono::steady_clock::now() + kPatience;
+  std::uint64_t last = 0, now = allocated();
+  while (std::max(last, now) - std::min(last, now) > 4096 && std::chrono::steady_clock::now() < deadline) {
+    std::this_thread::sleep_for(300ms);
+    last = std::exchange(now, allocated());
+  }
+  return now;
+}
+
+TEST(ClientMemory, ClientsThatAreGoneLeaveNoneAllocated) {
+  constexpr int kClients = 300;  // more than the idle clients that the daemon's queues keep
+  const Exam exam(kScene, 1);
+  const Arena arena;
+  Client counters = patient(arena.zmq());
+  serve_small(arena, exam, kClients);
+  const std::uint64_t before = allocated_at_rest(counters);
+  EXPECT_GT(before, 0u);
+  serve_small(arena, exam, kClients);
+  const std::uint64_t after = allocated_at_rest(counters);
+  EXPECT_LT(after, before + 200 * kClients) << "bytes after " << kClients << " clients";
+  RecordProperty("grown", static_cast<int>(after) - static_cast<int>(before));
 }
 
 }  // namespace
