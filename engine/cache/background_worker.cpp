@@ -62,6 +62,7 @@ struct BackgroundWorker::State {
   std::atomic<std::uint64_t> pending_count{0};
   std::thread thread;
   bool is_running = false;
+  pid_t thread_id = 0;  // of a running thread
   std::atomic<bool> is_stopping{false};
 };
 
@@ -109,16 +110,20 @@ void BackgroundWorker::State::stop() {
   {
     const std::lock_guard lock(mutex);
     is_stopping = true;
+    // The caller's priority, where that is permitted: on a busy machine, the lowest one can delay the end by seconds.
+    if (is_running && thread_id) setpriority(PRIO_PROCESS, static_cast<id_t>(thread_id), getpriority(PRIO_PROCESS, 0));
   }
   changed.notify_all();
   if (thread.joinable()) thread.join();
 }
 
 void BackgroundWorker::State::work() {
-  work_last();
   std::unique_lock lock(mutex);
+  thread_id = gettid();
+  work_last();
   while (const auto task = is_stopping ? nullptr : next(0)) run(task, lock, true);
   is_running = false;
+  thread_id = 0;
 }
 
 /// Removes tasks without a remaining owner.

@@ -21,7 +21,7 @@ constexpr std::uint32_t kLeastShift = 3;            // of each of two columns
 constexpr std::uint32_t kFiner = 2;                 // halvings of a cell in each column, where the links are close
 constexpr std::size_t kMostEvaluated = 400'000;     // positions; the rest keeps the bounds of larger blocks
 constexpr std::size_t kMostOfMeshes = 100'000;      // the same for meshes, which take longer
-constexpr std::size_t kBatch = 1024;                // positions of one evaluation
+constexpr std::size_t kBatch = 64;                  // positions of one evaluation, which a stop waits for
 constexpr double kTurn = 2 * std::numbers::pi;
 constexpr double kAbove = 1 + 0x1p-40;
 

@@ -10,6 +10,9 @@
 
 namespace clearance::test {
 
+/// For tests that need no covers, whose thread of lowest priority delays the end of an engine on a busy machine.
+inline const engine::Engine::Options kWithoutCovers{.covers = engine::Covers::kOff};
+
 /// A reply with its own memory.
 struct Answer {
   std::vector<std::byte> memory;

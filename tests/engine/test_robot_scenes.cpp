@@ -6,6 +6,7 @@
 
 #include "engine/bvh/surface.h"
 #include "tests/engine/arm_scene.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/error_text.h"
 #include "tests/temporary_folder.h"
 
@@ -29,14 +30,14 @@ TEST(RobotInAScene, LinksAreBodiesAndTheBaseIsAFrame) {
   EXPECT_EQ(scene.joints().size(), 8u) << "the finger that mimics takes none";
   EXPECT_EQ(scene.joints()[scene.find_joint("arm/joint4")].upper, -0.07);
   EXPECT_EQ(joints_of(scene, "arm").size(), 8u);
-  const engine::Engine engine(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
   for (const BodyPair pair : engine.pairs({}))
     for (const std::uint32_t body : {pair.a, pair.b}) EXPECT_FALSE(scene.bodies()[body].parts.empty());
 }
 
 TEST(RobotInAScene, WithoutAnSrdfLinksThatAJointJoinsAreLeftOut) {
   const engine::Scene scene = arm_scene(at_home());
-  const engine::Engine engine(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
   const std::vector<BodyPair> pairs = engine.pairs({});
   const auto is_requested = [&](const char* a, const char* b) {
     std::uint32_t i = scene.find_body(a), j = scene.find_body(b);

@@ -54,7 +54,7 @@ TEST(JointState, LinksAreWhereKinematicsPutsThem) {
   engine::Scene scene = arm_scene(at_home());
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   const SceneRobot& robot = *scene.robots()[0];
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const std::vector<double> row = random_rows(scene, joints, 1, 1);
   std::vector<JointPosition> update;
   for (std::size_t i = 0; i < joints.size(); ++i) update.push_back({joints[i], row[i]});
@@ -76,7 +76,7 @@ TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
   engine::RobotOptions options;
   options.urdf = kArm;
   const engine::Scene scene = arm_scene(options);
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const auto status = [&](const char* link) { return engine.body_state(scene.find_body(link)).status; };
   EXPECT_EQ(status("arm/base"), Status::kOk) << "no joint moves it";
   EXPECT_EQ(status("arm/upper"), Status::kNoPose);
@@ -101,7 +101,7 @@ TEST(JointState, WithoutAPositionNoPoseAndBadPositionsAreBadPoses) {
 
 TEST(JointState, PublishingALinksPoseIsRejectedWithAReason) {
   const engine::Scene scene = arm_scene(at_home());
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const std::uint32_t fore = scene.find_body("arm/fore"), ball = scene.find_body("ball");
   const BodyPose pose[] = {{fore, Pose{}}};
   const auto has = [](const std::string& what) {
@@ -119,7 +119,7 @@ TEST(JointState, PublishingALinksPoseIsRejectedWithAReason) {
 
 TEST(JointState, UpdatesThatMakeNoSenseAreRejectedWhole) {
   const engine::Scene scene = arm_scene(at_home());
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const JointPosition twice[] = {{2, 0.5}, {2, 0.6}};
   EXPECT_EQ(error_text<engine::QueryError>([&] { engine.set_joints(twice); }), "joints: 'arm/joint3' is named twice");
   const JointPosition one[] = {{2, 0.5}};
@@ -135,7 +135,7 @@ TEST(JointState, UpdatesThatMakeNoSenseAreRejectedWhole) {
 
 TEST(JointState, TheOldestJointOnTheWayIsALinksStamp) {
   const engine::Scene scene = arm_scene(at_home());
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const JointPosition first[] = {{0, 0.1}}, second[] = {{1, 0.1}};
   engine.set_joints(second, 1000, 1, 1);
   engine.set_joints(first, 5000, 1, 2);
@@ -145,7 +145,7 @@ TEST(JointState, TheOldestJointOnTheWayIsALinksStamp) {
 
 TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
   const engine::Scene scene = arm_scene(at_home());
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const std::uint32_t ball = scene.find_body("ball"), palm = scene.find_body("arm/palm");
   const Pose held{{0, 0, 0.2}};
   engine.attach(ball, palm, &held);
@@ -154,7 +154,7 @@ TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
   engine.set_joints(turn);
   const Pose after = engine.body_state(ball).X_wb;
   EXPECT_GT(std::abs(after.translation.y - before.translation.y), 0.1);
-  engine::Engine reloaded(scene);
+  engine::Engine reloaded(scene, test::kWithoutCovers);
   reloaded.take_poses(engine);
   EXPECT_EQ(reloaded.joint_state(0).position, 1.0);
   const Pose taken = reloaded.body_state(ball).X_wb;
@@ -163,7 +163,7 @@ TEST(JointState, WhatFollowsALinkMovesWithItAndAReloadTakesPositionsOver) {
 
 TEST(JointState, BeyondItsLimitsAJointFlagsWhatItMoves) {
   engine::Scene scene = arm_scene(at_home());
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const JointPosition over[] = {{3, 0.5}};  // joint4: -3.07 to -0.07
   engine.set_joints(over);
   EXPECT_TRUE(engine.joint_state(3).beyond_limits);
@@ -190,8 +190,8 @@ TEST(JointQuery, AnswersAreThoseOfJointsThatAreSetBitForBit) {
   const std::vector<std::uint32_t> joints = joints_of(scene, "arm");
   constexpr std::uint32_t kCount = 37;
   const std::vector<double> rows = random_rows(scene, joints, kCount, 3);
-  const engine::Engine engine(scene);
-  engine::Engine set(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
+  engine::Engine set(scene, test::kWithoutCovers);
   QueryView query;
   query.joints = joints;
   const std::vector<BodyPair> pairs = engine.pairs(query);
@@ -333,7 +333,7 @@ TEST(JointQuery, OtherJointsStayAndBodiesMayMoveToo) {
 
 TEST(JointQuery, WhatIsWrongWithItIsReported) {
   const engine::Scene scene = arm_scene(at_home());
-  const engine::Engine engine(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
   const std::uint32_t two[] = {0, 1}, twice[] = {0, 0}, unknown[] = {0, 77};
   const double numbers[] = {0, 0, 0, 0};
   const auto text = [&](std::span<const std::uint32_t> joints, std::uint32_t count, std::size_t given) {
@@ -358,7 +358,7 @@ TEST(JointQuery, BadPositionsAndMissingOnesAreStatusesOfTheirRows) {
   engine::RobotOptions options;
   options.urdf = kArm;
   const engine::Scene scene = arm_scene(options);  // no joint has a position
-  const engine::Engine engine(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
   const std::uint32_t joints[] = {0, 1};
   const double rows[] = {0.1, 0.2, 0.1, kNaN, 2e6, 0.2, 0.1, 9.0};
   QueryView query;
@@ -385,7 +385,7 @@ TEST(JointQuery, AJointThatItLeavesAsItIsMayBeTooOld) {
   engine::RobotOptions options = at_home();
   options.is_static = true;  // otherwise an unpublished base would be too old by itself
   const engine::Scene scene = arm_scene(options);
-  engine::Engine engine(scene);
+  engine::Engine engine(scene, test::kWithoutCovers);
   const JointPosition second[] = {{1, 0.2}};
   engine.set_joints(second);
   const std::uint32_t first = 0, third = 2;

@@ -31,7 +31,7 @@ TEST(WorkLeftOut, StaticIgnoredAndFollowingPairsAreNeverEvaluated) {
   const auto fixed = static_cast<std::size_t>(
       std::count_if(scene.bodies().begin(), scene.bodies().end(), [](const Body& b) { return b.is_static; }));
   ASSERT_EQ(fixed, 8u);
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const std::uint64_t wanted = bodies * (bodies - 1) / 2  // all
                                - fixed * (fixed - 1) / 2  // two static bodies
                                - 1                        // parent and child
@@ -43,7 +43,7 @@ TEST(WorkLeftOut, StaticIgnoredAndFollowingPairsAreNeverEvaluated) {
 }
 
 TEST(WorkLeftOut, ConfigurationsTouchOnlyPairsOfMovedBodies) {
-  const engine::Engine engine(mixed_scene(40, 3, 2));
+  const engine::Engine engine(mixed_scene(40, 3, 2), test::kWithoutCovers);
   const std::uint32_t moved[] = {3, 10};
   test::Random random(5);
   std::vector<Pose> poses;
@@ -61,7 +61,7 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
   const engine::Scene scene = mixed_scene(60, 12, 3);
   QueryView query;
   query.max_distance = 0.5;
-  const engine::Engine engine(scene);
+  const engine::Engine engine(scene, test::kWithoutCovers);
   const Answer answer = evaluate(engine, query);
   std::uint64_t refined = 0, beyond = 0;
   for (std::uint64_t i = 0; i < answer.info.rows; ++i) {
@@ -93,7 +93,7 @@ TEST(WorkLeftOut, BoxesAnswerForPairsFartherThanMaxDistance) {
 TEST(WorkLeftOut, BodiesWithoutAPoseCostNothing) {
   engine::Scene scene;
   for (const char* name : {"a", "b", "c"}) scene.add_sphere(name, 0.1, {});
-  engine::Engine engine(std::move(scene));
+  engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const BodyPose poses[] = {{0, {}}, {1, {{1, 0, 0}}}};
   engine.set_poses(poses);
   const Answer answer = evaluate(engine, {});

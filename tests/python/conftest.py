@@ -171,7 +171,7 @@ def arm_engine(urdf):
     import clearance
     from robots import arm_scene
 
-    return clearance.Engine(arm_scene(urdf), threads=1)
+    return clearance.Engine(arm_scene(urdf), threads=1, covers="off")
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +194,7 @@ def arm_front(request, urdf, arm_daemon):
     from robots import arm_scene
 
     if request.param == "engine":
-        yield clearance.Engine(arm_scene(urdf), backend="cpu", threads=1)
+        yield clearance.Engine(arm_scene(urdf), backend="cpu", threads=1, covers="off")
         return
     if request.param not in arm_daemon.urls:
         pytest.skip(f"no {request.param}")
@@ -236,7 +236,7 @@ def engine():
     import clearance
     from scenes import ARM_POSES, arm
 
-    engine = clearance.Engine(arm())
+    engine = clearance.Engine(arm(), covers="off")
     engine.set_poses(ARM_POSES)
     return engine
 
@@ -249,7 +249,7 @@ def crowd():
     from scenes import random_hulls, random_poses
 
     scene, poses = random_hulls(40, seed=9)
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses(poses)
     rng = np.random.default_rng(10)
     return engine, np.stack([random_poses(rng, 40, 2.5) for _ in range(3)])

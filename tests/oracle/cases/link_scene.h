@@ -10,6 +10,7 @@
 #include <vector>
 
 #include "engine/engine.h"
+#include "tests/engine/evaluate_query.h"
 #include "tests/engine/robot/exact_robot.h"
 #include "tests/engine/robot/random_robot.h"
 #include "tests/temporary_folder.h"
@@ -102,7 +103,7 @@ class LinkScene {
                         (kind == JointKind::kPlanar && !joint.name.ends_with("/theta")));
       joints_.push_back(static_cast<std::uint32_t>(slides_.size() - 1));
     }
-    engine_ = std::make_unique<engine::Engine>(std::move(scene));
+    engine_ = std::make_unique<engine::Engine>(std::move(scene), test::kWithoutCovers);
   }
 
   const engine::Engine& engine() const { return *engine_; }

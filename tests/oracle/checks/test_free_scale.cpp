@@ -73,7 +73,7 @@ TightCase tight(double w = 2) {
   engine::Scene scene;
   scene.add_sphere("ball", kRadius, {.pose = Pose{{1, 2 * kRadius + kGap, 0}}});
   scene.add_robot("r", {.urdf = urdf, .home = {{}}});
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const std::uint32_t joint = 0;
   const double row[] = {0}, weight[] = {w};
   QueryView query;

@@ -135,7 +135,7 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
   const BodyPair pairs[] = {{0, scene.find_body("upper/tip")},
                             {scene.find_body("lower/tip"), scene.find_body("upper/tip")}};
   const std::uint32_t joints[] = {scene.find_joint("upper/turn"), scene.find_joint("lower/turn")};
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const double row[] = {M_PI / 2, 0};  // the upper tip is at (1, 1, 0), 2 m under the ball
   QueryView query;
   query.pairs = pairs;
@@ -157,7 +157,7 @@ TEST(JointGradient, SomeJointsOfAnArmOnAnother) {
 TEST(JointGradient, WithoutJointsItIsRejectedByName) {
   engine::Scene scene;
   scene.add_sphere("a", 1, {.pose = Pose{}});
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   QueryView query;
   query.fields = kDefaultFields | kFieldGradientJoints;
   try {

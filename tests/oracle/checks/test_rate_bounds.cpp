@@ -24,7 +24,7 @@ constexpr double kInfinite = std::numeric_limits<double>::infinity();
 class MovingPair {
  public:
   explicit MovingPair(engine::Scene scene, bool signed_distance = false)
-      : engine_(std::move(scene)), signed_(signed_distance) {}
+      : engine_(std::move(scene), test::kWithoutCovers), signed_(signed_distance) {}
 
   struct Bounds {
     double lower, upper, rate, distance, smooth_radius;
@@ -188,7 +188,7 @@ TEST(RateBounds, OfHalfSpacesAndRoundCores) {
   engine::Scene scene;
   scene.add_half_space("floor", {.pose = Pose{}});
   scene.add_cylinder("b", 0.3, 1, {});
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const BodyPair pair{0, 1};
   const std::uint32_t body = 1;
   const double s = std::sqrt(0.5), twist[] = {0, 2, 0, 0.1, 0, 0.25};
@@ -316,7 +316,7 @@ TEST(RateBounds, HoldTheRatesOfUncertainAxesWithinErrorsOfSpeeds) {
     scene.add_box("stand", {0.1, 0.1, 0.1}, {.pose = Pose{}, .uncertainty = {.position = 0, .angle = 0.05}});
     scene.add_robot("r", options);
     const BodyPair pair{0, scene.find_body("r/tip")};
-    const engine::Engine engine(std::move(scene));
+    const engine::Engine engine(std::move(scene), test::kWithoutCovers);
     const std::uint32_t joint = 0;
     const double position = 0, speed = 0, error = 1;
     QueryView query = test::query_of_pair(pair);

@@ -231,7 +231,7 @@ class Slider {
     scene.add_robot("s", options_);
     for (std::uint32_t j = 0; j < 3; ++j) joints_[j] = scene.find_joint("s/j" + std::to_string(j + 1));
     pair_ = {0, scene.find_body("s/l3")};
-    const engine::Engine engine(std::move(scene));
+    const engine::Engine engine(std::move(scene), test::kWithoutCovers);
     const double row[] = {place.x, place.y, place.z};
     QueryView query = test::query_of_pair(pair_);
     query.joints = joints_;
@@ -345,7 +345,7 @@ TEST(SecondOrder, TwistsOfBodiesAddUp) {
   engine::Scene scene;
   const std::uint32_t a = scene.add_sphere("a", 0.1, {.pose = Pose{}});
   const std::uint32_t b = scene.add_box("b", {1, 1, 1}, {.pose = Pose{}});
-  const engine::Engine engine(std::move(scene));
+  const engine::Engine engine(std::move(scene), test::kWithoutCovers);
   const BodyPair pair{a, b};
   const std::uint32_t bodies[] = {a, b};
   const Pose poses[] = {Pose{{0, 0, 2}}, Pose{{0.25, 0, 0}}};

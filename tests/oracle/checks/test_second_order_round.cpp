@@ -94,7 +94,7 @@ TEST(SecondOrderOfRoundCores, OfABallIsTheSecondDerivativeOfThe60DigitDistance) 
     scene.add_robot("s", options);
     const std::uint32_t joints[] = {0, 1, 2};
     const BodyPair pair{0, scene.find_body("s/l3")};
-    const engine::Engine engine(std::move(scene));
+    const engine::Engine engine(std::move(scene), test::kWithoutCovers);
     constexpr std::uint32_t kStates = 16;
     std::vector<double> rows;
     for (std::uint32_t k = 0; k < 3 * kStates; ++k) rows.push_back(random.uniform(-1.5, 1.5));
@@ -147,7 +147,7 @@ TEST(SecondOrderOfRoundCores, OfTurningBodiesIsTheDifferenceOfDistances) {
     scene.add_capsule("capsule", 0.1, 0.5, {.pose = Pose{}});
     scene.add_half_space("floor", {.pose = Pose{{0, 0, -1.5}}});
     const std::uint32_t bodies[] = {0, 1, 2, 3, 4};
-    const engine::Engine engine(std::move(scene));
+    const engine::Engine engine(std::move(scene), test::kWithoutCovers);
     constexpr double kStep = 1e-3;
     std::vector<Pose> poses;
     std::vector<double> twists;

@@ -73,7 +73,7 @@ def check_all(checker, certificate):
 )
 def test_rows_are_proved_and_are_those_of_distances(checker, arguments, seen):
     scene = zoo()
-    engine = clearance.Engine(scene, backend="cpu")
+    engine = clearance.Engine(scene, backend="cpu", covers="off")
     movable = [body.name for body in engine.bodies if body.name != "follower"]
     rng = np.random.default_rng(3)
     arguments = {**arguments, "bodies": movable}
@@ -93,7 +93,7 @@ def test_hard_places(checker):
                 name = f"{'ab'[k]}{i}{j}"
                 scene.add_hull(name, box_vertices(size, size, size))
                 poses[name] = at(origin + x, 100 * j * size, 0, (0.7, 0.1 * j, 0, 0) if j == 3 else (1, 0, 0, 0))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses(poses)
     pairs = [(f"a{i}{j}", f"b{i}{j}") for i in range(4) for j in range(4)]
     for signed_distance in (False, True):
@@ -106,7 +106,7 @@ def test_hard_places(checker):
 
 @pytest.mark.parametrize("arguments", [{}, {"max_distance": 0.2}, {"signed_distance": True}], ids=str)
 def test_bodies_of_several_pieces(checker, root, arguments):
-    engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"))
+    engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"), covers="off")
     result = engine.distances(**arguments)
     rows = range(0, result.lower.size, 3)
     document = engine.certificate(rows, **arguments).document
@@ -128,7 +128,7 @@ def test_links_of_robots(checker, tmp_path):
     scene = clearance.Scene()
     scene.add_robot("arm", tmp_path / "arm.urdf", base=at(0.1, 0, 0.5))
     scene.add_box("wall", [0.1, 2, 2], static=True, pose=at(0.9))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     requested = {"joints": "arm", "configurations": [[0.3, 0.4], [1.2, -2.5], [1.5, 0.1]]}
     certificate = engine.certificate(**requested)
     assert check_all(checker, certificate).keys() >= {"ok", "overlap"}
@@ -168,7 +168,7 @@ def test_unusable_rows_prove_nothing(checker):
     scene = clearance.Scene()
     for name in ("a", "b", "c"):
         scene.add_sphere(name, 0.1)
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses({"a": at(0), "b": at(math.nan)})
     pairs = np.array([[0, 1], [0, 2], [0, 9]])
     document = engine.certificate(pairs=pairs).document
@@ -180,7 +180,7 @@ def test_unusable_rows_prove_nothing(checker):
 
 
 def test_what_has_no_certificate():
-    engine = clearance.Engine(zoo())
+    engine = clearance.Engine(zoo(), covers="off")
     with pytest.raises(clearance.QueryError, match=r"rows\[1\]: expected one of \d+ rows, got 1000"):
         engine.certificate([0, 1000])
     with pytest.raises(clearance.QueryError, match="only rows of reduce none"):
@@ -195,7 +195,7 @@ def test_the_program(root, tmp_path):
     scene = clearance.Scene()
     scene.add_sphere("a", 0.1, pose=at(0))
     scene.add_sphere("b", 0.1, pose=at(1))
-    certificate = clearance.Engine(scene).certificate()
+    certificate = clearance.Engine(scene, covers="off").certificate()
     assert "1 of 1 rows are proved" in repr(certificate)
     good, bad, none = tmp_path / "good.json", tmp_path / "bad.json", tmp_path / "none.json"
     certificate.save(good)
@@ -226,7 +226,7 @@ def test_the_program(root, tmp_path):
 @pytest.fixture(scope="module")
 def documents(root, tmp_path_factory):
     """One proved row each, as inputs of mutations."""
-    engine = clearance.Engine(zoo())
+    engine = clearance.Engine(zoo(), covers="off")
     q = np.array([0.9, 0.1, 0.3, 0.2])
     places = {"box": at(0), "hull": at(1.5, 0.2, 0.1, q), "round": at(0.1, 1.4, 0.2, q), "vague": at(-1.5, 0.3, 0.2, q)}
     places |= {"cylinder": at(0, -1.2, 0.1, q), "blunt": at(0.4, 0.3, 1.2, q), "egg": at(0.1, 0.3, -1.5)}
@@ -244,7 +244,7 @@ def documents(root, tmp_path_factory):
     engine.set_poses({"hull": at(0.1, 0.05, 0.02, q)})
     made["depth"] = engine.certificate(pairs=[("box", "hull")], signed_distance=True).document
     made["overlap"] = engine.certificate(pairs=[("box", "hull")]).document
-    cell = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"))
+    cell = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "scene.yaml"), covers="off")
     result = cell.distances(rel_tol=1e-12)
     of_pieces = [len(body["pieces"]) for body in cell.certificate().document["bodies"]]
     several = [of_pieces[a] * of_pieces[b] > 1 for a, b in result.pairs] & (result.status[0] == Status.OK)
@@ -255,11 +255,11 @@ def documents(root, tmp_path_factory):
     prism = clearance.Scene()
     prism.add_robot("r", urdf)
     prism.add_box("box", [0.3, 0.5, 0.7], pose=at(1, 0.1, 0.2, q))
-    made["shape"] = clearance.Engine(prism).certificate(pairs=[("r/can", "box")], rel_tol=1e-12).document
+    made["shape"] = clearance.Engine(prism, covers="off").certificate(pairs=[("r/can", "box")], rel_tol=1e-12).document
     aged = clearance.Scene()
     aged.add_sphere("fast", 0.1, max_speed=0.01)
     aged.add_sphere("still", 0.1, static=True, pose=at(9))
-    engine = clearance.Engine(aged)
+    engine = clearance.Engine(aged, covers="off")
     engine.set_poses({"fast": at(0)})
     made["age"] = engine.certificate().document
     return made

@@ -128,7 +128,7 @@ def slide(tmp_path_factory):
     scene = clearance.Scene()
     scene.add_robot("r", urdf, home={}, base=at(0))
     scene.add_box("wall", [1, 1, 1], static=True, pose=at(1.5))
-    engine = clearance.Engine(scene)  # noqa: F811
+    engine = clearance.Engine(scene, covers="off")  # noqa: F811
 
     def document(points, place, order, lower):
         """One span of the whole motion, evaluated at a time."""

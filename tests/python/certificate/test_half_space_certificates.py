@@ -76,7 +76,7 @@ def test_rows_are_proved(checker, tmp_path, arguments, seen):
     scene = add_planes(test_certificates.zoo())
     (tmp_path / "two.urdf").write_text(TWO_BOXES)
     scene.add_robot("r", tmp_path / "two.urdf")
-    engine = clearance.Engine(scene, backend="cpu")
+    engine = clearance.Engine(scene, backend="cpu", covers="off")
     movable = [body.name for body in engine.bodies if body.name not in ("follower", "floor", "wall", "r", "r/two")]
     arguments = {**arguments, "bodies": movable}
     rng = np.random.default_rng(3)
@@ -98,7 +98,7 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed_distance):
     (tmp_path / "ring.obj").write_text("\n".join(lines))
     (tmp_path / "rings.urdf").write_text(TWO_RINGS)
     scene.add_robot("r", tmp_path / "rings.urdf", mesh_as="solid")
-    engine = clearance.Engine(scene, backend="cpu")
+    engine = clearance.Engine(scene, backend="cpu", covers="off")
     planes, clouds = (
         {"floor", "wall"},
         test_surface_certificates.CLOUDS if signed_distance else set(),
@@ -116,7 +116,7 @@ def test_bodies_that_are_not_convex(checker, tmp_path, signed_distance):
 
 
 def test_two_half_spaces_prove_nothing(checker):
-    engine = clearance.Engine(add_planes(clearance.Scene()))
+    engine = clearance.Engine(add_planes(clearance.Scene()), covers="off")
     document = checked(checker, engine, pairs=[("floor", "wall")])
     assert document["rows"][0]["upper"] == "inf" and document["rows"][0]["witness"] is None
 
@@ -132,7 +132,7 @@ def test_hard_places(checker):
             x, y, z = up * size * (0.5 + gap)
             scene.add_hull(f"box{i}{j}", box_vertices(size, size, size), pose=at(x, origin + y, z, q))
             pairs.append((f"plane{i}{j}", f"box{i}{j}") if (i + j) % 2 else (f"box{i}{j}", f"plane{i}{j}"))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     for signed_distance in (False, True):
         document = checked(checker, engine, pairs=pairs, signed_distance=signed_distance)
         assert {row["status"] for row in document["rows"]} >= {"ok", "contact", "overlap"}
@@ -153,7 +153,7 @@ def robot(tmp_path_factory):
     scene.add_points("cloud", np.random.default_rng(1).normal(size=(40, 3)) * 0.1)
     scene.add_half_space("floor", pose=at(0, 0, -0.35))
     scene.add_half_space("wall", pose=at(-0.7, 0.1, 0, TILTED), padding=0.01)
-    return clearance.Engine(scene, backend="cpu")
+    return clearance.Engine(scene, backend="cpu", covers="off")
 
 
 def moves(count, seed, spread=0.6):
@@ -198,7 +198,7 @@ def test_an_edge_over_a_floor_is_proved_free(checker, root):
     """As in docs/certificates.md, in the cell, with a half-space as floor."""
     scene = clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml")
     scene.add_half_space("ground", pose=at(0, 0, -2))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.allow("arm/wrist_1", "arm/flange")
     home = [[joint.position for joint in engine.joint_states()]]
     requested = {"joints": "arm", "start": home, "end": [[home[0][0] + 0.1, *home[0][1:]]], "reduce": "any"}
@@ -243,7 +243,7 @@ def test_a_path_over_a_floor(start_daemon, root, tmp_path):
 def documents(checker, robot):
     """One proved row each, as inputs of mutations. The half-space is b; in `first` it is a."""
     scene = add_planes(test_certificates.zoo())
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses({"box": at(0.4, 0.2, 0.5, (0.9, 0.1, 0.3, 0.2)), "egg": at(0.6, 0.1, 0.7), "hull": at(0.1)})
     requested = {
         "apart": {"pairs": [("box", "wall")], "rel_tol": 1e-12},

@@ -85,7 +85,7 @@ def test_solids_that_grow(checker, tmp_path):
     scene.add_body("ring", mesh=torus(5, 3, 0.3, 0.1), mesh_as="solid", pose=at(0))
     scene.add_body("ball", mesh=ball(0.5, 1), mesh_as="solid", pose=at(3))
     scene.add_sphere("pea", 0.01, pose=at(3))
-    yard = clearance.Engine(scene, backend="cpu")
+    yard = clearance.Engine(scene, backend="cpu", covers="off")
     seen: set = set()
     for growth, pairs in ((0.1, ["ring", "pea"]), (0.9, ["ring"])):
         line = BodyPath([[at(3), at(2, 0.5, 1.5), at(1.5, 0, 1)]], growth=growth)
@@ -105,7 +105,7 @@ def hall(tmp_path_factory):
     scene = clearance.Scene()
     scene.add_robot("r", urdf, home={}, base=at(0))
     scene.add_sphere("crate", 0.25, pose=at(1))
-    made = clearance.Engine(scene)
+    made = clearance.Engine(scene, covers="off")
 
     def document(places, growths, at_time, order, lower):
         """One span of the whole motion, evaluated at a time."""

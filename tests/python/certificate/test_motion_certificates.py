@@ -46,7 +46,7 @@ def engine(tmp_path_factory):
     scene.add_box("vague", [0.2, 0.2, 0.2], static=True, pose=at(-0.9, 0.2, 0.8),
                   uncertainty={"position": 0.01, "angle": 0.02})  # fmt: skip
     scene.add_ellipsoid("egg", (0.1, 0.2, 0.15), pose=at(0.2, -1.2, 0.9))
-    return clearance.Engine(scene, backend="cpu")
+    return clearance.Engine(scene, backend="cpu", covers="off")
 
 
 def moves(count, seed, spread=0.6):
@@ -143,7 +143,7 @@ def test_half_turns_and_long_ways(checker):
     scene = clearance.Scene()
     scene.add_box("bar", [1.0, 0.05, 0.05])
     scene.add_box("block", [0.2, 0.2, 0.2], static=True, pose=at(0.2, 0.8, 0.1))
-    engine, seen = clearance.Engine(scene), set()
+    engine, seen = clearance.Engine(scene, covers="off"), set()
     start = [[at(0)], [at(0)], [at(-1, 2, 0)]]
     end = [[at(0, 0, 0, (0, 0, 0, 1))], [at(0, 0, 0, (0.1, 0, 0, -1))], [at(3, 2, 0, (-0.5, 0.5, 0.5, 0.5))]]
     check(checker, engine, seen, bodies=["bar"], start=start, end=end, margin=0.01)
@@ -356,7 +356,7 @@ def test_motions_from_nowhere(checker):
     scene = clearance.Scene()
     scene.add_sphere("a", 0.1)
     scene.add_sphere("b", 0.1, pose=at(1))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     document = engine.certificate(bodies=["a"], start=[[at(np.nan)]], end=[[at(0)]]).document
     (row,) = document["rows"]
     assert row["status"] == NAMES[Status.BAD_POSE]

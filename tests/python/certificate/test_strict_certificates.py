@@ -23,7 +23,7 @@ def documents(checker, urdf):
     scene.add_cylinder("can", 0.1, 0.3)
     scene.add_sphere("lost", 0.1)
     scene.add_robot("arm", urdf, home={"joint4": -1.5})
-    engine = clearance.Engine(scene, backend="cpu")
+    engine = clearance.Engine(scene, backend="cpu", covers="off")
     engine.set_poses({"ring": at(0), "ball": at(3), "box": at(0, 3, 0.1), "can": at(0, 3, 1)})
     sweep = dict(
         bodies=["box"], start=[[at(-1, 3, 1)]], end=[[at(-0.3, 3, 1)]], pairs=[("box", "can"), ("box", "ball")]

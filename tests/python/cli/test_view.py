@@ -68,7 +68,7 @@ def test_a_hull_is_drawn_within_itself_and_grown_by_its_radius():
 
 def test_every_kind_of_body_has_a_shape():
     scene = clearance.Scene.load(ROOT / "scenes/primitives/scene.yaml")
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     for body, shape in zip(engine.bodies, shapes_of(engine, scene)):
         corners = np.concatenate([mesh.vertices for mesh in shape.look("pieces")])
         if math.isinf(body.extent):
@@ -88,7 +88,7 @@ def test_every_kind_of_body_has_a_shape():
 
 @pytest.fixture
 def robot():
-    return clearance.Engine(clearance.Scene.load(ROOT / "scenes/cell/robot.yaml"), threads=1)
+    return clearance.Engine(clearance.Scene.load(ROOT / "scenes/cell/robot.yaml"), threads=1, covers="off")
 
 
 def test_a_picture_is_the_answer(robot):
@@ -118,13 +118,13 @@ def test_the_camera_opens_on_the_nearest_pair():
     scene.add_sphere("a", 0.1, static=True, pose=at(0))
     scene.add_sphere("b", 0.1, pose=at(0.3))
     scene.add_sphere("far", 0.1, static=True, pose=at(5))
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     target, freely = camera_at_first(look(engine, ViewQuery(max_distance=9.0)), shapes_of(engine, scene))
     assert np.allclose(target, [0.15, 0, 0]) and 0.3 < np.linalg.norm(freely - target) < 1
     middle = target + 0.5 * (freely - target)
     scene.add_box("wall", [0.5, 0.5, 0.5], static=True, pose=[*middle, 1, 0, 0, 0])
     scene.ignore("wall", "b")
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     again, behind = camera_at_first(look(engine, ViewQuery(max_distance=9.0)), shapes_of(engine, scene))
     assert np.allclose(again, target) and not np.allclose(behind, freely)
     rays = behind + np.linspace(0, 0.98, 200)[:, None] * (target - behind)
@@ -135,7 +135,7 @@ def test_the_camera_opens_on_the_nearest_pair():
 def test_the_camera_shows_a_scene_without_pairs():
     scene = clearance.Scene()
     scene.add_sphere("one", 0.1, pose=at(2))
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     target, position = camera_at_first(look(engine, ViewQuery()), shapes_of(engine, scene))
     assert np.allclose(target, [2, 0, 0]) and 0.3 < np.linalg.norm(position - target) < 3
 
@@ -152,7 +152,7 @@ def test_bodies_without_a_pose_are_not_placed():
     scene = clearance.Scene()
     scene.add_sphere("here", 0.1, pose=at(0))
     scene.add_sphere("nowhere", 0.1)
-    picture = look(clearance.Engine(scene, threads=1), ViewQuery())
+    picture = look(clearance.Engine(scene, threads=1, covers="off"), ViewQuery())
     assert picture.placed.tolist() == [True, False]
     assert not picture.drawn.any() and math.isnan(picture.ages_s[1])
     assert "no_pose" in pairs_table(picture) or "No pair" in pairs_table(picture)
@@ -186,7 +186,7 @@ def test_what_follows_a_link_would_follow_it(urdf):
     """As in the engine when joints move: also attached bodies, and a base that another client moved."""
     scene = arm_scene(urdf)
     scene.add_sphere("tool", 0.03, pose=at(0.9, 0.1, 0.4))
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     joints = all_joints(engine)
     engine.set_poses({"arm": at(0.1, 0.2, 0.3, np.array([0.8, 0, 0.6, 0])), "cup": at(0.2, 0.2, 0.9)})
     names = [body.name for body in engine.bodies]
@@ -196,7 +196,7 @@ def test_what_follows_a_link_would_follow_it(urdf):
     assert shadow.fits(engine)
     for row in rows_of(joints, 5, seed=4):
         would_be = shadow.poses(engine, WhatIf(joints, row))
-        moved = clearance.Engine(scene, threads=1)
+        moved = clearance.Engine(scene, threads=1, covers="off")
         moved.set_poses({"arm": engine.body_states()[names.index("arm")].pose, "cup": at(0.2, 0.2, 0.9)})
         moved.set_joints(positions_now(engine), joints=joints)
         moved.attach("tool", link)
@@ -404,7 +404,7 @@ def test_names_cannot_be_markup():
     scene = clearance.Scene()
     scene.add_sphere("<img src=x onerror=y>", 0.1, pose=at(0))
     scene.add_sphere("b", 0.1, pose=at(0.25))
-    text = pairs_table(look(clearance.Engine(scene, threads=1), ViewQuery()))
+    text = pairs_table(look(clearance.Engine(scene, threads=1, covers="off"), ViewQuery()))
     assert "<img" not in text and "&lt;img src=x onerror=y&gt;" in text
 
 

@@ -59,7 +59,7 @@ def test_spheres_against_exact_arithmetic(backend):
     radii = rng.uniform(0.01, 0.3, 60)
     for i, radius in enumerate(radii):
         scene.add_sphere(f"ball{i}", radius)
-    engine = clearance.Engine(scene, backend=backend)
+    engine = clearance.Engine(scene, backend=backend, covers="off")
     scales = 10.0 ** rng.uniform(-1, 3, (60, 1))
     poses = random_poses(rng, 60, 1.0)
     poses[:, :3] *= scales
@@ -77,7 +77,7 @@ def test_spheres_against_exact_arithmetic(backend):
 @pytest.mark.parametrize("backend", ["cpu", "reference"])
 def test_polytopes_against_an_independent_judge(backend):
     scene, poses = random_hulls(14, seed=5)
-    engine = clearance.Engine(scene, backend=backend)
+    engine = clearance.Engine(scene, backend=backend, covers="off")
     engine.set_poses(poses)
     r = engine.distances(fields=("default", "points", "normal"))
     apart = overlapping = 0
@@ -298,7 +298,7 @@ def test_points_come_by_default_for_few_rows_only():
     scene = clearance.Scene()
     for i in range(25):
         scene.add_sphere(f"s{i}", 0.1, pose=at(i))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     k = 100000 // 300
     configurations = np.tile(IDENTITY, (k, 25, 1))
     assert "point_a" in engine.distances(configurations=configurations).columns

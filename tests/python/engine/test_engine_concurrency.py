@@ -19,7 +19,7 @@ from threads import end_with_daemon_threads, turns_beside
 def big_query():
     """A query that takes seconds: 80 bodies of 300 vertices, many configurations."""
     scene, poses = random_hulls(80, seed=3, vertices=300, spread=2.0)
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses(poses)
     rng = np.random.default_rng(4)
     return engine, {"configurations": np.stack([random_poses(rng, 80, 2.0) for _ in range(1000)]), "fields": "lower"}
@@ -143,7 +143,7 @@ def test_use_after_fork_is_refused(engine):
                     texts.append("no error")
                 except RuntimeError as error:
                     texts.append(str(error))
-            fresh = clearance.Engine(arm(), threads=1)
+            fresh = clearance.Engine(arm(), threads=1, covers="off")
             fresh.set_poses(ARM_POSES)
             texts.append(repr(float(fresh.distances(pairs=(1, 2)).upper[0, 0])))
             os.write(write, "\n".join(texts).encode())
@@ -196,7 +196,7 @@ def test_a_program_ends_while_daemon_threads_are_in_the_engine(tmp_path):
 import contextlib, itertools, numpy as np, clearance
 from scenes import arm, random_hulls, random_poses
 scene, poses = random_hulls(40, seed=9)
-engine = clearance.Engine(scene)
+engine = clearance.Engine(scene, covers="off")
 many = np.stack([random_poses(np.random.default_rng(10), 40, 2.5) for _ in range(100)])
 some, numbers, folder = many[:4, :2], itertools.count(), {str(tmp_path)!r}
 arm().save(folder + "/arm")

@@ -13,7 +13,7 @@ from scenes import IDENTITY, arm, at
 
 
 def test_missing_and_bad_poses_are_statuses():
-    engine = clearance.Engine(arm())
+    engine = clearance.Engine(arm(), covers="off")
     r = engine.distances(fields=("default", "points", "flags"))
     no_pose = r.status == Status.NO_POSE
     assert no_pose.all() and np.isnan(r.distance).all() and np.isneginf(r.lower).all() and np.isposinf(r.upper).all()
@@ -183,7 +183,7 @@ def test_an_absent_backend_raises():
 
 
 def test_too_many_rows():
-    engine = clearance.Engine(arm(), max_rows=20)
+    engine = clearance.Engine(arm(), max_rows=20, covers="off")
     with pytest.raises(clearance.QueryError, match=r"3 configurations x 7 rows are more than the limit of 20") as info:
         engine.distances(configurations=np.tile(IDENTITY, (3, 3, 1)))
     assert info.value.code == clearance.wire.ErrorCode.TOO_LARGE and isinstance(info.value, ValueError)

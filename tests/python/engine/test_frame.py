@@ -38,7 +38,7 @@ def pandas(request, monkeypatch):
 
 @pytest.fixture
 def engine():
-    engine = clearance.Engine(arm())
+    engine = clearance.Engine(arm(), covers="off")
     engine.set_poses(ARM_POSES)
     return engine
 

@@ -32,7 +32,7 @@ def until(condition):
 def long():
     """An engine, and arguments of a query that takes ten seconds or more."""
     scene, poses = random_hulls(80, seed=3, vertices=300, spread=2.0)
-    engine = clearance.Engine(scene, backend="cpu", threads=1)
+    engine = clearance.Engine(scene, backend="cpu", threads=1, covers="off")
     engine.set_poses(poses)
     rng = np.random.default_rng(4)
     some = np.stack([random_poses(rng, 80, 2.0) for _ in range(1000)])

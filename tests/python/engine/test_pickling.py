@@ -106,7 +106,7 @@ def test_a_client_says_what_to_do(ipc):
 
 
 def _checked(scene):
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     engine.set_poses(ARM_POSES)
     return engine.distances(), engine.check([[at(0.3, 0, 0.9)]], bodies=["link2"])
 

@@ -63,7 +63,7 @@ def test_arrays_that_are_kept_never_change(front, kind):
 
 def test_large_blocks_are_reused_once_their_arrays_are_gone():
     scene, poses = random_hulls(4, seed=5)
-    engine = clearance.Engine(scene, backend="cpu", threads=1)
+    engine = clearance.Engine(scene, backend="cpu", threads=1, covers="off")
     engine.set_poses(poses)
     X = np.stack([random_poses(np.random.default_rng(i), 4, 2.0) for i in range(LARGE)])
     prepared = engine.prepare(fields=("lower", "upper"))

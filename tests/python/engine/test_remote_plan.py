@@ -256,7 +256,7 @@ def test_rows_of_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any) -> 
     shutil.copy(urdf, tmp_path / "arm.urdf")
     (tmp_path / "scene.yaml").write_text(ARM_YAML)
     daemon = start_daemon(tmp_path / "scene.yaml", ["shm", "ipc"], "--backend", "cuda")
-    cpu = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu")
+    cpu = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu", covers="off")
     positions = rows_of(cpu.joints("arm"), 200)
     device = test_device_plan.Driver()
     given = device.put(positions)
@@ -287,7 +287,7 @@ def test_pytorch_asks_a_daemons_gpu(urdf: str, tmp_path: Path, start_daemon: Any
     shutil.copy(urdf, tmp_path / "arm.urdf")
     (tmp_path / "scene.yaml").write_text(ARM_YAML)
     daemon = start_daemon(tmp_path / "scene.yaml", ["shm"], "--backend", "cuda")
-    engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cuda")
+    engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cuda", covers="off")
     client = clearance.connect(daemon.urls["shm"], timeout_s=PATIENCE_S)
     numbers = rows_of(engine.joints("arm"), 64)
     arguments = {"pairs": ARM_PAIRS, "fields": ["distance", "gradient_joints"], "joints": "arm"}

@@ -111,7 +111,7 @@ def test_rows_change_only_where_a_pair_becomes_nearer(arm_front):
 def test_a_pair_without_usable_poses_counts_as_the_nearest(urdf):
     scene = arm_scene(urdf)
     scene.add_sphere("unseen", 0.1)
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     rows = rows_of(engine.joints("arm"), 1)
     r = answer(engine, rows, reduce="nearest", k=3, fields=["status", "rate"])
     assert (r.status == clearance.Status.NO_POSE).all() and np.isnan(r.rate).all()
@@ -154,7 +154,7 @@ def test_neighbours_are_not_of_the_nearest_pair():
     scene = clearance.Scene()
     for i in range(2):
         scene.add_sphere(f"ball{i}", 0.1, pose=at(i, 0, 0))
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     r = engine.prepare(reduce="nearest", k=1).run()
     assert r.pairs.tolist() == [[[0, 1]]]  # has body 0, whose row it would be without k
     for result in (r, pickle.loads(pickle.dumps(r))):
@@ -186,7 +186,7 @@ scene = clearance.Scene()
 scene.add_robot("arm", urdf=sys.argv[1])
 for i in range(100):
     scene.add_sphere(f"ball{i}", 0.1, pose=(i, 5, 0, 1, 0, 0, 0), static=True)
-engine = clearance.Engine(scene, threads=1)
+engine = clearance.Engine(scene, threads=1, covers="off")
 rows = np.random.default_rng(3).uniform(-0.1, 0.1, (64, 64))
 ask = engine.prepare(joints="arm", reduce="within", max_distance=np.inf, max_results=1, fields=FIELDS)
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss

@@ -71,7 +71,7 @@ def test_an_update_without_velocities_makes_them_unknown(arm_front):
 
 
 def test_bodies_where_the_scene_has_them_are_at_rest_unless_they_may_move(scene_of_balls):
-    engine = clearance.Engine(scene_of_balls, threads=1)
+    engine = clearance.Engine(scene_of_balls, threads=1, covers="off")
     pairs = [("table", "ball"), ("table", "fast")]
     r = engine.distances(pairs, fields=RATES)
     assert r.rate[0, 0] == 0 and np.isnan(r.rate[0, 1])
@@ -83,7 +83,7 @@ def test_bodies_where_the_scene_has_them_are_at_rest_unless_they_may_move(scene_
 
 def test_attached_bodies_move_with_their_parent(scene_of_balls):
     scene_of_balls.add_sphere("rider", 0.05, pose=at(0, 0, 3))
-    engine = clearance.Engine(scene_of_balls, threads=1)
+    engine = clearance.Engine(scene_of_balls, threads=1, covers="off")
     engine.set_poses({"ball": at(0, 0, 1), "rider": at(0, 0, 3)})
     engine.attach("rider", "ball")
     engine.set_poses({"ball": at(0, 0, 1)}, velocities={"ball": [0, 0, 0, 0, 0, -0.5]})
@@ -96,7 +96,7 @@ def test_attached_bodies_move_with_their_parent(scene_of_balls):
 def test_points_that_are_replaced_may_move(scene_of_balls):
     for name, is_static in (("seen", False), ("mapped", True)):
         scene_of_balls.add_body(name, points=[[0, 0, 0]], radius=0.1, pose=at(0, 0, 4), static=is_static)
-    engine = clearance.Engine(scene_of_balls, threads=1)
+    engine = clearance.Engine(scene_of_balls, threads=1, covers="off")
     pairs = [("ball", "seen"), ("ball", "mapped")]
     assert engine.distances(pairs, fields="rate").rate.tolist() == [[0, 0]]
     for name in ("seen", "mapped"):

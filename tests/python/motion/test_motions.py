@@ -101,7 +101,7 @@ def test_a_path_whose_search_ends_early_is_not_free():
     scene.add_sphere("obstacle", 0.03, static=True, pose=at(1.04 * np.cos(2.4), 1.04 * np.sin(2.4), 0))
     scene.add_sphere("arm", 0.001, pose=at(0, 0, 5))
     scene.add_sphere("ball", 0.05, parent="arm", pose=at(1, 0, -5))
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     path = [[at(0, 0, 5)], [[0, 0, 5, np.cos(1.5), 0, 0, np.sin(1.5)]]]
     pairs = [("ball", "post"), ("ball", "obstacle")]
     for steps in (1, 2, 3, 64, 256):
@@ -114,7 +114,7 @@ def test_a_plate_between_two_samples_is_found():
     scene = clearance.Scene()
     scene.add_box("plate", [1e-4, 1, 1], static=True, pose=at(0.5034, 0, 0))
     scene.add_sphere("ball", 1e-3)
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     start, end = (np.array(at(x), dtype=float)[None, None] for x in (0, 1))
     samples = np.linspace(0, 1, 33)[:, None, None] * (end[0] - start[0]) + start[0]
     assert engine.check(samples, bodies=["ball"]).free.all(), "what sampling says"
@@ -206,7 +206,7 @@ def test_the_command_says_where_a_path_is_not_free(arm_daemon, engine, root, tmp
 
 @pytest.mark.skipif("cuda" not in clearance.Engine.backends(), reason="no CUDA device")
 def test_a_device_answers_the_default_columns(urdf):
-    device, cpu = (clearance.Engine(arm_scene(urdf), backend=backend) for backend in ("cuda", "cpu"))
+    device, cpu = (clearance.Engine(arm_scene(urdf), backend=backend, covers="off") for backend in ("cuda", "cpu"))
     arm = cpu.joints("arm")
     start, end = edges_of(arm, 2000)
     for margin in (0.0, 0.01):
@@ -276,7 +276,7 @@ def test_bodies_that_are_not_convex_are_answered_as_they_are(tmp_path):
         scene = clearance.Scene()
         scene.add_mesh("shelf", path, mesh_as=kind, pose=[0, 0, 0, 1, 0, 0, 0])
         scene.add_sphere("ball", 0.1, pose=start)
-        engine = clearance.Engine(scene, backend="cpu", threads=1)
+        engine = clearance.Engine(scene, backend="cpu", threads=1, covers="off")
         r = engine.motions(np.array([[start]]), np.array([[end]]), bodies=["ball"])
         assert r.status[0] == status, kind
         assert kind == "hull" or r.lower[0] <= 0.1 <= r.upper[0]

@@ -14,7 +14,9 @@ MARGIN = 0.02
 @pytest.fixture(params=["engine", "client"])
 def front(request, start_daemon):
     if request.param == "engine":
-        made: clearance.Engine | clearance.Client = clearance.Engine(clearance.Scene.load(CELL), threads=1)
+        made: clearance.Engine | clearance.Client = clearance.Engine(
+            clearance.Scene.load(CELL), threads=1, covers="off"
+        )
     else:
         made = clearance.connect(start_daemon(CELL, ["ipc"]).urls["ipc"], timeout_s=60)
     made.allow("arm/wrist_1", "arm/flange")  # never farther apart than 18 mm

@@ -40,7 +40,7 @@ def folder(tmp_path_factory):
 @pytest.fixture(params=["engine", "client"])
 def front(request, folder, start_daemon):
     if request.param == "engine":
-        return clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1)
+        return clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1, covers="off")
     return clearance.connect(start_daemon(folder / "scene.yaml", ["ipc"]).urls["ipc"], timeout_s=PATIENCE_S)
 
 
@@ -149,7 +149,7 @@ def test_two_that_move_count_both(front):
 
 
 def test_too_many_that_move_are_rejected(folder):
-    engine = clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1)
+    engine = clearance.Engine(clearance.Scene.load(folder / "scene.yaml"), threads=1, covers="off")
     many = {f"b{i}": 0.1 for i in range(91)}
     for name in many:
         engine.add_body(name, sphere=0.01, pose=at(20.0, 20.0))

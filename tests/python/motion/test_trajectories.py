@@ -271,7 +271,7 @@ def test_names_that_two_joints_share_are_rejected():
 
 def test_a_huge_joint_frees_no_other():
     """A control point beyond all positions makes its own joint unusable, and leaves the others' motions alone."""
-    engine = clearance.Engine(clearance.Scene.load(CELL), threads=1)
+    engine = clearance.Engine(clearance.Scene.load(CELL), threads=1, covers="off")
     joints = engine.joints("arm")
     home = np.array([state.position for state in engine.joint_states() if state.name in joints.names])
     curve = np.repeat(home[None], 3, axis=0)

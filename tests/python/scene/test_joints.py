@@ -55,7 +55,7 @@ def test_a_query_of_positions_is_that_of_each_in_turn(engine, urdf):
     rows = rows_of(arm, 9)
     fields = ("default", "points", "normal", "gradient", "flags")
     answer = engine.distances(joints=arm, configurations=rows, fields=fields)
-    other = clearance.Engine(arm_scene(urdf), threads=1)
+    other = clearance.Engine(arm_scene(urdf), threads=1, covers="off")
     pairs = answer.pairs
     assert len(pairs) > 10 and answer.lower.shape == (9, len(pairs))
     for k, row in enumerate(rows):
@@ -121,7 +121,7 @@ def test_gradients_of_round_bodies_are_right_or_flagged(tmp_path, beside):
             scene = clearance.Scene()
             scene.add_robot("r", tmp_path / "r.urdf")
             BESIDE[beside](scene, at(0.2, 1.4, 0.0))
-            engine = clearance.Engine(scene, threads=1)
+            engine = clearance.Engine(scene, threads=1, covers="off")
             rows = np.concatenate([np.zeros((1, 1)), rng.uniform(-1e-4, 1e-4, (5, 1)), rng.uniform(-0.5, 0.5, (20, 1))])
             options = {"pairs": [("r/l", "o")], "joints": "r"}
             r = engine.distances(configurations=rows, fields=["gradient_joints", "flags"], **options)
@@ -212,7 +212,7 @@ def test_a_scene_of_one_robot_and_its_warnings(tmp_path, urdf):
     with pytest.warns(clearance.RobotWarning, match='arm.srdf:1: .*there is no link "gone"'):
         scene = clearance.Scene.load_urdf(urdf, srdf=srdf)
     assert "arm/upper" not in scene.groups and "arm" in scene.groups, "a link has that name"
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     assert engine.joints("arm/upper").names == ("arm/joint1", "arm/joint2")
     assert engine.joint_states()[0].status == Status.NO_POSE, "no home"
     names = {engine.bodies[a].name + " " + engine.bodies[b].name for a, b in engine.pairs}
@@ -226,7 +226,7 @@ def test_a_scene_of_one_robot_and_its_warnings(tmp_path, urdf):
 def test_an_srdf_may_disable_all_pairs_of_a_link(tmp_path, urdf):
     def pairs(text):
         (tmp_path / "arm.srdf").write_text(f'<robot name="arm">{text}</robot>')
-        engine = clearance.Engine(clearance.Scene.load_urdf(urdf, srdf=tmp_path / "arm.srdf"))
+        engine = clearance.Engine(clearance.Scene.load_urdf(urdf, srdf=tmp_path / "arm.srdf"), covers="off")
         return {frozenset((engine.bodies[a].name, engine.bodies[b].name)) for a, b in engine.pairs}
 
     default, enabled = '<disable_default_collisions link="base"/>', '<enable_collisions link1="base" link2="fore"/>'
@@ -397,7 +397,7 @@ def test_joints_without_limits_are_never_beyond_them(tmp_path):
     (tmp_path / "r.urdf").write_text(f'<robot name="r">{"".join(parts)}</robot>')
     scene = clearance.Scene()
     scene.add_robot("r", str(tmp_path / "r.urdf"), home={})
-    engine = clearance.Engine(scene, threads=1)
+    engine = clearance.Engine(scene, threads=1, covers="off")
     joints = engine.joints("r")
     assert joints.names == ("r/turn", "r/slide", "r/roam/x", "r/roam/y", "r/roam/theta")
     rows = [[1000.0, 0.9, 500, -500, 300], [-90.0, -1.5, 0, 0, 0]]

@@ -39,7 +39,7 @@ def test_an_octomap_is_its_occupied_voxels(tmp_path, name, leaves, edge):
     within = rng.choice(centres, 20) + rng.uniform(-0.3, 0.3, (20, 3)) * edge
     points = np.concatenate([rng.uniform(-2, 2.5, (380, 3)), within])
     scene.add_sphere("probe", 1e-3)
-    engine = clearance.Engine(scene, backend="cpu")
+    engine = clearance.Engine(scene, backend="cpu", covers="off")
     poses = np.concatenate([points, np.tile([1.0, 0, 0, 0], (400, 1))], axis=1)[:, None]
     r = engine.distances(pairs=[("map", "probe")], bodies=["probe"], configurations=poses)
     exact_value = from_voxels(points, centres, edge) - np.longdouble(1e-3)
@@ -55,7 +55,7 @@ def test_a_map_is_grown_and_replaced_and_saved(tmp_path):
     scene.add_sphere("probe", 0.1, pose=[5, 0, 0, 1, 0, 0, 0])
     scene.save(tmp_path / "saved")
     again = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
-    a, b = (clearance.Engine(s, backend="cpu") for s in (scene, again))
+    a, b = (clearance.Engine(s, backend="cpu", covers="off") for s in (scene, again))
     assert a.distances().lower == b.distances().lower and a.distances().upper == b.distances().upper
     assert scene.bodies[0].model_error == again.bodies[0].model_error > 0
     exact_value = from_voxels(np.array([[5.0, 0, 0]]), np.loadtxt(FILES / "map.txt"), 0.1)[0] - np.longdouble(0.12)
@@ -74,7 +74,7 @@ def test_a_map_without_an_occupied_voxel_is_nothing(tmp_path):
         scene.save(tmp_path / name.replace(".bt", ""))
         again = clearance.Scene.load(tmp_path / name.replace(".bt", "") / "scene.yaml")
         for one in (scene, again):
-            engine = clearance.Engine(one, backend="cpu")
+            engine = clearance.Engine(one, backend="cpu", covers="off")
             r = engine.distances(pairs=[("map", "probe")])
             assert r.status[0, 0] == clearance.Status.BEYOND and r.lower[0, 0] == np.inf
             engine.set_points("map", [[0, 0, 0]])

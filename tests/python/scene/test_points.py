@@ -75,7 +75,7 @@ def check_updates(who):
 
 
 def test_in_this_process(scene_file):
-    engine = clearance.Engine(clearance.Scene.load(scene_file), backend="cpu")
+    engine = clearance.Engine(clearance.Scene.load(scene_file), backend="cpu", covers="off")
     assert [body.is_cloud for body in engine.bodies] == [True, True, True, False, False]
     check_updates(engine)
     expect(gap(engine, body="voxels", other="ground"), np.sqrt(97.75**2 + 0.25**2 + 0.75**2))  # from the peak
@@ -206,7 +206,7 @@ def test_files_of_every_format_hold_the_same_points(tmp_path):
     bodies = "".join(f"  - {{name: {name[0]}, points: {name}, pose: [0,0,0, 1,0,0,0]}}\n" for name in files)
     ball = "  - {name: ball, sphere: 0.5, pose: [3,3,3, 1,0,0,0]}\n"
     (tmp_path / "scene.yaml").write_text("bodies:\n" + bodies + ball)
-    engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu")
+    engine = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu", covers="off")
     answer = engine.distances(pairs=[(name[0], "ball") for name in files])
     assert len(set(answer.upper[0])) == 1 and len(files) == 8
     assert answer.lower[0, 0] <= np.sqrt(5.0) - 0.5 <= answer.upper[0, 0]
@@ -218,7 +218,7 @@ def test_heights_may_be_three_columns_wide(tmp_path):
         "bodies:\n  - {name: ground, height_field: heights.npy, cell: 2, pose: [0,0,0, 1,0,0,0]}\n"
         "  - {name: ball, sphere: 0.5, pose: [4,4,2, 1,0,0,0]}\n"
     )
-    answer = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu").distances()
+    answer = clearance.Engine(clearance.Scene.load(tmp_path / "scene.yaml"), backend="cpu", covers="off").distances()
     assert answer.lower[0, 0] <= 1.0 <= answer.upper[0, 0] <= answer.lower[0, 0] + 1e-5
 
 
@@ -228,8 +228,8 @@ def test_a_saved_scene_has_the_same_points(tmp_path, scene_file):
         "cut", np.random.default_rng(1).normal(size=(500, 3)), radius=0.1, padding=0.01, pose=[0] * 3 + [1] + [0] * 3
     )
     scene.save(tmp_path / "saved")
-    again = clearance.Engine(clearance.Scene.load(tmp_path / "saved/scene.yaml"), backend="cpu")
-    first = clearance.Engine(scene, backend="cpu")
+    again = clearance.Engine(clearance.Scene.load(tmp_path / "saved/scene.yaml"), backend="cpu", covers="off")
+    first = clearance.Engine(scene, backend="cpu", covers="off")
     for engine in (first, again):
         engine.set_points("live", [[1, 1, 1]])
         engine.set_poses({"live": [0, 0, 1, 1, 0, 0, 0]})
@@ -241,7 +241,7 @@ def test_a_saved_scene_has_the_same_points(tmp_path, scene_file):
 
 
 def test_a_million_points_fit(scene_file):
-    engine = clearance.Engine(clearance.Scene.load(scene_file), backend="cpu")
+    engine = clearance.Engine(clearance.Scene.load(scene_file), backend="cpu", covers="off")
     points = np.random.default_rng(3).normal(size=(1_000_000, 3)).astype(np.float32)
     assert engine.set_points("cloud", points, 0.0).applied == 1_000_000
     low, high = gap(engine)
@@ -298,7 +298,7 @@ def test_a_depth_camera_leaves_the_robot_out(root):
     lower = world.distance(met[is_other], ["arm"])
     assert kept[is_other].sum() == (lower > radius).sum() > 0  # nothing else is left out
     world.scene.add_points("seen", met[is_other & kept], radius=radius, pose=[0, 0, 0, 1, 0, 0, 0])
-    engine = clearance.Engine(world.scene, backend="cpu")
+    engine = clearance.Engine(world.scene, backend="cpu", covers="off")
     engine.set_joints(example.HOME)
     answer = engine.distances(pairs=[("arm", "seen")], reduce="min")
     assert answer.lower[0] > 0 and answer.status[0] == clearance.Status.OK

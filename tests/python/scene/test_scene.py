@@ -21,7 +21,7 @@ def test_bodies_groups_and_pairs():
     assert scene.groups["arm"].tolist() == [1, 2, 3]
     assert scene.ignored.tolist() == [[0, 1]]
     assert len(scene) == 5 and "5 bodies, 1 groups" in repr(scene)
-    assert clearance.Engine(scene).pairs.tolist() == ARM_PAIRS
+    assert clearance.Engine(scene, covers="off").pairs.tolist() == ARM_PAIRS
 
 
 def test_pieces_initial_poses_and_revision():
@@ -44,7 +44,7 @@ def test_a_cylinder_is_exact_but_for_a_robots_which_publishes_its_model_error(ro
     scene = clearance.Scene()
     scene.add_cylinder("post", 0.1, 1.0, pose=[0, 0, 1, 1, 0, 0, 0])
     scene.add_body("grown", cylinder=(0.1, 1.0), radius=0.05, pose=[1, 0, 1, 1, 0, 0, 0])
-    r = clearance.Engine(scene).distances(rel_tol=1e-12)
+    r = clearance.Engine(scene, covers="off").distances(rel_tol=1e-12)
     assert r.lower[0, 0] <= 1 - 0.25 <= r.upper[0, 0] and r.upper[0, 0] - r.lower[0, 0] < 1e-12
     assert all(body.model_error == 0 for body in scene.bodies)
     arm = clearance.Scene.load_urdf(root / "scenes" / "cell" / "arm.urdf")
@@ -61,7 +61,7 @@ def test_primitives_are_exact():
     floor, cone = scene.bodies[0], scene.bodies[1]
     assert floor.is_static and floor.extent == np.inf
     assert cone.extent == pytest.approx(np.hypot(0.5, 1.0)) and cone.model_error == 0
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     exact = {("floor", "cone"): 1.0, ("floor", "egg"): 4.5, ("cone", "egg"): 1.5}
     exact.update({("floor", "grown"): 4.25, ("floor", "blunt"): 0.75, ("egg", "grown"): 4 - 2.25})
     for pair, distance in exact.items():
@@ -82,7 +82,7 @@ def test_what_is_not_known_of_a_body_widens_its_intervals():
     scene.add_box("box", (1, 1, 1), pose=[3, 0, 0, 1, 0, 0, 0], **uncertainties)
     info = scene.bodies[1]
     assert (info.uncertainty_position, info.uncertainty_angle, info.padding, info.max_speed) == (0.25, 0.01, 0.125, 0)
-    r = clearance.Engine(scene).distances(fields=("default", "flags", "pair_lower"))
+    r = clearance.Engine(scene, covers="off").distances(fields=("default", "flags", "pair_lower"))
     turn = 2 * np.sin(0.005) * (np.sqrt(0.75) + 0.375)
     assert r.upper[0, 0] == pytest.approx(2 - 0.375) and r.lower[0, 0] == pytest.approx(2 - 0.375 - turn, abs=1e-5)
     assert r.flags[0, 0] & clearance.Flag.UNCERTAINTY_LIMITED and r.pair_lower[0, 0].tolist() == [0, 1]
@@ -124,7 +124,7 @@ def test_quaternions_that_look_like_xyzw_are_warned_about(tmp_path):
         scene.add_sphere("matrix", 1, pose=half_turn)
         scene.add_sphere("negated", 1, pose=[0, 0, 0, 0, 0, 0, -1])
         scene.add_sphere("about y", 1, pose=[0, 0, 0, 0, 0, 1, 0])
-        clearance.Engine(scene).set_poses({"matrix": [0, 0, 0, 0, 0, 0, 1]})
+        clearance.Engine(scene, covers="off").set_poses({"matrix": [0, 0, 0, 0, 0, 0, 1]})
     with pytest.warns(clearance.PoseWarning, match="which would be a turn about z"):
         scene.add_sphere("yaw", 1, pose=[0, 0, 0, 0, 0, 0.6, 0.8])
 
@@ -201,7 +201,7 @@ def test_scene_file(tmp_path):
     assert shown is not None
     vertices, triangles = shown
     assert triangles.shape == (4, 3) and len(vertices) > triangles.max()
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     engine.set_poses({"tet": IDENTITY})
     assert engine.distances().upper[0, 0] == pytest.approx(2.5, rel=1e-9)
 
@@ -222,7 +222,7 @@ def test_a_saved_scene_is_the_same_scene(tmp_path, root):
     scene.save(tmp_path / "saved")
     saved = clearance.Scene.load(tmp_path / "saved" / "scene.yaml")
     assert saved.revision == scene.revision and saved.bodies == scene.bodies
-    one, other = clearance.Engine(scene, threads=1), clearance.Engine(saved, threads=1)
+    one, other = clearance.Engine(scene, threads=1, covers="off"), clearance.Engine(saved, threads=1, covers="off")
     arm = one.joints("arm")
     rows = np.random.default_rng(5).uniform(arm.lower, arm.upper, (20, len(arm)))
     query = {"joints": arm, "configurations": rows, "fields": ("default", "points", "normal", "flags")}
@@ -236,7 +236,7 @@ def test_the_cells_robot_stands_where_its_arm_does(root):
     spec = importlib.util.spec_from_file_location("arm", root / "scenes" / "cell" / "arm.py")
     arm = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(arm)
-    engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml"))
+    engine = clearance.Engine(clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml"), covers="off")
     rng = np.random.default_rng(7)
     for degrees in [arm.HOME, *rng.uniform(-90, 90, (5, 6))]:
         engine.set_joints(np.radians(degrees), joints=[f"arm/{name}" for name in arm_joints(arm)])
@@ -258,7 +258,9 @@ def test_links_may_be_less_well_known_than_their_joints_say(root):
         scene = clearance.Scene()
         scene.add_box("table", [1, 1, 0.1], static=True, pose=at(0.5, 0, -0.1))
         scene.add_robot("arm", root / "tests" / "engine" / "robot" / "arm.urdf", home={"joint4": -1.5}, **uncertainties)
-        r = clearance.Engine(scene, threads=1).distances(pairs=[("arm/fore", "table"), ("arm/wrist", "table")])
+        r = clearance.Engine(scene, threads=1, covers="off").distances(
+            pairs=[("arm/fore", "table"), ("arm/wrist", "table")]
+        )
         info = {body.name: body for body in scene.bodies}["arm/fore"]
         return r.lower[0], r.upper[0], info
 

@@ -48,13 +48,15 @@ def scene(tmp_path, urdf):
 def front(request, scene, start_daemon):
     """An engine, or a client with the right "admin", which clients over LCM lack."""
     if request.param == "engine":
-        return clearance.Engine(clearance.Scene.load(scene))
+        return clearance.Engine(clearance.Scene.load(scene), covers="off")
     return clearance.connect(start_daemon(scene, [request.param]).urls[request.param], timeout_s=PATIENCE_S)
 
 
 def loaded(tmp_path, urdf, *arguments, **options):
     """An engine of a scene that was loaded with other content."""
-    return clearance.Engine(clearance.Scene.load(write_scene(tmp_path / "other", urdf, *arguments, **options)))
+    return clearance.Engine(
+        clearance.Scene.load(write_scene(tmp_path / "other", urdf, *arguments, **options)), covers="off"
+    )
 
 
 def code_of(call, *arguments, **options):
@@ -240,7 +242,7 @@ def test_a_running_query_ends_with_its_scene():
     scene = clearance.Scene()
     for i in range(60):
         scene.add_hull(f"body{i}", np.random.default_rng(i).normal(size=(200, 3)), pose=at(0.5 * i))
-    engine = clearance.Engine(scene)
+    engine = clearance.Engine(scene, covers="off")
     configurations = np.tile(at(1, 2, 3), (200, 60, 1)) + np.random.default_rng(1).normal(size=(200, 60, 7))
     query = {"configurations": configurations, "bodies": list(range(60)), "fields": "lower"}
     expected, revision = engine.distances(**query), engine.scene_revision
@@ -255,7 +257,7 @@ def test_a_running_query_ends_with_its_scene():
 
 def test_changes_during_queries_and_updates(scene):
     """Threads that update and query their own bodies while the scene changes: no update is lost, no id is confused."""
-    engine = clearance.Engine(clearance.Scene.load(scene), threads=1)
+    engine = clearance.Engine(clearance.Scene.load(scene), threads=1, covers="off")
     engine.add_body("first", sphere=0.01, pose=at(0, 50))
     owners = ["cup", "own0", "own1"]
     for i, name in enumerate(owners[1:]):
@@ -310,7 +312,7 @@ def test_changes_during_queries_and_updates(scene):
 
 
 def test_names_of_other_threads_are_found(scene):
-    engine = clearance.Engine(clearance.Scene.load(scene))
+    engine = clearance.Engine(clearance.Scene.load(scene), covers="off")
     engine.bodies
     thread = threading.Thread(target=lambda: engine.add_body("mug", sphere=0.1, pose=at(4)))
     thread.start()

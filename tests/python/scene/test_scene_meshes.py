@@ -75,7 +75,7 @@ def test_a_hollow_mesh_is_no_solid_but_its_hull(tmp_path, start_daemon):
         with pytest.warns(clearance.MeshWarning, match=r"mesh \(hull\) is hollow: triangle \d+ at \("):
             scene.add_body(name, mesh=mesh, pose=IDENTITY)
     assert [body.is_solid for body in scene.bodies] == [True, False, False, False]
-    r = clearance.Engine(scene, backend="cpu").distances(pairs=[("ball", "*")])
+    r = clearance.Engine(scene, backend="cpu", covers="off").distances(pairs=[("ball", "*")])
     assert r.status[0].tolist() == 3 * [clearance.Status.OVERLAP]
     (tmp_path / "scene.yaml").write_text("bodies:\n  - {name: ball, sphere: 0.01, pose: [0.75,0.75,0.75, 1,0,0,0]}\n")
     daemon = start_daemon(tmp_path / "scene.yaml", ["ipc"])
@@ -92,7 +92,7 @@ def test_what_overlaps_a_solid_has_a_depth_between_two_bounds():
     scene.add_body("cup", mesh=(CUP_VERTICES, CUP_TRIANGLES), pose=[0, 0, 0, 1, 0, 0, 0])
     scene.add_sphere("inside", 0.25, pose=[0, 0, 0.25, 1, 0, 0, 0])
     scene.add_sphere("in the wall", 0.1, pose=[0.75, 0, 0, 1, 0, 0, 0])
-    r = clearance.Engine(scene, backend="cpu").distances(pairs=[(0, 1), (0, 2)], signed_distance=True)
+    r = clearance.Engine(scene, backend="cpu", covers="off").distances(pairs=[(0, 1), (0, 2)], signed_distance=True)
     assert r.status[0, 0] == clearance.Status.OK and r.lower[0, 0] <= 0.25 <= r.upper[0, 0]
     assert r.status[0, 1] == clearance.Status.UNCONVERGED
     assert r.lower[0, 1] == pytest.approx(-0.35) and -0.35 <= r.upper[0, 1] <= -0.1

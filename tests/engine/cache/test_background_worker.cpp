@@ -1,0 +1,69 @@
+// The thread of tasks in the background: its priority, and its end.
+#include <gtest/gtest.h>
+#include <sys/resource.h>
+#include <unistd.h>
+
+#include <atomic>
+#include <chrono>
+#include <memory>
+#include <thread>
+#include <vector>
+
+#include "engine/cache/background_worker.h"
+#include "tests/patience.h"
+
+namespace clearance {
+namespace {
+
+int own_priority() {
+  return getpriority(PRIO_PROCESS, static_cast<id_t>(gettid()));
+}
+
+// Whether this process may raise the priority of its threads (CAP_SYS_NICE, or RLIMIT_NICE).
+bool may_raise(int priority) {
+  bool may = false;
+  std::thread([&] {
+    const auto thread = static_cast<id_t>(gettid());
+    may = setpriority(PRIO_PROCESS, thread, 19) == 0 && setpriority(PRIO_PROCESS, thread, priority) == 0;
+  }).join();
+  return may;
+}
+
+// A task that works until it is stopped, and then until its thread has a priority.
+class EndlessTask final : public BackgroundTask {
+ public:
+  explicit EndlessTask(int wanted) : wanted_(wanted) {}
+  Result read() const override { return nullptr; }
+  Result make(const std::atomic<bool>& stopped) const override {
+    at_work = own_priority();
+    has_begun = true;
+    while (!stopped) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    const auto until = std::chrono::steady_clock::now() + kPatience;
+    while (own_priority() != wanted_ && std::chrono::steady_clock::now() < until)
+      std::this_thread::sleep_for(std::chrono::milliseconds(1));
+    at_end = own_priority();
+    return nullptr;
+  }
+  void take(Result, std::chrono::nanoseconds) override {}
+
+  mutable std::atomic<bool> has_begun{false};
+  mutable std::atomic<int> at_work{0}, at_end{0};
+
+ private:
+  const int wanted_;
+};
+
+TEST(BackgroundWorker, WorksAtTheLowestPriorityAndEndsAtThatOfItsOwner) {
+  if (!may_raise(own_priority())) GTEST_SKIP() << "this process may not raise a priority";
+  const auto task = std::make_shared<EndlessTask>(own_priority());
+  {
+    BackgroundWorker worker;
+    worker.add({task});
+    while (!task->has_begun) std::this_thread::sleep_for(std::chrono::milliseconds(1));
+  }
+  EXPECT_EQ(task->at_work, 19);
+  EXPECT_EQ(task->at_end, own_priority());
+}
+
+}  // namespace
+}  // namespace clearance
