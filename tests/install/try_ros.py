@@ -2,7 +2,7 @@
 
 Packages built by colcon are not on PyPI: the messages of clearance_msgs, whose files ROS's parser reads here, travel as
 text in String and GetParameters. Nothing of MoveIt is installed, so planning scenes are tested with fakes only
-(tests/python/test_ros_scene.py). BUILD: a build folder.
+(tests/python/ros/test_ros_scene.py). BUILD: a build folder.
 """
 
 import json
