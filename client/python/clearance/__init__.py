@@ -35,12 +35,12 @@ from ._errors import (
 )
 from ._front import BodyState
 from ._joints import Joints, JointState
-from ._limits import LimitViolation
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
 from ._query.certificate import Certificate
 from ._query.check import Check
 from ._query.future import Future
+from ._query.limits import LimitViolation
 from ._query.meanwhile import BodyPath
 from ._query.path import PathCheck
 from ._query.path_report import PathPoint, PathReport

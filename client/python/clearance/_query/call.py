@@ -8,8 +8,8 @@ from typing import Any, ClassVar, Optional
 
 import numpy as np
 
-from .._limits import LimitViolation
 from .._words import FIELD_MASKS, Reduce, Status
+from .limits import LimitViolation
 from .path import PathCheck
 from .query import Query, Run
 from .result import Result

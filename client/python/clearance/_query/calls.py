@@ -8,11 +8,11 @@ from typing import Any, Callable, ClassVar, Optional
 import numpy as np
 
 from .._arguments import contiguous, to_floats
-from .._limits import LimitViolation, beyond_limits, curves_beyond_limits
 from .._words import Field, Status
 from .arrays import arrays_of, count_of, curves_of, ends_of, interleave, is_curved, positions_of
 from .call import ANY, BEYOND, DETAILS, Call, Request, Steps, stopped
 from .check import Check
+from .limits import LimitViolation, beyond_limits, curves_beyond_limits
 from .meanwhile import meanwhile_of, meanwhile_of_each
 from .path import PathCheck
 from .query import Query, Run

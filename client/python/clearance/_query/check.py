@@ -6,8 +6,8 @@ from typing import Any, Optional
 
 import numpy as np
 
-from .._limits import Beyond, LimitViolation
 from .._words import Reduce, Status
+from .limits import Beyond, LimitViolation
 from .result import PairSource, Result
 
 _ANY, _BEYOND, _OK = int(Reduce.ANY), int(Status.BEYOND), int(Status.OK)  # numpy compares an enum's member as an object

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Optional
 
-from .._limits import LimitViolation
 from .._words import Status
+from .limits import LimitViolation
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,10 @@ from typing import Any, ClassVar, Optional
 import numpy as np
 
 from .._arguments import to_bool, to_floats, to_items, to_number_from_0
-from .._limits import curves_beyond_limits
 from .._names import BodyRef, NameTable
 from .._words import EVERY_BODY, GROUP_BIT, MARGIN_DTYPE, Field, Status
 from .call import ANY, BEYOND, DETAILS, Call, Steps, stopped
+from .limits import curves_beyond_limits
 from .movers import Movers
 from .path import PathCheck
 from .query import Query, Run

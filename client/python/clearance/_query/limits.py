@@ -8,8 +8,8 @@ from typing import Optional
 
 import numpy as np
 
-from ._errors import JointLimitWarning, warn
-from ._joints import Joints
+from .._errors import JointLimitWarning, warn
+from .._joints import Joints
 
 
 @dataclass(frozen=True)
