@@ -15,9 +15,9 @@ from typing import Any, Optional
 import numpy as np
 
 from ._joints import Joints, JointsRef, JointState, JointTable
-from ._limits import Beyond, beyond_limits
 from ._names import BodyInfo, BodyRef, NameTable, Pairs
 from ._query.future import Future, Task
+from ._query.limits import Beyond, beyond_limits
 from ._query.plan import Plans
 from ._query.queries import Queries
 from ._query.query import Query, Run
