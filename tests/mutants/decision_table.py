@@ -327,6 +327,21 @@ DECISION_MUTANTS = [
     ),
     # Hits by balls that hit in earlier motions.
     *mutants_of(
+        "table_decisions TableDecisions.CellsOf*",
+        (
+            "state_cells",
+            "decision/state_lanes.cpp",
+            "cells_.begin() + static_cast<std::ptrdiff_t>(@k * tabled.size()@)",
+            "0",
+        ),
+        (
+            "decision_cells",
+            "decision/kernel/decide_kernel.h",
+            "batch.cells ? batch.cells + @k * v_.tabled_count@ :",
+            "0",
+        ),
+    ),
+    *mutants_of(
         "hit_guess",
         (
             "guess_inner",
