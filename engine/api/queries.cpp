@@ -19,7 +19,6 @@ struct Engine::Impl::Request final : Pending::Request {
 };
 
 Result Engine::Impl::run(const QueryView& query, LastRun& last) const {
-  const auto begin = std::chrono::steady_clock::now();
   const auto memory_for = [&last](const QuerySize& size) -> const ReplyView& {
     if (last.memory && last.memory.use_count() == 1)
       last.memory->fit(size);
@@ -27,9 +26,7 @@ Result Engine::Impl::run(const QueryView& query, LastRun& last) const {
       last.memory = std::make_shared<ResultMemory>(size);
     return last.memory->view();
   };
-  const auto result = [&](const ReplyInfo& info) {
-    return ResultMemory::result(last.memory, info, std::chrono::steady_clock::now() - begin);
-  };
+  const auto result = [&](const ReplyInfo& info) { return ResultMemory::result(last.memory, info, {}); };
   std::shared_ptr<engine::Engine> now = editor.same(last.engine);
   if (now && last.job && now->answer_again(*last.job, query, memory_for(last.job->size())))
     return result(last.job->info());
