@@ -246,6 +246,23 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   return Job(Job::StatePtr(state.release()));
 }
 
+bool Engine::answer_again(Job& job, const QueryView& query, const ReplyView& reply) const {
+  const FpEnvironment environment;
+  impl_->check_process();
+  Job::State& state = *job.state_;
+  if (state.repeatable_plan()->query.configuration_count != query.configuration_count || !state.is_whole) return false;
+  std::shared_ptr<const PoseSnapshot> snapshot = impl_->poses.same(state.kept_for);
+  if (!snapshot) return false;
+  state.take(query, snapshot);
+  impl_->answered_again.fetch_add(1, std::memory_order_relaxed);
+  state.reset(reply);
+  while (!state.advance({})) {
+  }
+  units_of_this_thread += state.units;
+  state.rest();
+  return true;
+}
+
 std::unique_ptr<DevicePlan> Engine::plan_on_device(const QueryView& query) const {
   const FpEnvironment environment;
   impl_->check_process();

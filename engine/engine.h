@@ -165,6 +165,11 @@ class Engine {
   /// Prepares a query in slices. The caller calls PreparedQuery::advance().
   PreparedQuery begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;
+  /// Answers a query at once by a job that has answered it with other configurations, in less time than by a pool.
+  /// Returns false, and does nothing, unless the job is of as many configurations and of the current poses. Throws
+  /// QueryError.
+  /// \param job of this engine, after Job::rest()
+  bool answer_again(Job& job, const QueryView& query, const ReplyView& reply) const;
   /// Bound on the memory that its job takes for lists of pairs, beyond PreparedQuery::bytes().
   std::uint64_t list_bytes(const PreparedQuery& query) const;
 

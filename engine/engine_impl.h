@@ -45,6 +45,7 @@ struct Engine::Impl {
   TaskOwner owner = std::make_shared<char>();
   ForkGuard process;
   mutable std::atomic<std::uint64_t> queries{0}, repeated{0}, pairs_evaluated{0}, contradictions{0}, teams{0};
+  mutable std::atomic<std::uint64_t> answered_again{0};  // queries not counted by the two above
   std::atomic<std::uint64_t> pose_updates{0}, bad_poses{0}, joint_updates{0}, bad_joints{0}, point_updates{0};
 
   JobContext context(const Scene& of) const {

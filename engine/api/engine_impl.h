@@ -3,6 +3,7 @@
 
 #include <memory>
 #include <mutex>
+#include <optional>
 
 #include "engine/api/background.h"
 #include "engine/api/conversions.h"
@@ -24,6 +25,7 @@ struct Engine::Impl {
     std::shared_ptr<ResultMemory> memory;  ///< if no other result refers to it
     std::shared_ptr<JobPool> jobs;         ///< null if the query may not repeat
     std::weak_ptr<engine::Engine> engine;
+    std::optional<Job> job;  ///< of that engine, to answer again; returns to `jobs` when it cannot
   };
   /// Answers a query.
   Result run(const QueryView& query, LastRun& last) const;

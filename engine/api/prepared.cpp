@@ -86,7 +86,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
   OwnedQuery owned;
   QueryView view;  ///< of `owned`; its scene revision is one in which the ids have their meaning
   QueryNames names;
-  LastRun last{.memory = nullptr, .jobs = nullptr, .engine = {}};
+  LastRun last{};
   std::string why;  ///< what changed, if the query is stale
 };
 

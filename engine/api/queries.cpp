@@ -19,18 +19,27 @@ struct Engine::Impl::Request final : Pending::Request {
 };
 
 Result Engine::Impl::run(const QueryView& query, LastRun& last) const {
-  const auto begin = std::chrono::steady_clock::now();
+  const auto memory_for = [&last](const QuerySize& size) -> const ReplyView& {
+    if (last.memory && last.memory.use_count() == 1)
+      last.memory->fit(size);
+    else
+      last.memory = std::make_shared<ResultMemory>(size);
+    return last.memory->view();
+  };
+  const auto result = [&](const ReplyInfo& info) { return ResultMemory::result(last.memory, info, {}); };
   std::shared_ptr<engine::Engine> now = editor.same(last.engine);
+  if (now && last.job && now->answer_again(*last.job, query, memory_for(last.job->size())))
+    return result(last.job->info());
+  last.job.reset();
   if (!now) last.engine = now = engine();
   PreparedQuery prepared = now->prepare(query, last.jobs);
-  if (last.memory && last.memory.use_count() == 1)
-    last.memory->fit(prepared.size());
-  else
-    last.memory = std::make_shared<ResultMemory>(prepared.size());
-  Job job = now->start(std::move(prepared), last.memory->view());
+  const ReplyView& reply = memory_for(prepared.size());
+  Job job = now->start(std::move(prepared), reply);
   while (!job.advance()) {
   }
-  return ResultMemory::result(last.memory, job.info(), std::chrono::steady_clock::now() - begin);
+  Result answer = result(job.info());
+  if (job.rest()) last.job.emplace(std::move(job));
+  return answer;
 }
 
 Pending Engine::Impl::submit(const std::shared_ptr<Impl>& self, const QueryView& query, WhenDone when_done) {

@@ -1,5 +1,6 @@
 #include "engine/cache/background_worker.h"
 
+#include <omp.h>
 #include <pthread.h>
 #include <signal.h>
 #include <sys/resource.h>
@@ -26,9 +27,11 @@ using WorkClock = std::chrono::steady_clock;
 /// that are replaced sooner cost nothing.
 constexpr std::chrono::milliseconds kWorkGrace{100};
 
-/// Gives the calling thread the lowest priority, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose
-/// planners take all cores, nothing would ever be made.
+/// Gives the calling thread the lowest priority, no team of threads, which would compete with those of queries for all
+/// cores, and leaves signals to other threads. Not SCHED_IDLE: on a machine whose planners take all cores, nothing would
+/// ever be made.
 void work_last() {
+  omp_set_num_threads(1);
   sigset_t all;
   sigfillset(&all);
   pthread_sigmask(SIG_BLOCK, &all, nullptr);

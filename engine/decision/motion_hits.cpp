@@ -78,10 +78,8 @@ bool MotionDecider::is_hit_at_first() {
 // Whether the pair of a joint table is within its margin in middle k.
 bool MotionDecider::is_in_table(std::uint32_t table, std::size_t k) const {
   const TabledPair& pair = covers_.view().tabled[table];
-  const double* const row = rows_.data() + k * plan_.joints.size();
-  const auto position = [&](int c) { return pair.at[c] == kNone ? pair.fixed[c] : row[pair.at[c]]; };
-  const double at[2] = {position(0), position(1)};
-  return pair.table.at(at).high < pair.hit_below;
+  const TableCell* const cell = pair.find(rows_.data() + k * plan_.joints.size());
+  return cell && cell->high < pair.hit_below;
 }
 
 // Remembers the ball that hit in middle k, or the table if it is none.

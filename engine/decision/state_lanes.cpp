@@ -12,7 +12,11 @@ bool are_placed(const LinkMotion& motion) {
 }
 
 StateLanes::StateLanes(const CoverPlan& covers, const Plan& plan)
-    : covers_(covers), plan_(plan), can_place_(plan.given_bodies == 0), poses_(plan.bodies.size()) {
+    : covers_(covers),
+      plan_(plan),
+      can_place_(plan.given_bodies == 0),
+      cells_(kMostLanes * covers.view().tabled_count),
+      poses_(plan.bodies.size()) {
   std::vector<const double*> of_pose(plan.given_bodies);
   for (const LinkMotion& motion : plan.motions) {
     can_place_ &= are_placed(motion);
@@ -30,11 +34,20 @@ StateLanes::StateLanes(const CoverPlan& covers, const Plan& plan)
   }
 }
 
+// Finds the cells of a state, as state k, before its bodies are placed: meanwhile they arrive from memory. Returns the
+// state's positions.
+std::span<const double> StateLanes::find_cells(std::uint64_t state, std::size_t k) {
+  const std::span<const double> positions = plan_.positions.subspan(state * plan_.joints.size(), plan_.joints.size());
+  const std::span tabled(covers_.view().tabled, covers_.view().tabled_count);
+  std::transform(tabled.begin(), tabled.end(), cells_.begin() + static_cast<std::ptrdiff_t>(k * tabled.size()),
+                 [&](const TabledPair& pair) { return pair.find(positions.data()); });
+  return positions;
+}
+
 void StateLanes::place(std::uint64_t first, std::size_t count) {
   assert(can_place_ && count <= kMostLanes);
   const std::size_t joints = plan_.joints.size();
-  for (std::size_t k = 0; k < count; ++k)
-    usable_[k] = covers_.holds_for(plan_.positions.subspan((first + k) * joints, joints));
+  for (std::size_t k = 0; k < count; ++k) usable_[k] = covers_.holds_for(find_cells(first + k, k));
   for (std::size_t m = 0; m < robots_.size(); ++m) {
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving())
       for (std::size_t k = 0; k < count; ++k) {
@@ -49,7 +62,7 @@ void StateLanes::place(std::uint64_t first, std::size_t count) {
 
 const Pose* StateLanes::place_one(std::uint64_t state) {
   assert(can_place_);
-  const std::span<const double> positions = plan_.positions.subspan(state * plan_.joints.size(), plan_.joints.size());
+  const std::span<const double> positions = find_cells(state, 0);
   bool usable = covers_.holds_for(positions);
   Pose* body = poses_.data();
   for (std::size_t m = 0; m < row_.size(); ++m) {

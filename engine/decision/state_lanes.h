@@ -26,11 +26,14 @@ class StateLanes {
   void place(std::uint64_t first, std::size_t count);
   /// Places one state alone, faster. Returns DecisionBatch::poses, valid until the next call.
   const Pose* place_one(std::uint64_t state);
-  /// DecisionBatch::frames of place(), and usable of both, valid until the next call.
+  /// DecisionBatch::frames of place(), and usable and cells of both, valid until the next call.
   const double* const* frames() const { return frames_.data(); }
   const std::uint8_t* usable() const { return usable_; }
+  const TableCell* const* cells() const { return cells_.data(); }
 
  private:
+  std::span<const double> find_cells(std::uint64_t state, std::size_t k);
+
   const CoverPlan& covers_;
   const Plan& plan_;
   bool can_place_ = true;
@@ -38,6 +41,7 @@ class StateLanes {
   std::vector<LaneKinematics> robots_;
   std::vector<const double*> frames_;  // by body
   std::uint8_t usable_[kMostLanes];
+  std::vector<const TableCell*> cells_;  // (kMostLanes, tabled_count)
   // Of one state: (columns,) and (links,) of each robot, and of all bodies.
   std::vector<std::vector<double>> row_;
   std::vector<std::vector<Pose>> links_;

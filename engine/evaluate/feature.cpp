@@ -61,9 +61,12 @@ Feature plane_feature(const Vec3d& normal) {
   return plane;
 }
 
-Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance) {
+Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance,
+                   bool wants_interior) {
+  constexpr std::size_t kFew = 8;
   Feature feature;
   std::vector<Vec3d> arms;  // from the witness point to the vertices on the plane
+  arms.reserve(kFew);
   double longest = 0, widest = 0;
   Vec3d first{0, 0, 0}, farthest{0, 0, 0};
   for (const Vec3d& v : vertices) {
@@ -90,6 +93,7 @@ Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const 
   }
   feature.size = 2;
   feature.tangent[1] = farthest * (1 / widest);
+  if (!wants_interior) return feature;
   std::vector<Point2> flat;
   for (const Vec3d& arm : arms) flat.push_back({dot(feature.tangent[0], arm), dot(feature.tangent[1], arm)});
   feature.interior = interior_of(std::move(flat));

@@ -27,7 +27,9 @@ std::vector<Vec3d> placed_vertices(const ConvexPart& part, const PoseMatrix& pos
 /// All in the same axes.
 /// \param outward unit normal of that plane
 /// \param point of the core, on the plane: the witness point
-Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance);
+/// \param wants_interior whether Feature::interior of a face is needed
+Feature feature_at(std::span<const Vec3d> vertices, const Vec3d& outward, const Vec3d& point, double tolerance,
+                   bool wants_interior);
 
 /// The plane with this normal.
 Feature plane_feature(const Vec3d& normal);

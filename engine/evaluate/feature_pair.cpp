@@ -58,10 +58,11 @@ Vec3d FeaturePair::Side::farthest(const Vec3d& n) const {
   return pose.R_wb * part.vertices[farthest_along(part.vertices, pose.R_wb.transpose_times(n))] + shift;
 }
 
-Feature FeaturePair::Side::flat_feature(const Vec3d& n, const Vec3d& point, double tolerance) const {
+Feature FeaturePair::Side::flat_feature(const Vec3d& n, const Vec3d& point, double tolerance,
+                                        bool wants_interior) const {
   if (is_half_space(part)) return plane_feature(n);
-  Feature f =
-      feature_at(part.vertices, pose.R_wb.transpose_times(n), pose.R_wb.transpose_times(point - shift), tolerance);
+  Feature f = feature_at(part.vertices, pose.R_wb.transpose_times(n), pose.R_wb.transpose_times(point - shift),
+                         tolerance, wants_interior);
   for (Vec3d& tangent : f.tangent) tangent = pose.R_wb * tangent;
   return f;
 }
@@ -133,8 +134,8 @@ std::optional<FeaturePair> FeaturePair::find_flat(const Side& a, const Side& b, 
   if (is_half_space(a.part) && dot(a.outward(), pair.normal_) < 0) return {};
   if (is_half_space(b.part) && dot(b.outward(), pair.normal_) > 0) return {};
   const double tolerance = 32 * kFeatureEpsilon * scale * (1 + reach / pair.distance_);
-  pair.a_ = a.flat_feature(pair.normal_, points->a, tolerance);
-  pair.b_ = b.flat_feature(-pair.normal_, points->b, tolerance);
+  pair.a_ = a.flat_feature(pair.normal_, points->a, tolerance, wants_radius);
+  pair.b_ = b.flat_feature(-pair.normal_, points->b, tolerance, wants_radius);
   pair.factorise();
   pair.polish();
   if (wants_radius) pair.set_radius(a, b, tolerance);

@@ -35,7 +35,7 @@ struct FeaturePair::Side {
   Vec3d foot(const Vec3d& p) const { return p - outward() * dot(outward(), p - shift); }
   /// The feature of a hull or half-space at its witness point.
   /// \param n unit, towards the other core
-  Feature flat_feature(const Vec3d& n, const Vec3d& point, double tolerance) const;
+  Feature flat_feature(const Vec3d& n, const Vec3d& point, double tolerance, bool wants_interior) const;
   /// The vertex of a hull farthest along a direction.
   Vec3d farthest(const Vec3d& n) const;
   /// Distance over which a hull's other vertices stay behind its supporting plane, while that turns about the features.

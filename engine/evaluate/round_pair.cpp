@@ -38,7 +38,7 @@ bool FeaturePair::meet_round(const Side& a, const Side& b) {
   const double scale = core_size(a.part) + core_size(b.part) + norm(b.shift);
   double tolerance = 0;
   const auto take_features = [&](const Side& side, const Vec3d& n, const Vec3d& point) {
-    return is_round(side.part) ? side.round_feature(n, point, distance_) : side.flat_feature(n, point, tolerance);
+    return is_round(side.part) ? side.round_feature(n, point, distance_) : side.flat_feature(n, point, tolerance, true);
   };
   double move = scale;
   for (int i = 0; i < kMostSteps; ++i) {

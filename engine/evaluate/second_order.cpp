@@ -5,6 +5,7 @@
 #include <limits>
 #include <numeric>
 #include <optional>
+#include <utility>
 
 #include "engine/evaluate/feature_pair.h"
 #include "engine/evaluate/rate_bounds.h"
@@ -24,6 +25,7 @@ struct PairMover {
 
 // The movers from a body down to the nearest one that carries the other body as well.
 struct MoverChain {
+  std::vector<std::uint32_t> way;  // bodies, from the pair's
   std::vector<PairMover> movers;
   std::vector<std::uint32_t> given;  // bodies of the query among those that carry the body, and itself
   double sign;                       // 1 of b, -1 of a
@@ -126,12 +128,7 @@ SecondOrder::SecondOrder(const engine::Scene& scene, const Plan& plan)
       joints_(movers_of(scene, plan)),
       given_of_(scene.bodies().size(), kNone) {
   for (std::uint32_t i = 0; i < plan.given_bodies; ++i) given_of_[plan.bodies[i]] = i;
-}
-
-// Bodies from `body` to the root.
-void SecondOrder::find_way(std::uint32_t body, std::vector<std::uint32_t>& way) const {
-  way.clear();
-  for (; body != kNone; body = joints_.carrier_of(body)) way.push_back(body);
+  for (std::uint32_t body = 0; body < scene.bodies().size(); ++body) carrier_.push_back(joints_.carrier_of(body));
 }
 
 struct SecondOrder::Chains {
@@ -149,16 +146,23 @@ const double* SecondOrder::twist_of(std::uint32_t body, std::uint32_t configurat
   return plan_.twists.data() + 6 * (configuration * plan_.given_bodies + given);
 }
 
-// Movers of both bodies at their witness points. What carries both changes nothing.
-void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration,
-                              const Vec3d& point_a, const Vec3d& point_b, Chains& chains) const {
-  std::vector<std::uint32_t> ways[2];
-  find_way(pair.a, ways[0]);
-  find_way(pair.b, ways[1]);
-  while (!ways[0].empty() && !ways[1].empty() && ways[0].back() == ways[1].back()) {
-    ways[0].pop_back();
-    ways[1].pop_back();
+// The ways from both bodies towards the root. What carries both changes nothing.
+void SecondOrder::find_ways(BodyPair pair, Chains& chains) const {
+  constexpr std::size_t kFew = 16;
+  auto &a = chains.side[0].way, &b = chains.side[1].way;
+  for (auto [body, way] : {std::pair(pair.a, &a), std::pair(pair.b, &b)}) {
+    way->reserve(kFew);
+    for (; body != kNone; body = carrier_[body]) way->push_back(body);
   }
+  while (!a.empty() && !b.empty() && a.back() == b.back()) {
+    a.pop_back();
+    b.pop_back();
+  }
+}
+
+// Movers of both bodies on their ways, at their witness points.
+void SecondOrder::find_movers(const BodyPoses& placement, std::uint32_t configuration, const Vec3d& point_a,
+                              const Vec3d& point_b, Chains& chains) const {
   const double* const velocities = is_current_ ? plan_.snapshot->joints.velocity.data()
                                    : plan_.velocities.empty()
                                        ? nullptr
@@ -167,8 +171,9 @@ void SecondOrder::find_chains(const BodyPoses& placement, BodyPair pair, std::ui
     MoverChain& chain = chains.side[side];
     chain.sign = side ? 1 : -1;
     chain.movers.clear();
+    chain.movers.reserve(chain.way.size());
     chain.given.clear();
-    for (const std::uint32_t body : ways[side]) {
+    for (const std::uint32_t body : chain.way) {
       const Vec3d& point = side ? point_b : point_a;
       const std::uint32_t mover = joints_.mover_of()[body];
       if (mover != kNone && joints_.movers()[mover].link == body)
@@ -189,6 +194,7 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
     int side;
   };
   std::vector<Term> terms;
+  terms.reserve(chains.side[0].movers.size() + chains.side[1].movers.size());
   for (int side = 0; side < 2; ++side)
     for (const PairMover& m : chains.side[side].movers) {
       const Vec3d still{0, 0, 0};
@@ -296,7 +302,8 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
   const Body &a = scene_.bodies()[pair.a], &b = scene_.bodies()[pair.b];
   const PoseMatrix &pose_a = placement[pair.a].pose, &pose_b = placement[pair.b].pose;
   Chains chains;
-  find_chains(placement, pair, configuration, pose_a.t_w + answer.point_a, pose_b.t_w + answer.point_b, chains);
+  find_ways(pair, chains);
+  find_movers(placement, configuration, pose_a.t_w + answer.point_a, pose_b.t_w + answer.point_b, chains);
   const bool is_flat = answer.status == Status::kOverlap && answer.distance == 0;  // as its gradient
   row.rate = is_flat ? 0 : rate_of(chains.side, answer.normal);
   if ((plan_.size.fields & (kSecondOrderFields & ~kFieldRate)) == 0) return row;
@@ -310,11 +317,10 @@ SecondOrderRow SecondOrder::row(const BodyPoses& placement, BodyPair pair, std::
     row.rate_upper = bounds.upper;
   }
   if (!features) return row;
-  find_chains(placement, pair, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(),
-              chains);
+  find_movers(placement, configuration, pose_a.t_w + features->point_a(), pose_a.t_w + features->point_b(), chains);
   row.rate = rate_of(chains.side, features->normal());
   if (wants_hessian && !is_current_) std::fill(row.hessian_joints.begin(), row.hessian_joints.end(), 0.0);
-  combine(*features, chains, row, meter);
+  if (plan_.size.fields & (kFieldCurvature | kFieldHessianJoints)) combine(*features, chains, row, meter);
   if (wants_radius)
     row.smooth_radius =
         radius_among_parts(a, pose_a, b, pose_b, answer,

@@ -28,9 +28,9 @@ class SecondOrder {
 
  private:
   struct Chains;
-  void find_way(std::uint32_t body, std::vector<std::uint32_t>& way) const;
-  void find_chains(const BodyPoses& placement, BodyPair pair, std::uint32_t configuration, const Vec3d& point_a,
-                   const Vec3d& point_b, Chains& chains) const;
+  void find_ways(BodyPair pair, Chains& chains) const;
+  void find_movers(const BodyPoses& placement, std::uint32_t configuration, const Vec3d& point_a, const Vec3d& point_b,
+                   Chains& chains) const;
   const double* twist_of(std::uint32_t body, std::uint32_t configuration) const;
   void combine(const FeaturePair& features, const Chains& chains, SecondOrderRow& row, WorkMeter& meter) const;
 
@@ -44,6 +44,7 @@ class SecondOrder {
   bool is_current_;  // the query's poses and velocities are those of the snapshot
   JointGradient joints_;
   std::vector<std::uint32_t> given_of_;  // by body: index in the query's bodies, or kNone
+  std::vector<std::uint32_t> carrier_;   // by body: JointGradient::carrier_of()
 };
 
 }  // namespace clearance

@@ -77,13 +77,13 @@ class MotionJob final : public ParallelJob {
     }
     info.rows = info.total = written_;
     info.pairs_evaluated = evaluated_;
-    context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
+    if (info.pairs_evaluated > 0) context_.pairs_evaluated->fetch_add(info.pairs_evaluated, std::memory_order_relaxed);
     return true;
   }
 
   void rewind() override {
     first_ = next_ = written_ = 0;
-    evaluated_ = 0;
+    evaluated_.store(0, std::memory_order_relaxed);
     if (may_use_covers_ && covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables)) take_covers();
   }
 
@@ -112,10 +112,11 @@ class MotionJob final : public ParallelJob {
       return true;
     }
     std::vector<OpenMotion>& left = left_[static_cast<std::size_t>(worker)];
-    MotionDecider& decider = deciders_[static_cast<std::size_t>(worker)];
+    std::optional<MotionDecider>& decider = deciders_[static_cast<std::size_t>(worker)];
+    if (!decider) decider.emplace(*covers_, plan_);
     left.clear();
     for (std::uint64_t k = first; k < first + count; ++k) {
-      const Verdict verdict = decider.decide(k);
+      const Verdict verdict = decider->decide(k);
       if (verdict == Verdict::kFree)
         write_free(k);
       else if (!needs_no_row_)
@@ -123,7 +124,7 @@ class MotionJob final : public ParallelJob {
       else if (verdict == Verdict::kHit)
         write_verdict(k, Status::kOk);
       else
-        left.push_back({k, {decider.open().begin(), decider.open().end()}});
+        left.push_back({k, {decider->open().begin(), decider->open().end()}});
     }
     meter.count(count * kUnitsPerDecision);
     if (!left.empty()) exact_block(worker).begin(left, meter);
@@ -150,7 +151,7 @@ class MotionJob final : public ParallelJob {
     covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
                               still_ ? still_->known() : std::span<const std::uint64_t>());
     if (!covers_ || !covers_->rates()) return;
-    for (int i = 0; i < workers(); ++i) deciders_.emplace_back(*covers_, plan_);
+    deciders_.resize(static_cast<std::size_t>(workers()));
   }
 
   void write(const MotionRow& row) {
@@ -165,7 +166,8 @@ class MotionJob final : public ParallelJob {
   std::vector<std::uint8_t> has_begun_;  // by worker: whether the exact search has a unit of its own
   std::unique_ptr<StillPairs> still_;    // null if there are none, or without covers
   std::unique_ptr<const CoverPlan> covers_;
-  std::vector<MotionDecider> deciders_;        // one per worker; none without covers
+  // One per worker, made for its first motion: few workers may get one. None without covers.
+  std::vector<std::optional<MotionDecider>> deciders_;
   std::vector<std::vector<OpenMotion>> left_;  // motions that they leave open; one per worker
   std::uint64_t covers_revision_ = 0;
   bool may_use_covers_ = false, needs_no_row_ = false;

@@ -76,7 +76,8 @@ bool CoveredJob::go_on(WorkMeter& slice) {
 }
 
 void CoveredJob::rewind() {
-  first_ = next_ = evaluated_ = 0;
+  first_ = next_ = 0;
+  evaluated_.store(0, std::memory_order_relaxed);
   if (!is_prepared_)
     prepare_covers();
   else if (covers_revision_ != CoverPlan::revision(*context_.covers, context_.tables))

@@ -42,12 +42,17 @@ class DecisionJob final : public CoveredJob {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
     if (!room.lanes) room.lanes.emplace(covers(), plan_);
     if (!room.lanes->can_place()) return false;
-    const std::size_t joints = plan_.joints.size(), stride = plan_.bodies.size();
+    const std::size_t stride = plan_.bodies.size();
     if (count < kFewestInLanes) {
       for (std::uint64_t k = begin; k < begin + count; ++k) {
         const Pose* const poses = room.lanes->place_one(k);
-        decide({&covers().view(), poses, stride, 1, room.lanes->usable(), any_hit_, plan_.positions.data() + k * joints,
-                joints},
+        decide({.view = &covers().view(),
+                .poses = poses,
+                .stride = stride,
+                .states = 1,
+                .usable = room.lanes->usable(),
+                .any_hit = any_hit_,
+                .cells = room.lanes->cells()},
                k, room, left);
       }
       return true;
@@ -55,8 +60,14 @@ class DecisionJob final : public CoveredJob {
     for (std::uint64_t k = 0; k < count; k += kMostLanes) {
       const std::size_t here = std::min<std::uint64_t>(kMostLanes, count - k);
       room.lanes->place(begin + k, here);
-      decide({&covers().view(), nullptr, 0, here, room.lanes->usable(), any_hit_,
-              plan_.positions.data() + (begin + k) * joints, joints, room.lanes->frames()},
+      decide({.view = &covers().view(),
+              .poses = nullptr,
+              .stride = 0,
+              .states = here,
+              .usable = room.lanes->usable(),
+              .any_hit = any_hit_,
+              .frames = room.lanes->frames(),
+              .cells = room.lanes->cells()},
              begin + k, room, left);
     }
     return true;

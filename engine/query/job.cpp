@@ -75,5 +75,10 @@ const QuerySize& Job::size() const {
 const ReplyInfo& Job::info() const {
   return state_->info;
 }
+bool Job::rest() {
+  if (!state_->pool || !state_->is_whole) return false;
+  state_->rest();
+  return true;
+}
 
 }  // namespace clearance

@@ -35,6 +35,9 @@ class Job {
   const QuerySize& size() const;
   /// Valid once advance() returned true.
   const ReplyInfo& info() const;
+  /// Prepares a complete job for Engine::answer_again(), until when it holds no snapshot. Returns false for one that
+  /// cannot answer again.
+  bool rest();
 
   struct State;
 

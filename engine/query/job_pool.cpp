@@ -20,6 +20,17 @@ void Job::LetGo::operator()(State* state) const {
   if (pool && own->is_whole) pool->put_back(std::move(own));
 }
 
+void Job::State::rest() {
+  const std::shared_ptr<const PoseSnapshot> snapshot = std::move(repeatable_plan()->snapshot);
+  if (kept_for.expired()) kept_for = snapshot;  // each job has one
+}
+
+void Job::State::take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot) {
+  Plan& plan = *repeatable_plan();
+  plan.take_configurations(query);
+  plan.snapshot = std::move(snapshot);
+}
+
 bool JobPool::allows(const engine::Scene& scene) {
   return scene.bodies().size() <= kMostBodies && std::none_of(scene.bodies().begin(), scene.bodies().end(),
                                                               [](const Body& body) { return body.max_speed > 0; });
@@ -55,17 +66,15 @@ Job::StatePtr JobPool::take(const QueryView& query, std::shared_ptr<const PoseSn
   const auto found = find(query.configuration_count, snapshot);
   if (found == jobs_.rend()) return nullptr;
   const auto place = jobs_.begin() + (std::next(found).base() - jobs_.cbegin());
-  Plan& plan = *(*place)->repeatable_plan();
-  plan.take_configurations(query);
-  plan.snapshot = std::move(snapshot);
+  (*place)->take(query, snapshot);
   Job::StatePtr job(place->release());
   jobs_.erase(place);
   return job;
 }
 
 void JobPool::put_back(std::unique_ptr<Job::State> job) {
-  const std::shared_ptr<const PoseSnapshot> snapshot = std::move(job->repeatable_plan()->snapshot);
-  if (job->kept_for.expired()) job->kept_for = snapshot;  // each job has one
+  job->rest();
+  if (job->kept_for.expired()) return;
   const std::lock_guard lock(mutex_);
   std::erase_if(jobs_, [](const std::unique_ptr<Job::State>& kept) { return kept->kept_for.expired(); });
   if (jobs_.size() == most_) jobs_.erase(jobs_.begin());

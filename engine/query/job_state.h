@@ -52,10 +52,15 @@ struct Job::State {
 
   /// The plan of a job that can answer again (job_pool.h), otherwise null.
   virtual Plan* repeatable_plan() { return nullptr; }
+  /// Releases the snapshot of a complete answer, so that a job that waits keeps no old one alive.
+  void rest();
+  /// Takes a query's configurations and its snapshot, for reset(). Throws QueryError for configurations that do not fit.
+  /// \param snapshot moved into the plan
+  void take(const QueryView& query, std::shared_ptr<const PoseSnapshot>& snapshot);
   /// Restarts with the plan's present configurations on the same snapshot.
   virtual void reset(const ReplyView& /*reply*/) {}
   std::shared_ptr<JobPool> pool;  ///< takes the job back; may be null
-  /// Snapshot of the plan, while the job waits in its pool: weak, so that this keeps no old snapshot alive.
+  /// Snapshot of the plan, while the job waits.
   std::weak_ptr<const PoseSnapshot> kept_for;
   bool is_whole = false;  ///< whether the answer is complete
 };

@@ -72,21 +72,31 @@ void place_one(const KinematicBatch& batch, const KinematicFunctions& lanes) {
     frames[r] = {{x[0], x[1], x[2], x[3]}, {x[4], x[5], x[6]}};
   }
   at = 0;
+  // Most steps follow the one before, whose frame is read from a register: one that was just stored would arrive later.
+  Quaternion<double> last = frames[0].q;
+  std::size_t last_frame = 0;
   for (std::size_t i = 0; i < batch.count; ++i) {
     const KinematicStep& step = batch.steps[i];
-    const Quaternion<double> from = frames[step.from].q;
+    Quaternion<double> from = last;
+    if (step.from != last_frame) from = frames[step.from].q;
     for (std::size_t k = 0; const double x : {from.w, from.x, from.y, from.z}) q[k++ * width + i] = x;
     Quaternion<double> turn = step.still;
     if (turns(step)) {
       turn = detail::turn_of(step, SinCos<double>{angles[at], angles[turning + at]});
       ++at;
     }
-    frames[batch.root_count + i].q = renormalised(product(from, turn));
+    last_frame = batch.root_count + i;
+    last = frames[last_frame].q = renormalised(product(from, turn));
   }
   lanes.turned(q, offsets, width);
+  Vec3d last_t = frames[0].t;
+  last_frame = 0;
   for (std::size_t i = 0; i < batch.count; ++i) {
-    KinematicFrame<double>& frame = frames[batch.root_count + i];
-    frame.t = frames[batch.steps[i].from].t + Vec3d{offsets[i], offsets[width + i], offsets[2 * width + i]};
+    Vec3d from = last_t;
+    if (batch.steps[i].from != last_frame) from = frames[batch.steps[i].from].t;
+    last_frame = batch.root_count + i;
+    KinematicFrame<double>& frame = frames[last_frame];
+    last_t = frame.t = from + Vec3d{offsets[i], offsets[width + i], offsets[2 * width + i]};
     batch.poses[batch.steps[i].link] = good ? Pose{frame.t, frame.q.w, frame.q.x, frame.q.y, frame.q.z} : kNoPlace;
   }
   *batch.bad = !good;

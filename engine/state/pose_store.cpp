@@ -140,6 +140,7 @@ void PoseStore::publish(std::shared_ptr<PoseSnapshot> next) {
   std::shared_ptr<const PoseSnapshot> old = std::move(next);  // freed outside the lock
   const std::lock_guard lock(current_mutex_);
   current_.swap(old);
+  address_.store(current_.get(), std::memory_order_release);
 }
 
 void PoseStore::check_stamp(std::int64_t stamp_ns) const {

@@ -102,6 +102,12 @@ class PoseStore {
   PoseStore(const engine::Scene& scene, std::chrono::nanoseconds max_stamp_lead);
 
   std::shared_ptr<const PoseSnapshot> snapshot() const;
+  /// The current snapshot if it is the one that was seen, otherwise null. Takes no lock.
+  std::shared_ptr<const PoseSnapshot> same(const std::weak_ptr<const PoseSnapshot>& seen) const {
+    std::shared_ptr<const PoseSnapshot> snapshot = seen.lock();
+    if (snapshot.get() != address_.load(std::memory_order_acquire)) snapshot = nullptr;
+    return snapshot;
+  }
   PoseUpdateResult set(std::span<const BodyPose> poses, std::int64_t stamp_ns, std::int64_t sequence,
                        std::uint64_t publisher);
   PoseUpdateResult set_joints(std::span<const JointPosition> positions, std::int64_t stamp_ns, std::int64_t sequence,
@@ -161,6 +167,7 @@ class PoseStore {
   std::vector<std::shared_ptr<const engine::Scene>> scenes_;
   mutable std::mutex current_mutex_;  // held only while the pointer is copied
   std::shared_ptr<const PoseSnapshot> current_;
+  std::atomic<const PoseSnapshot*> address_{nullptr};            // of current_
   std::shared_ptr<Spares> spares_ = std::make_shared<Spares>();  // shared, because snapshots may outlive the store
 };
 

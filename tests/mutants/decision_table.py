@@ -325,4 +325,20 @@ DECISION_MUTANTS = [
         ),
         ("still_upper", "query/distance/cover_bounds.cpp", "@-down(-pair.upper)@", "0.99f * -down(-pair.upper)"),
     ),
+    # Cells of joint tables, found before the kinematics.
+    *mutants_of(
+        "table_decisions TableDecisions.CellsOf*",
+        (
+            "state_cells",
+            "decision/state_lanes.cpp",
+            "cells_.begin() + static_cast<std::ptrdiff_t>(@k * tabled.size()@)",
+            "0",
+        ),
+        (
+            "decision_cells",
+            "decision/kernel/decide_kernel.h",
+            "batch.cells ? batch.cells + @k * v_.tabled_count@ :",
+            "0",
+        ),
+    ),
 ]

@@ -28,7 +28,7 @@ struct ResultInfo {
   std::int64_t snapshot_stamp_ns = 0;  ///< newest stamp among the poses, publisher's clock; 0 without stamps
   std::int64_t snapshot_sequence = 0;  ///< its publisher's count of the update with that stamp; 0 if not counted
   std::int64_t pose_age_ns = -1;   ///< age of the oldest received pose when the query began; -1 if none was received
-  std::uint64_t engine_ns = 0;     ///< time in the engine
+  std::uint64_t engine_ns = 0;     ///< time in the engine; 0 for calls of an Engine that wait for the answer
   std::uint64_t server_ns = 0;     ///< time in the daemon, otherwise 0
   std::array<char, 16> backend{};  ///< "cpu", "cuda" or "reference"
 };

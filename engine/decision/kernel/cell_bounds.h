@@ -21,8 +21,7 @@ class CellBounds {
   void look_up(const double* positions) {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
       const TabledPair& pair = v_.tabled[t];
-      double at[2];
-      for (int c = 0; c < 2; ++c) at[c] = pair.at[c] == kNone ? pair.fixed[c] : positions[pair.at[c]];
+      const double at[2] = {pair.position_of(0, positions), pair.position_of(1, positions)};
       const TableCell cell = pair.table.at(at);
       constexpr float kUnit = static_cast<float>(JointTable::kUnit);
       table_low_[t] =

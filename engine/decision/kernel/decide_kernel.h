@@ -25,7 +25,7 @@ class Decider {
 
   /// Places bodies for states of a batch with frames.
   void place(const DecisionBatch& batch) {
-    for (std::size_t k = 0; k < batch.states; ++k) tables_.find(k, positions(batch, k));
+    for (std::size_t k = 0; k < batch.states && !batch.cells; ++k) tables_.find(k, positions(batch, k));
     usable_ = placed_.place(batch.frames, batch.states);
   }
   /// Decides state k of a batch.
@@ -33,7 +33,7 @@ class Decider {
   Decision decide(const DecisionBatch& batch, std::size_t k, std::uint64_t* open, std::uint32_t capacity) {
     Decision result;
     if (!batch.frames) {
-      tables_.find(0, positions(batch, k));
+      if (!batch.cells) tables_.find(0, positions(batch, k));
       if (!placed_.place(batch.poses + k * batch.stride)) return result;
     } else if (usable_ >> k & 1) {
       placed_.take_state(k);
@@ -42,7 +42,9 @@ class Decider {
     }
     begin(batch.any_hit, capacity);
     open_ = open;
-    tables_.look_up(batch.frames ? k : 0, [&](std::uint64_t position) { record(position, {}, kHit); });
+    const TableCell* const* const cells =
+        batch.cells ? batch.cells + k * v_.tabled_count : tables_.cells(batch.frames ? k : 0);
+    tables_.look_up(cells, [&](std::uint64_t position) { record(position, {}, kHit); });
     if (!is_over()) decide_obstacles();
     if (!is_over()) decide_moved_pairs();
     if (overflow_) return result;

@@ -57,6 +57,18 @@ struct TabledPair {
   std::int32_t free_above, hit_below;  ///< the pair is beyond its margin if TableCell::low exceeds `free_above`, and
                                        ///< within its margin if `high` is less than `hit_below`
   std::uint64_t position;              ///< in the plan
+
+  /// Position of a column of the table, from a row of positions.
+  CLEARANCE_TABLE_INLINE double position_of(int c, const double* positions) const {
+    return at[c] == kNone ? fixed[c] : positions[at[c]];
+  }
+  /// The cell of a row of positions, or null outside the table. It begins to arrive from memory.
+  CLEARANCE_TABLE_INLINE const TableCell* find(const double* positions) const {
+    const double both[2] = {position_of(0, positions), position_of(1, positions)};
+    const TableCell* const cell = table.find(both);
+    __builtin_prefetch(cell);
+    return cell;
+  }
 };
 inline constexpr std::uint32_t kMostTabledPairs = 64;
 inline constexpr std::uint8_t kNoTable = 255;
@@ -118,6 +130,7 @@ struct DecisionBatch {
   /// (body_count,) of each body, (7, 8) qw, qx, qy, qz, x, y, z in up to 8 states, if all bodies are direct
   /// (DecidedBody::is_direct); null to use `poses`.
   const double* const* frames = nullptr;
+  const TableCell* const* cells = nullptr;  ///< (states, tabled_count) TabledPair::find(); null to find them here
 };
 
 /// Result of one state. The open pairs are those before the first hit, ascending but with repeats.

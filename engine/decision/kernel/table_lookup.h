@@ -24,23 +24,19 @@ class TableLookup {
   /// \param k number of the state, less than 8
   /// \param positions of the state; null to prove nothing
   void find(std::size_t k, const double* positions) {
-    for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
-      const TableCell*& cell = cells_[k][t];
-      cell = nullptr;
-      if (!positions) continue;
-      const TabledPair& pair = v_.tabled[t];
-      const double at[2] = {middle(pair, 0, positions), middle(pair, 1, positions)};
-      cell = pair.table.find(at);
-      __builtin_prefetch(cell);
-    }
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t)
+      cells_[k][t] = positions ? v_.tabled[t].find(positions) : nullptr;
   }
-  /// Decides the pairs whose cells were found in state k.
+  /// The cells found in state k.
+  const TableCell* const* cells(std::size_t k) const { return cells_[k]; }
+  /// Decides the pairs of a state.
+  /// \param cells (tabled_count,) of the state
   /// \param hit called with the position of each pair that is within its margin
   template <class Hit>
-  void look_up(std::size_t k, const Hit& hit) {
+  void look_up(const TableCell* const* cells, const Hit& hit) {
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
       const TabledPair& pair = v_.tabled[t];
-      const TableCell* const cell = cells_[k][t];
+      const TableCell* const cell = cells[t];
       is_free_[t] = cell && cell->low > pair.free_above;
       if (cell && cell->high < pair.hit_below) hit(pair.position);
     }
@@ -62,7 +58,7 @@ class TableLookup {
     const TabledPair& pair = v_.tabled[table];
     double at[2], low[2], high[2];
     for (int c = 0; c < 2; ++c) {
-      at[c] = middle(pair, c, positions);
+      at[c] = pair.position_of(c, positions);
       const double by = pair.at[c] == kNone ? 0 : reach[pair.at[c]];
       low[c] = at[c] - by;
       high[c] = at[c] + by;
@@ -74,10 +70,6 @@ class TableLookup {
   }
 
  private:
-  static double middle(const TabledPair& pair, int c, const double* positions) {
-    return pair.at[c] == kNone ? pair.fixed[c] : positions[pair.at[c]];
-  }
-
   const DecisionView& v_;
   const TableCell* cells_[8][kMostTabledPairs];  // by state; null outside the table
   bool is_free_[kMostTabledPairs];

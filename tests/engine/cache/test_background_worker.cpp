@@ -1,10 +1,12 @@
-// The thread of tasks in the background: its priority, and its end.
+// The thread of tasks in the background: its priority, its end, and no teams of threads.
 #include <gtest/gtest.h>
+#include <omp.h>
 #include <sys/resource.h>
 #include <unistd.h>
 
 #include <atomic>
 #include <chrono>
+#include <future>
 #include <memory>
 #include <thread>
 #include <vector>
@@ -63,6 +65,31 @@ TEST(BackgroundWorker, WorksAtTheLowestPriorityAndEndsAtThatOfItsOwner) {
   }
   EXPECT_EQ(task->at_work, 19);
   EXPECT_EQ(task->at_end, own_priority());
+}
+
+/// Its result is the number of threads of a team, where it is made.
+class TeamTask final : public BackgroundTask {
+ public:
+  std::future<int> threads() { return threads_.get_future(); }
+
+  Result read() const override { return nullptr; }
+  Result make(const std::atomic<bool>&) const override {
+    threads_.set_value(omp_get_max_threads());
+    return std::make_shared<const int>(0);
+  }
+  void take(Result, std::chrono::nanoseconds) override {}
+
+ private:
+  mutable std::promise<int> threads_;
+};
+
+TEST(BackgroundWorker, StartsNoTeamsOfThreads) {
+  if (omp_get_max_threads() == 1) GTEST_SKIP() << "no thread does here";
+  const auto task = std::make_shared<TeamTask>();
+  std::future<int> threads = task->threads();
+  BackgroundWorker worker;
+  worker.add({task});
+  EXPECT_EQ(threads.get(), 1);
 }
 
 }  // namespace

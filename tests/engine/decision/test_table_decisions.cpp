@@ -1,10 +1,15 @@
 // Joint tables in decisions: a store makes them, and they decide what balls leave open, never wrongly.
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cstdlib>
+#include <limits>
+#include <utility>
+#include <vector>
 
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/motion_decider.h"
+#include "engine/decision/state_lanes.h"
 #include "engine/joint_table/joint_table_record.h"
 #include "engine/selection/configuration_poses.h"
 #include "tests/engine/engine_test_util.h"
@@ -212,6 +217,62 @@ TEST_F(TableDecisions, TablesDecideStatesThatBallsLeaveOpen) {
   EXPECT_GT(all_open[0], 100);
   EXPECT_LT(5 * all_open[1], 4 * all_open[0]);
   std::printf("%zu states left open without tables, %zu with them\n", all_open[0], all_open[1]);
+}
+
+// The cells that are found before the bodies are placed, of one state and of eight: the same decisions.
+TEST_F(TableDecisions, CellsOfStatesInLanesDecideAsThePositionsDo) {
+  constexpr std::uint32_t kStates = 203;
+  Decided decided({"first", "j", "k"}, kStates, 0);
+  decided.positions[3 * 17 + 1] = std::numeric_limits<double>::quiet_NaN();
+  const Plan& plan = decided.make();
+  const auto covers = CoverPlan::make(decided.scene, plan, decided.covers, &decided.tables);
+  ASSERT_TRUE(covers);
+  const DecisionView& view = covers->view();
+  ASSERT_EQ(view.tabled_count, 1u);
+  StateLanes lanes(*covers, plan);
+  ASSERT_TRUE(lanes.can_place());
+  const auto decide = [&](const DecisionBatch& batch) {
+    std::vector<Decision> decisions(batch.states);
+    std::vector<std::uint64_t> open(batch.states * std::size_t{plan.pairs.size()});
+    decision_kernels()[0].run(batch, {decisions.data(), open.data(), static_cast<std::uint32_t>(open.size())});
+    std::vector<std::pair<Verdict, std::size_t>> found;  // with the number of open pairs
+    for (const Decision& d : decisions) found.emplace_back(d.verdict, d.open_end - d.open_begin);
+    return found;
+  };
+  ConfigurationPoses at(plan);
+  const auto block = at.at(0, kStates);
+  std::vector<std::uint8_t> usable(kStates, 1);
+  usable[17] = 0;
+  DecisionBatch by_positions{&view, block.poses.data(), plan.bodies.size(), kStates, usable.data(), true};
+  const auto without = decide(by_positions);
+  by_positions.positions = decided.positions.data();
+  by_positions.position_stride = 3;
+  const auto with = decide(by_positions);
+  EXPECT_NE(with, without) << "the table decides some";
+  for (std::uint32_t k = 0; k < kStates; ++k) {
+    const Pose* const poses = lanes.place_one(k);
+    EXPECT_EQ(decide({.view = &view,
+                      .poses = poses,
+                      .stride = plan.bodies.size(),
+                      .states = 1,
+                      .usable = lanes.usable(),
+                      .any_hit = true,
+                      .cells = lanes.cells()})[0],
+              with[k]);
+  }
+  for (std::uint32_t first = 0; first < kStates; first += kMostLanes) {
+    const std::size_t count = std::min<std::size_t>(kMostLanes, kStates - first);
+    lanes.place(first, count);
+    const auto found = decide({.view = &view,
+                               .poses = nullptr,
+                               .stride = 0,
+                               .states = count,
+                               .usable = lanes.usable(),
+                               .any_hit = true,
+                               .frames = lanes.frames(),
+                               .cells = lanes.cells()});
+    for (std::size_t k = 0; k < count; ++k) EXPECT_EQ(found[k], with[first + k]);
+  }
 }
 
 TEST_F(TableDecisions, TablesDecideMotionsThatBallsLeaveOpen) {

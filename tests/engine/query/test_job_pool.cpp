@@ -7,45 +7,14 @@
 #include <functional>
 #include <map>
 #include <memory>
-#include <optional>
 #include <string>
 #include <thread>
 #include <vector>
 
-#include "engine/query/job_pool.h"
-#include "tests/engine/arm_scene.h"
-#include "tests/engine/same_rows.h"
+#include "tests/engine/query/repeated_jobs.h"
 
 namespace clearance::test {
 namespace {
-
-std::uint64_t jobs_reused(const engine::Engine& engine) {
-  for (const auto& [name, value] : engine.stats())
-    if (name == "engine.jobs_reused") return value;
-  ADD_FAILURE() << "no such counter";
-  return 0;
-}
-
-/// Compares two answers completely.
-void expect_same(const Answer& a, const Answer& b) {
-  ASSERT_EQ(a.info.rows, b.info.rows);
-  ASSERT_EQ(a.info.total, b.info.total);
-  ASSERT_EQ(a.info.pairs_evaluated, b.info.pairs_evaluated);
-  expect_same_rows(a, 0, b, a.info.rows);
-  const std::uint64_t n = a.info.rows;
-  expect_same_column("gradient_joints", a.view.gradient_joints, 0, b.view.gradient_joints, n, a.size.joints);
-  expect_same_column("pair_lower", a.view.pair_lower, 0, b.view.pair_lower, n, 1);
-}
-
-/// Answers a query by a job of the pool, if there is one.
-Answer repeat(const engine::Engine& engine, const QueryView& query, const std::shared_ptr<JobPool>& pool) {
-  Answer a = empty_answer(engine, query);
-  Job job = engine.start(engine.prepare(query, pool), a.view);
-  while (!job.advance()) {
-  }
-  a.info = job.info();
-  return a;
-}
 
 struct Named {
   std::string name;
@@ -89,16 +58,19 @@ std::array<std::uint64_t, 8> expect_bits_of_new_jobs(const engine::Scene& scene,
       SCOPED_TRACE(reduction.name + (precision == Precision::kF32 ? ", f32" : ""));
       const std::uint64_t before = jobs_reused(kept);
       const auto pool = std::make_shared<JobPool>();
+      Held held;
       for (int k = 0; k < count; ++k) {
         QueryView q = query(k);
         q.precision = precision;
         reduction.set(q);
         const Answer answer = repeat(kept, q, pool);
         expect_same(answer, repeat(kept, q, std::make_shared<JobPool>()));
+        expect_same(held.answer(kept, q), answer);
         if (::testing::Test::HasFatalFailure()) return seen;
         for (std::uint64_t i = 0; i < answer.info.rows; ++i) ++seen[answer.view.status[i]];
       }
-      EXPECT_EQ(jobs_reused(kept) - before, static_cast<std::uint64_t>(count - 1));
+      EXPECT_EQ(held.again, static_cast<std::uint64_t>(count - 1));
+      EXPECT_EQ(jobs_reused(kept) - before, 2 * held.again);
     }
   return seen;
 }
@@ -131,29 +103,6 @@ TEST(JobPool, TheCurrentPosesAreAnsweredWithTheBitsOfNewJobs) {
   });
 }
 
-/// The arm, and rows of positions for its joints, some beyond their limits and some not finite.
-struct Arm {
-  engine::Scene scene = arm_scene(at_home());
-  std::vector<std::uint32_t> joints = joints_of(scene, "arm");
-  std::vector<double> positions;
-
-  explicit Arm(int rows, bool strange = false) {
-    scene.ignore("arm", "arm");  // two links that always overlap would decide everything
-    scene.add_sphere("rock", 0.3, {.is_static = true, .pose = Pose{{0.3, -0.3, 0.4}}});
-    Random random(2);
-    for (std::size_t i = 0; i < static_cast<std::size_t>(rows) * joints.size(); ++i)
-      positions.push_back(strange && i % 5 == 3 ? 50 : strange && i % 17 == 11 ? 1e7 : random.uniform(-1.5, 1.5));
-  }
-  QueryView query(int row = 0) const {
-    QueryView q;
-    q.fields = kAllFields | kFieldGradientJoints | kFieldPairLower;
-    q.joints = joints;
-    q.configuration_count = 1;
-    q.positions = std::span(positions).subspan(static_cast<std::size_t>(row) * joints.size(), joints.size());
-    return q;
-  }
-};
-
 TEST(JobPool, JointsAreAnsweredWithTheBitsOfNewJobs) {
   for (const bool strange : {false, true}) {
     const Arm arm(12, strange);
@@ -174,6 +123,7 @@ TEST(JobPool, MotionsAreAnsweredWithTheBitsOfNewJobs) {
       SCOPED_TRACE("reduce " + std::to_string(static_cast<int>(reduce)) + ", " + std::to_string(configurations));
       const engine::Engine kept(arm.scene, {.backend = "cpu", .threads = 2});
       const auto pool = std::make_shared<JobPool>();
+      Held held;
       for (int k = 0; k < kCount; ++k) {
         QueryView q = arm.query(6 * k);
         q.fields = kDefaultFields | kFieldFlags | kFieldPoints | kFieldPair | kMotionFields;
@@ -185,6 +135,7 @@ TEST(JobPool, MotionsAreAnsweredWithTheBitsOfNewJobs) {
                 .subspan(static_cast<std::size_t>(6 * k) * arm.joints.size(), configurations * arm.joints.size());
         const Answer answer = repeat(kept, q, pool), expected = repeat(kept, q, std::make_shared<JobPool>());
         expect_same(answer, expected);
+        expect_same(held.answer(kept, q), expected);
         const std::uint64_t n = answer.info.rows;
         expect_same_column("time", answer.view.time, 0, expected.view.time, n, 1);
         expect_same_column("first_contact", answer.view.first_contact, 0, expected.view.first_contact, n, 2);
@@ -192,7 +143,8 @@ TEST(JobPool, MotionsAreAnsweredWithTheBitsOfNewJobs) {
         if (::testing::Test::HasFatalFailure()) return;
         for (std::uint64_t i = 0; i < n; ++i) ++seen[answer.view.status[i]];
       }
-      EXPECT_EQ(jobs_reused(kept), static_cast<std::uint64_t>(kCount - 1));
+      EXPECT_EQ(held.again, static_cast<std::uint64_t>(kCount - 1));
+      EXPECT_EQ(jobs_reused(kept), 2 * held.again);
     }
   EXPECT_GT(count_of(seen, Status::kOk), 0u);
   EXPECT_GT(count_of(seen, Status::kBeyond), 0u);
@@ -226,10 +178,12 @@ TEST(JobPool, NoneAnswersForASnapshotThatIsGone) {
   q.joints = all_but_one;
   q.positions = q.positions.first(all_but_one.size());
   std::map<Reduce, std::shared_ptr<JobPool>> pools;
+  std::map<Reduce, Held> held;
   for (const Reduce reduce : {Reduce::kNone, Reduce::kMin, Reduce::kAny, Reduce::kNearest}) {
     q.reduce = reduce;
     pools[reduce] = std::make_shared<JobPool>();
     repeat(engine, q, pools[reduce]);
+    held[reduce].answer(engine, q);
   }
   for (std::size_t done = 1; done <= changes.size(); ++done) {
     engine::Engine other(arm.scene, {.backend = "cpu", .threads = 1});
@@ -248,6 +202,12 @@ TEST(JobPool, NoneAnswersForASnapshotThatIsGone) {
       const Answer wanted = evaluate(other, q);
       expect_same(now, wanted);
       expect_same(again, wanted);
+      for (const std::uint64_t known : {done - 1, done}) {
+        const Answer by_held = held[reduce].answer(engine, q);
+        EXPECT_EQ(by_held.info.snapshot_revision, engine.pose_revision());
+        expect_same(by_held, wanted);
+        EXPECT_EQ(held[reduce].again, known);
+      }
     }
   }
 }
@@ -263,7 +223,9 @@ TEST(JobPool, WhatDependsOnTheClockIsNotKept) {
     question.set(q);
     q.positions = std::span(two.positions).first(q.configuration_count * two.joints.size());
     const auto pool = std::make_shared<JobPool>();
-    for (int i = 0; i < 3; ++i) repeat(engine, q, pool);
+    Held held;
+    for (int i = 0; i < 3; ++i) repeat(engine, q, pool), held.answer(engine, q);
+    EXPECT_FALSE(held.job);
     EXPECT_EQ(jobs_reused(engine), 0u);
   }
   engine::Scene moving = arm.scene;
@@ -322,9 +284,19 @@ TEST(JobPool, ThreadsThatAskAtATimeGetTheirOwnAnswers) {
     threads.emplace_back([&] {
       for (int k = 0; k < kRounds; ++k) answers.push_back(repeat(engine, query(k), pool));
     });
+  std::array<Held, kThreads> held;
+  std::array<std::vector<Answer>, kThreads> by_held;
+  for (std::size_t i = 0; i < kThreads; ++i)
+    threads.emplace_back([&, i] {
+      held[i].pool = pool;
+      for (int k = 0; k < kRounds; ++k) by_held[i].push_back(held[i].answer(engine, query(k)));
+    });
   for (std::thread& thread : threads) thread.join();
   for (const auto& answers : found)
     for (std::size_t k = 0; k < kRounds; ++k) expect_same(answers[k], wanted[k]);
+  for (const auto& answers : by_held)
+    for (std::size_t k = 0; k < kRounds; ++k) expect_same(answers[k], wanted[k]);
+  for (const Held& one : held) EXPECT_EQ(one.again, kRounds - 1u);
   EXPECT_GE(jobs_reused(engine), std::uint64_t{kThreads * (kRounds - 1)});
 }
 
