@@ -88,10 +88,13 @@ class DistanceJob final : public CoveredJob {
                                                                states.count,
                                                                states.usable,
                                                                states.positions,
-                                                               states.position_stride},
+                                                               states.position_stride,
+                                                               nullptr,
+                                                               {},
+                                                               states.frames},
                                                               room.bounds);
     states.meter.count(work_of(all));
-    room.groups.clear();
+    if (left.configurations().empty()) room.groups.clear();
     for (std::uint64_t k = 0; k < states.count; ++k) {
       const std::uint64_t configuration = states.begin + k;
       const auto bounds = all.subspan(k * groups(), groups());
