@@ -26,3 +26,4 @@ $certify --trajectories 100000 --csv docs/results/trajectory_accuracy.csv
 $certify --stops 10000000 --csv docs/results/stop_accuracy.csv
 $certify --meshes --pairs 1000000 --csv docs/results/mesh_accuracy.csv --failures out/certify_mesh_failures.txt
 $certify --states 1000000 --edges 100000 --robots "${robots[@]}" --csv docs/results/decision_accuracy.csv
+$certify --distances 18432 --robots scenes/cell/arm.urdf --csv docs/results/distance_accuracy.csv

@@ -50,7 +50,8 @@ CLEARANCE_HD inline PairAnswer empty_answer() {
   return {infinite, infinite, infinite, Status::kBeyond, 0, kNone, kNone, no_point(), no_point(), no_point()};
 }
 
-/// Turns the winner's answer into its group's: the interval reaches down to the group's least lower bound.
+/// Turns the winner's answer into its group's: the interval reaches down to the group's least lower bound. Infinity, of
+/// pairs with clouds without points alone, is beyond every max_distance.
 CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double max_distance, double abs_tol,
                                         double rel_tol) {
   if (answer.distance != answer.distance) return;  // no pair of the group has usable poses
@@ -58,7 +59,7 @@ CLEARANCE_HD inline void widen_to_group(PairAnswer& answer, double lower, double
   if (answer.status == Status::kOk && !is_narrow(answer.upper - answer.lower, answer.upper, abs_tol, rel_tol))
     answer.status = Status::kUnconverged;
   if (answer.status != Status::kBeyond) return;
-  const bool is_beyond = answer.lower > max_distance;
+  const bool is_beyond = answer.lower > max_distance || answer.lower == __builtin_inf();
   if (!is_beyond) answer.status = Status::kUnconverged;
   answer.distance = is_beyond ? answer.lower : answer.upper;
 }

@@ -9,7 +9,8 @@ namespace clearance {
 namespace {
 
 constexpr std::uint64_t kStatesPerUnit = 2;
-constexpr std::uint64_t kMostStates = 64;  // of a block: enough to fill lanes, and few enough to stay in the cache
+constexpr std::uint64_t kMostStates = 64;    // of a block: enough to fill lanes, and few enough to stay in the cache
+constexpr std::uint64_t kFewestInLanes = 3;  // fewer states are faster one by one
 
 }  // namespace
 
@@ -97,6 +98,7 @@ void CoveredJob::take_covers() {
   covers_revision_ = CoverPlan::revision(*context_.covers, context_.tables);
   covers_ = CoverPlan::make(scene(), plan_, *context_.covers, context_.tables,
                             still_ ? still_->known() : std::span<const std::uint64_t>());
+  for (Worker& share : shares_) share.lanes.reset();
 }
 
 // The rows of one block of configurations.
@@ -133,12 +135,40 @@ bool CoveredJob::answer(std::uint64_t begin, int worker, WorkMeter& meter) {
 // Answers a block by covers, and begins the exact evaluation of the states that are left.
 void CoveredJob::begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
                                  WorkMeter& meter) {
-  if (!answer_in_lanes(begin, count, worker, share.left)) answer_by_poses(share, begin, count, worker, meter);
+  if (!answer_in_lanes(share, begin, count, worker, meter)) answer_by_poses(share, begin, count, worker, meter);
   const std::span<const std::uint64_t> left = share.left.configurations();
+  share.leaves_most = 2 * left.size() > count;
   if (left.empty()) return;
   const auto pairs = share.left.pairs();
   share.placed = worker_poses(worker).at(left, pairs);
   share.block.begin(share.placed, left, pairs);
+}
+
+// Answers states without poses of their bodies, side by side. Returns false if they need poses: those that are left do.
+bool CoveredJob::answer_in_lanes(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
+                                 WorkMeter& meter) {
+  if (share.leaves_most) return false;
+  if (!share.lanes) share.lanes.emplace(*covers_, plan_);
+  StateLanes& lanes = *share.lanes;
+  if (!lanes.can_place()) return false;
+  const std::size_t joints = plan_.joints.size(), stride = plan_.bodies.size();
+  const auto positions_of = [&](std::uint64_t k) { return plan_.positions.data() + k * joints; };
+  if (count < kFewestInLanes) {
+    for (std::uint64_t k = begin; k < begin + count; ++k) {
+      const Pose* const poses = lanes.place_one(k);
+      answer_by_covers({k, 1, poses, stride, lanes.usable(), positions_of(k), joints, nullptr, lanes.cells(), meter},
+                       worker, share.left);
+    }
+    return true;
+  }
+  for (std::uint64_t k = begin; k < begin + count; k += kMostLanes) {
+    const std::uint64_t here = std::min<std::uint64_t>(kMostLanes, begin + count - k);
+    lanes.place(k, here);
+    answer_by_covers(
+        {k, here, nullptr, 0, lanes.usable(), positions_of(k), joints, lanes.frames(), lanes.cells(), meter}, worker,
+        share.left);
+  }
+  return true;
 }
 
 void CoveredJob::answer_by_poses(Worker& share, std::uint64_t begin, std::uint64_t count, int worker,
@@ -161,7 +191,8 @@ void CoveredJob::answer_by_poses(Worker& share, std::uint64_t begin, std::uint64
           std::none_of(facts.begin(), facts.end(), [](std::uint8_t f) { return f & (kLinkUnplaced | kLinkBad); });
     }
   const double* const positions = plan_.positions.data() + begin * joints;
-  answer_by_covers({begin, count, poses, stride, share.usable.data(), positions, joints, meter}, worker, share.left);
+  answer_by_covers({begin, count, poses, stride, share.usable.data(), positions, joints, nullptr, nullptr, meter},
+                   worker, share.left);
 }
 
 void CoveredJob::write_exact(const ExactState& state, int) {

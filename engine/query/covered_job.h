@@ -4,10 +4,12 @@
 #include <atomic>
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
 #include "engine/decision/cover_plan.h"
+#include "engine/decision/state_lanes.h"
 #include "engine/evaluate/still_pairs.h"
 #include "engine/query/parallel_job.h"
 #include "engine/reduce/configuration_block.h"
@@ -49,19 +51,17 @@ class CoveredJob : public ParallelJob {
   /// Consecutive states.
   struct States {
     std::uint64_t begin, count;
-    const Pose* poses;  ///< (count, stride)
+    const Pose* poses;  ///< (count, stride); null with `frames`
     std::size_t stride;
     const std::uint8_t* usable;  ///< (count,) 0 if the bounds of covers do not hold
     const double* positions;     ///< (count, position_stride)
     std::size_t position_stride;
+    const double* const* frames;    ///< of up to 8 states, as in DecisionBatch; null with `poses`
+    const TableCell* const* cells;  ///< as in DecisionBatch; null with given poses
     WorkMeter& meter;
   };
   /// Writes the rows of the states that covers answer, and adds the others to `left`, ascending.
   virtual void answer_by_covers(const States& states, int worker, LeftStates& left) = 0;
-  /// The same for [begin, begin + count), without poses. Returns false if it cannot: answer_by_covers() follows.
-  virtual bool answer_in_lanes(std::uint64_t /*begin*/, std::uint64_t /*count*/, int /*worker*/, LeftStates& /*left*/) {
-    return false;
-  }
   /// A state that the exact engine answered.
   struct ExactState {
     std::uint64_t configuration;
@@ -95,13 +95,16 @@ class CoveredJob : public ParallelJob {
     std::vector<std::uint8_t> usable;
     std::vector<Pose> poses;  // of a block, if the query gives some
     LeftStates left;
-    std::vector<std::uint64_t> all;  // configurations, without covers
+    std::optional<StateLanes> lanes;  // of covers_
+    bool leaves_most = false;         // of the last block's states, which need poses
+    std::vector<std::uint64_t> all;   // configurations, without covers
     std::vector<std::vector<Row>> rows;
   };
   void prepare_covers();
   void take_covers();
   bool answer(std::uint64_t begin, int worker, WorkMeter& meter);
   void begin_by_covers(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
+  bool answer_in_lanes(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
   void answer_by_poses(Worker& share, std::uint64_t begin, std::uint64_t count, int worker, WorkMeter& meter);
 
   BoxColumns columns_;

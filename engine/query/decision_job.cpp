@@ -1,9 +1,7 @@
 #include <algorithm>
-#include <optional>
 #include <utility>
 #include <vector>
 
-#include "engine/decision/state_lanes.h"
 #include "engine/query/covered_job.h"
 
 namespace clearance {
@@ -30,60 +28,18 @@ class DecisionJob final : public CoveredJob {
   struct Room {
     std::vector<Decision> decisions;
     std::vector<std::uint64_t> open;  // positions
-    std::optional<StateLanes> lanes;  // of covers()
   };
 
   void answer_by_covers(const States& states, int worker, LeftStates& left) override {
-    decide({&covers().view(), states.poses, states.stride, states.count, states.usable, any_hit_, states.positions,
-            states.position_stride},
-           states.begin, rooms_[static_cast<std::size_t>(worker)], left);
-  }
-  bool answer_in_lanes(std::uint64_t begin, std::uint64_t count, int worker, LeftStates& left) override {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
-    if (!room.lanes) room.lanes.emplace(covers(), plan_);
-    if (!room.lanes->can_place()) return false;
-    const std::size_t stride = plan_.bodies.size();
-    if (count < kFewestInLanes) {
-      for (std::uint64_t k = begin; k < begin + count; ++k) {
-        const Pose* const poses = room.lanes->place_one(k);
-        decide({.view = &covers().view(),
-                .poses = poses,
-                .stride = stride,
-                .states = 1,
-                .usable = room.lanes->usable(),
-                .any_hit = any_hit_,
-                .cells = room.lanes->cells()},
-               k, room, left);
-      }
-      return true;
-    }
-    for (std::uint64_t k = 0; k < count; k += kMostLanes) {
-      const std::size_t here = std::min<std::uint64_t>(kMostLanes, count - k);
-      room.lanes->place(begin + k, here);
-      decide({.view = &covers().view(),
-              .poses = nullptr,
-              .stride = 0,
-              .states = here,
-              .usable = room.lanes->usable(),
-              .any_hit = any_hit_,
-              .frames = room.lanes->frames(),
-              .cells = room.lanes->cells()},
-             begin + k, room, left);
-    }
-    return true;
-  }
-  void covers_changed() override {
-    for (Room& room : rooms_) room.lanes.reset();
-  }
-
-  // Decides states from `begin` on.
-  void decide(const DecisionBatch& batch, std::uint64_t begin, Room& room, LeftStates& left) {
-    room.decisions.resize(batch.states);
-    room.open.resize(batch.states * kMostOpen);
-    decision_kernels()[0].run(batch,
+    room.decisions.resize(states.count);
+    room.open.resize(states.count * kMostOpen);
+    decision_kernels()[0].run({&covers().view(), states.poses, states.stride, states.count, states.usable, any_hit_,
+                               states.positions, states.position_stride, states.frames, states.cells},
                               {room.decisions.data(), room.open.data(), static_cast<std::uint32_t>(room.open.size())});
-    for (std::uint64_t k = 0; k < batch.states; ++k)
-      if (!write_decided(room.decisions[k], begin + k)) leave(room, room.decisions[k], begin + k, left);
+    for (std::uint64_t k = 0; k < states.count; ++k)
+      if (const Decision& decision = room.decisions[k]; !write_decided(decision, states.begin + k))
+        leave(room, decision, states.begin + k, left);
   }
 
   // Writes the row of a state that needs no exact evaluation.
@@ -112,8 +68,7 @@ class DecisionJob final : public CoveredJob {
     open.erase(std::unique(open.begin(), open.end()), open.end());
   }
 
-  static constexpr std::uint64_t kFewestInLanes = 3;  // fewer states are faster one by one
-  static constexpr std::uint64_t kMostOpen = 32;      // pairs of a state, on average; beyond it all are open
+  static constexpr std::uint64_t kMostOpen = 32;  // pairs of a state, on average; beyond it all are open
 
   bool any_hit_, needs_no_row_;
   std::vector<Room> rooms_;  // by worker

@@ -12,7 +12,7 @@
 namespace clearance::exact {
 
 struct CertifyOptions {
-  std::int64_t pairs = 10000, slack = 0, motions = 0, trajectories = 0, stops = 0, states = 0, edges = 0;
+  std::int64_t pairs = 10000, slack = 0, motions = 0, trajectories = 0, stops = 0, states = 0, edges = 0, distances = 0;
   std::uint64_t seed = 1;
   int threads = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
   int columns_every = 10;
@@ -24,6 +24,11 @@ struct CertifyOptions {
   const std::vector<CaseClass>& classes() const { return meshes ? mesh_classes() : case_classes(); }
 };
 
+/// States and edges of two made robots and of those in files, in shares that do not depend on the threads. Returns
+/// false if any decision is wrong.
+bool certify_decisions(const CertifyOptions& o);
+/// The same for distances of states to tolerances.
+bool certify_distances(const CertifyOptions& o);
 /// Motions of each kind in turn, divided among the threads. Returns false if any is wrong, or if a requested device has
 /// decided none.
 bool certify_motions(const CertifyOptions& o);

@@ -13,7 +13,6 @@
 #include "tests/oracle/in_parallel.h"
 #include "tests/oracle/oracle_run.h"
 #include "tests/oracle/slack_oracle.h"
-#include "tests/oracle/states/state_oracle.h"
 
 namespace clearance::exact {
 namespace {
@@ -86,73 +85,6 @@ bool certify_slack(const CertifyOptions& o) {
   return findings.all() == 0;
 }
 
-/// A robot whose states and edges are decided.
-struct DecidedRobot {
-  RobotScene made;
-  RobotCovers covers;
-  StateTable states, edges;
-};
-
-void write_decisions(std::ostream& out, const char* what, const DecidedRobot& robot, const StateTable& table) {
-  for (std::size_t kind = 0; kind < table.size(); ++kind)
-    for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
-      const StateTally& t = table[kind][m];
-      if (t.count == 0) continue;
-      out << what << ',' << robot.made.name << ',' << name_of(static_cast<StateKind>(kind)) << ',' << kStateMargins[m];
-      for (const std::int64_t n : {t.count, t.free, t.hit, t.wrong, t.fewer, t.more, t.other_pairs, t.other_bits,
-                                   t.exact, t.untrue, t.close_free, t.close_hit, t.inside, t.pairs, t.open})
-        out << ',' << n;
-      out << '\n';
-    }
-}
-
-void write_decisions(std::ostream& out, const CertifyOptions& o, const std::vector<DecidedRobot>& robots) {
-  out << "# states " << o.states << " and edges " << o.edges << " of each robot, seed " << o.seed << "\n"
-      << "of,robot,kind,margin,count,free,hit,wrong,fewer,more,other_pairs,other_bits,exact,untrue,close_free,"
-         "close_hit,inside,pairs_without,pairs_with\n";
-  for (const DecidedRobot& robot : robots) {
-    write_decisions(out, "state", robot, robot.states);
-    write_decisions(out, "edge", robot, robot.edges);
-  }
-}
-
-/// States and edges of two made robots and of those in files, in shares that do not depend on the threads. Returns
-/// false if any decision is wrong.
-bool certify_decisions(const CertifyOptions& o) {
-  constexpr std::size_t kMade = 2, kShares = 16;
-  std::vector<DecidedRobot> robots(kMade + o.robots.size());
-  in_parallel(robots.size(), o.threads, [&](std::size_t r) {
-    robots[r].made =
-        r < kMade ? made_robot(r + 1) : robot_of(o.robots[r - kMade], o.meshes ? MeshAs::kAuto : MeshAs::kHull);
-    robots[r].covers = covers_of(robots[r].made);
-    std::cerr << robots[r].made.name << " has covers\n";
-  });
-  std::mutex mutex;
-  StateTally all;
-  in_parallel(robots.size() * kShares, o.threads, [&](std::size_t k) {
-    DecidedRobot& robot = robots[k % robots.size()];
-    const std::uint64_t share = k / robots.size(), seed = o.seed * 1'000 + share;
-    StateOracle oracle(robot.made, robot.covers);
-    StateTable states{}, edges{};
-    if (o.states > 0) states = compare_states(oracle, o.states / kShares, seed);
-    if (o.edges > 0) edges = compare_motions(oracle, o.edges / kShares, seed);
-    const std::lock_guard lock(mutex);
-    for (const auto& [sum, table] : {std::pair(&robot.states, &states), {&robot.edges, &edges}})
-      for (std::size_t kind = 0; kind < table->size(); ++kind)
-        for (std::size_t m = 0; m < kStateMargins.size(); ++m) {
-          (*sum)[kind][m].add((*table)[kind][m]);
-          all.add((*table)[kind][m]);
-        }
-    std::cerr << robot.made.name << ", share " << share << ": " << all.text() << '\n';
-  });
-  if (!o.csv.empty()) {
-    std::ofstream out(o.csv);
-    write_decisions(out, o, robots);
-    if (!out.flush()) throw std::runtime_error("cannot write " + o.csv);
-  }
-  return all.errors() == 0;
-}
-
 int certify(const CertifyOptions& o) {
   const std::vector<Setting> settings = standard_settings(o.backends, !o.meshes);
   const std::vector<Batch> batches = share_out(o);
@@ -220,6 +152,8 @@ int main(int argc, char** argv) {
       ->check(CLI::NonNegativeNumber);
   app.add_option("--edges", o.edges, "likewise, so many edges: motions that are decided")
       ->check(CLI::NonNegativeNumber);
+  app.add_option("--distances", o.distances, "likewise, so many states whose distances are requested to tolerances")
+      ->check(CLI::NonNegativeNumber);
   app.add_option("--robots", o.robots, "URDF files of robots whose states and edges are decided, too")
       ->check(CLI::ExistingFile);
   app.add_option("--seed", o.seed, "of the cases");
@@ -234,6 +168,7 @@ int main(int argc, char** argv) {
   app.add_option("--failures", o.failures, "file to which cases that fail are written, in the form of mined_cases.inc");
   CLI11_PARSE(app, argc, argv);
   try {
+    if (o.distances > 0) return clearance::exact::certify_distances(o) ? 0 : 1;
     if (o.states > 0 || o.edges > 0) return clearance::exact::certify_decisions(o) ? 0 : 1;
     if (o.stops > 0) return clearance::exact::certify_stops(o) ? 0 : 1;
     if (o.trajectories > 0) return clearance::exact::certify_trajectories(o) ? 0 : 1;

@@ -17,13 +17,12 @@ inline void bound_distances(const DistanceBatch& batch, const DistanceRoom& room
   for (std::size_t k = 0; k < batch.states; ++k) {
     DistanceBounds* const bounds = room.bounds + k * groups;
     for (std::size_t g = 0; g < groups; ++g) bounds[g] = {};
-    if (!batch.usable[k]) continue;
-    const Pose* const poses = batch.poses + k * batch.stride;
+    if (!bounder.place(k)) continue;
     const double* const positions = batch.positions + k * batch.position_stride;
     if (batch.groups)
-      bounder.bound_groups(poses, positions, used, bounds);
+      bounder.bound_groups(positions, used, bounds);
     else
-      *bounds = bounder.bound(poses, positions, used);
+      *bounds = bounder.bound(positions, used);
     for (std::size_t g = 0; g < groups; ++g)
       if (bounds[g].is_listed) used = bounds[g].left_end;
   }

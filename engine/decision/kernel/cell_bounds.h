@@ -1,6 +1,7 @@
 // Bounds of covers' roots, for the kernel of distances (distance_kernel.h).
 #pragma once
 
+#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -11,6 +12,30 @@
 
 namespace clearance {
 namespace CLEARANCE_ISA {
+
+/// The cell with the least lower bound above a limit.
+class LeastCell {
+ public:
+  static constexpr std::size_t kNoCell = ~std::size_t{0};
+
+  /// \param first of kColumns cells
+  HWY_INLINE void take(const Sixteen& lows, float above, std::size_t first) {
+    const Sixteen taken = if_greater(lows, Sixteen(above), lows, Sixteen(LeastBounds::kFar));
+    first_ = if_greater(least_, taken, Sixteen(static_cast<float>(first / kColumns)), first_);
+    least_ = lesser(least_, taken);
+  }
+  /// kNoCell if there is none.
+  std::size_t at() const {
+    alignas(64) float lows[kColumns], first[kColumns];
+    least_.store(lows), first_.store(first);
+    const auto lane = static_cast<std::size_t>(std::min_element(lows, lows + kColumns) - lows);
+    if (!(lows[lane] < LeastBounds::kFar)) return kNoCell;
+    return kColumns * static_cast<std::size_t>(first[lane]) + lane;
+  }
+
+ private:
+  Sixteen least_{LeastBounds::kFar}, first_{0};  // number of the columns, exact: a plan has fewer pairs than 2^24
+};
 
 /// Bounds of all cells (DistanceGroups) in one state: of pairs of roots, and of joint tables.
 class CellBounds {
@@ -38,11 +63,7 @@ class CellBounds {
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) bound(placed, o, begin, most);
     float* const highs = room_.highs + obstacle_cells();
-    for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) {
-      const Eight d = placed.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
-      (d - Eight::load(v_.moved_reach + k)).store(moved_lows() + k);
-      (d - Eight::load(batch_.moved_inner + k)).store(highs + k);
-    }
+    for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) bound_moved(placed, k).store(highs + k);
     take_tables();
     for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
       if (has_table(cell) && table_high_[table_of(cell)] < room_.highs[cell])
@@ -51,6 +72,22 @@ class CellBounds {
       room_.lows[first_still() + k] = batch_.still[k].lower;
       room_.highs[first_still() + k] = batch_.still[k].upper;
     }
+  }
+  /// Bounds of all roots for their least distance: of the nearest, for an upper bound, and then of those that are not
+  /// beyond the threshold by their boxes.
+  void bound_least(const PlacedBalls& placed, LeastBounds& least) {
+    const std::size_t cell = bound_by_boxes(placed), nearest = cell / kBalls * kBalls;
+    if (cell != LeastCell::kNoCell) bound_near(placed, nearest, least);
+    for (std::size_t first = 0; first < obstacle_cells(); first += kColumns) {
+      const Sixteen low = Sixteen::load(room_.lows + first);
+      std::size_t at = first;
+      for (Bits near = ~greater(low, Sixteen(least.threshold())) & 0xffff; near; near >>= kBalls, at += kBalls)
+        if ((near & 0xff) && at != nearest) bound_near(placed, at, least);
+    }
+    for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls)
+      least.take_upper(bound_moved(placed, k), 0xff,
+                       [&](int i) { return v_.moved_pairs[k + static_cast<std::uint32_t>(i)].position; });
+    take_tables();
   }
   /// Raises the lower bounds of pairs that have tables.
   void take_tables() {
@@ -93,12 +130,43 @@ class CellBounds {
       far.store(room_.highs + at);
       if (greater(low, Eight(most)) == 0xff) return;
     }
+    const Eight beyond = Eight(most < 0.1f * LeastBounds::kFar ? most : 0.1f * LeastBounds::kFar) + outer;
+    bound_roots(placed, o, begin, {beyond, never, never}).store(room_.highs + at);
+  }
+  // Stores the lower bounds of eight roots and an obstacle, and returns the upper ones.
+  HWY_INLINE Eight bound_roots(const PlacedBalls& placed, std::uint32_t o, std::uint32_t begin,
+                               const GapLimits& limits) const {
+    const std::size_t at = std::size_t{o} * v_.columns + begin;
+    const Eight outer = Eight::load(v_.root_outer + at);
     PointGaps gaps;
-    placed.root_gaps(obstacle, begin,
-                     {Eight(most < 0.1f * LeastBounds::kFar ? most : 0.1f * LeastBounds::kFar) + outer, never, never},
-                     gaps);
+    placed.root_gaps(v_.obstacles[o], begin, limits, gaps);
     (Eight::load(gaps.low) - outer).store(room_.lows + at);
-    (Eight::load(gaps.high) - Eight::load(v_.root_inner + at)).store(room_.highs + at);
+    return Eight::load(gaps.high) - Eight::load(v_.root_inner + at);
+  }
+  // The same of eight moved pairs.
+  HWY_INLINE Eight bound_moved(const PlacedBalls& placed, std::uint32_t k) const {
+    const Eight d = placed.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
+    (d - Eight::load(v_.moved_reach + k)).store(moved_lows() + k);
+    return d - Eight::load(batch_.moved_inner + k);
+  }
+  // Bounds all roots by the boxes of the obstacles. Returns the nearest cell of those that have one.
+  std::size_t bound_by_boxes(const PlacedBalls& placed) const {
+    LeastCell least;
+    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
+        const std::size_t first = std::size_t{o} * v_.columns + begin;
+        const Sixteen low = placed.distances_by_box(o, begin);
+        low.store(room_.lows + first);
+        least.take(low, -LeastBounds::kFar, first);
+      }
+    return least.at();
+  }
+  // Bounds eight cells from `at` on.
+  void bound_near(const PlacedBalls& placed, std::size_t at, LeastBounds& least) const {
+    const auto o = static_cast<std::uint32_t>(at / v_.columns), begin = static_cast<std::uint32_t>(at % v_.columns);
+    const GapLimits limits = least.gap_limits(Eight::load(v_.root_outer + at));
+    least.take_upper(bound_roots(placed, o, begin, limits), 0xff,
+                     [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
   }
   // Cells of bodies and obstacles, which come before those of moved pairs.
   std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }

@@ -17,28 +17,34 @@
 namespace clearance {
 namespace CLEARANCE_ISA {
 
-/// Bounds states one after another, or each group of pairs in them.
+/// Bounds states one after another, each after place(), or each group of pairs in them.
 class DistanceBounder {
  public:
   DistanceBounder(const DistanceBatch& batch, const DistanceRoom& room)
       : batch_(batch), v_(*batch.view), room_(room), placed_(v_), cells_(batch, room), least_(batch.limits, room) {}
 
+  /// Places the bodies in state k of the batch. Returns false if the bounds do not hold.
+  bool place(std::size_t k) {
+    if (batch_.frames && k == 0) usable_ = placed_.place(batch_.frames, batch_.states);
+    if (!batch_.usable[k]) return false;
+    if (!batch_.frames) return placed_.place(batch_.poses + k * batch_.stride);
+    if (usable_ >> k & 1) placed_.take_state(k);
+    return usable_ >> k & 1;
+  }
   /// \param used entries of DistanceRoom::left that belong to earlier states
-  DistanceBounds bound(const Pose* poses, const double* positions, std::uint32_t used) {
+  DistanceBounds bound(const double* positions, std::uint32_t used) {
     DistanceBounds result;
-    if (!placed_.place(poses)) return result;
     begin(used, batch_.limits.packets);
     cells_.look_up(positions);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
     for (const StillCell& pair : batch_.still) least_.take_upper(pair.upper, pair.position);
-    bound_roots();
+    cells_.bound_least(placed_, least_);
     open_roots();
     finish(result);
     return result;
   }
   /// \param results (groups,)
-  void bound_groups(const Pose* poses, const double* positions, std::uint32_t used, DistanceBounds* results) {
-    if (!placed_.place(poses)) return;
+  void bound_groups(const double* positions, std::uint32_t used, DistanceBounds* results) {
     cells_.look_up(positions);
     const float most = least_.greatest_threshold();
     cells_.bound(placed_, most);
@@ -80,39 +86,6 @@ class DistanceBounder {
     least_.end(result);
   }
 
-  void bound_roots() {
-    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) bound_roots(o, begin);
-    for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) {
-      const Eight d = placed_.distances_of_roots(v_.moved_a + k, v_.moved_b + k);
-      (d - Eight::load(v_.moved_reach + k)).store(cells_.moved_lows() + k);
-      least_.take_upper(d - Eight::load(batch_.moved_inner + k), 0xff,
-                        [&](int i) { return v_.moved_pairs[k + static_cast<std::uint32_t>(i)].position; });
-    }
-    cells_.take_tables();
-  }
-  /// Gaps of balls whose shares are not beyond the threshold matter, but all until there is an upper bound.
-  HWY_INLINE GapLimits limits(const Eight& outer) const {
-    const Eight never(-LeastBounds::kFar);
-    return {Eight(least_.upper() < LeastBounds::kFar ? least_.threshold() : 0.1f * LeastBounds::kFar) + outer, never,
-            never};
-  }
-  void bound_roots(std::uint32_t o, std::uint32_t begin) {
-    const std::size_t at = std::size_t{o} * v_.columns + begin;
-    const Obstacle& obstacle = v_.obstacles[o];
-    const Eight outer = Eight::load(v_.root_outer + at);
-    if (obstacle.kind == Obstacle::Kind::kPlanes) {  // whose gaps take long
-      const Eight low = placed_.distances_to_ball(begin, obstacle) - outer;
-      low.store(room_.lows + at);
-      if (greater(low, Eight(least_.threshold())) == 0xff) return;
-    }
-    PointGaps gaps;
-    placed_.root_gaps(obstacle, begin, limits(outer), gaps);
-    (Eight::load(gaps.low) - outer).store(room_.lows + at);
-    least_.take_upper(Eight::load(gaps.high) - Eight::load(v_.root_inner + at), 0xff,
-                      [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
-  }
-
   /// Opens those cells of a group whose roots are not beyond its threshold.
   void open_cells(const std::uint32_t* begin, const std::uint32_t* end) {
     for (const std::uint32_t* cell = begin; cell < end; ++cell)
@@ -135,17 +108,8 @@ class DistanceBounder {
         least_.lay_aside(pair.lower, pair.position);
       else
         least_.leave(pair.position, pair.lower);
+    open_obstacle_roots();
     alignas(32) float values[kBalls];
-    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-        const std::size_t at = std::size_t{o} * v_.columns + begin;
-        const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
-        for (Bits b = least_.sift(Eight::load(room_.lows + at), 0xff, values, position); b; b &= b - 1) {
-          const int i = lowest(b);
-          const std::size_t cell = at + static_cast<std::size_t>(i);
-          push_root({values[i], o, begin + static_cast<std::uint32_t>(i), 0, 0}, cell, cells_.has_table(cell));
-        }
-      }
     const std::size_t first_moved = std::size_t{v_.obstacle_count} * v_.columns;
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
       const auto position = [&](int i) { return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)].position; };
@@ -155,6 +119,22 @@ class DistanceBounder {
         push_root({values[i], kNone, k, 0, 0}, first_moved + k, cells_.has_table(first_moved + k));
       }
     }
+  }
+
+  void open_obstacle_roots() {
+    LeastCell aside;
+    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
+        const std::size_t first = std::size_t{o} * v_.columns + begin;
+        const Sixteen lows = Sixteen::load(room_.lows + first);
+        aside.take(lows, least_.threshold(), first);
+        for (Bits open = ~greater(lows, Sixteen(least_.threshold())) & 0xffff; open; open &= open - 1) {
+          const auto i = static_cast<std::uint32_t>(lowest(open));
+          push_root({room_.lows[first + i], o, begin + i, 0, 0}, first + i, cells_.has_table(first + i));
+        }
+      }
+    if (const std::size_t cell = aside.at(); cell != LeastCell::kNoCell)
+      least_.lay_aside(room_.lows[cell], v_.position[cell]);
   }
 
   std::uint64_t position_of(const DistanceItem& item) const {
@@ -235,7 +215,7 @@ class DistanceBounder {
     const Bits used = first(packet.count);
     PointGaps gaps;
     const Eight outer = Eight::load(packet.outer) + Eight(v_.grow[cell]);
-    obstacle_gaps(v_.obstacles[item.obstacle], c.x, c.y, c.z, limits(outer), gaps);
+    obstacle_gaps(v_.obstacles[item.obstacle], c.x, c.y, c.z, least_.gap_limits(outer), gaps);
     least_.take_upper(Eight::load(gaps.high) - (Eight::load(packet.inner) + Eight(v_.shrink[cell])), used, same);
     alignas(32) float lower[kBalls];
     Bits open = least_.sift(Eight::load(gaps.low) - outer, used, lower, same);
@@ -305,6 +285,7 @@ class DistanceBounder {
   PlacedBalls placed_;
   CellBounds cells_;
   LeastBounds least_;
+  Bits usable_ = 0;  // states of a batch with frames
   std::uint32_t count_[kLevels] = {};
   int packets_ = 0, packets_left_ = 0;  // of the group
 };

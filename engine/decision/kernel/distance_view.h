@@ -50,6 +50,7 @@ struct DistanceBatch {
   std::size_t position_stride;
   const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
   std::span<const StillCell> still{};
+  const double* const* frames = nullptr;  ///< of up to 8 states, as in DecisionBatch; null to use `poses`
 };
 
 /// A pair that may be the nearest.

@@ -47,6 +47,11 @@ class LeastBounds {
     return threshold_;
   }
   float upper() const { return upper_; }
+  /// Gaps of balls whose shares are not beyond the threshold matter, but all until there is an upper bound.
+  HWY_INLINE GapLimits gap_limits(const Eight& outer) const {
+    const Eight never(-kFar);
+    return {Eight(upper_ < kFar ? threshold_ : 0.1f * kFar) + outer, never, never};
+  }
   /// Width of the bounds that is permitted; not above 0 if no bounds suffice.
   float width() const { return width_; }
   /// Position of a pair that is proved to overlap; later pairs do not matter.

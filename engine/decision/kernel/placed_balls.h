@@ -107,14 +107,14 @@ class PlacedBalls {
   /// Roots of kColumns columns that may be within their margins of an obstacle.
   template <bool kMoves>
   HWY_INLINE Bits roots_near(std::uint32_t obstacle, std::uint32_t begin) const {
-    const ObstacleBox& box = v_.boxes[obstacle];
-    const auto beyond = [&](const float* root, std::size_t k) {
-      return larger(magnitude(Sixteen::load(root + begin) - Sixteen(box.at[k])) - Sixteen(box.half[k]), Sixteen(0.0f));
-    };
-    const Sixteen x = beyond(root_.x, 0), y = beyond(root_.y, 1), z = beyond(root_.z, 2);
     Sixteen reach = Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
     if constexpr (kMoves) reach = reach + Sixteen::load(root_.way + begin);
-    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
+    return ~greater(squares_to_box(obstacle, begin), reach * magnitude(reach)) & 0xffff;
+  }
+  /// Lower bounds on the distances of kColumns bodies from an obstacle, by its box and their roots.
+  HWY_INLINE Sixteen distances_by_box(std::uint32_t obstacle, std::uint32_t begin) const {
+    return root(squares_to_box(obstacle, begin)) -
+           Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
   }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
@@ -216,6 +216,15 @@ class PlacedBalls {
   }
 
  private:
+  /// Squared distances of kColumns roots' centres from an obstacle's box.
+  HWY_INLINE Sixteen squares_to_box(std::uint32_t obstacle, std::uint32_t begin) const {
+    const ObstacleBox& box = v_.boxes[obstacle];
+    const auto beyond = [&](const float* root, std::size_t k) {
+      return larger(magnitude(Sixteen::load(root + begin) - Sixteen(box.at[k])) - Sixteen(box.half[k]), Sixteen(0.0f));
+    };
+    const Sixteen x = beyond(root_.x, 0), y = beyond(root_.y, 1), z = beyond(root_.z, 2);
+    return x * x + y * y + z * z;
+  }
   HWY_INLINE float part(std::size_t k, std::uint32_t body) const { return frames_[k * by_part_ + body * by_body_]; }
   /// R row by row, then t.
   HWY_INLINE const float* frame(std::uint32_t body) const {

@@ -88,10 +88,13 @@ class DistanceJob final : public CoveredJob {
                                                                states.count,
                                                                states.usable,
                                                                states.positions,
-                                                               states.position_stride},
+                                                               states.position_stride,
+                                                               nullptr,
+                                                               {},
+                                                               states.frames},
                                                               room.bounds);
     states.meter.count(work_of(all));
-    room.groups.clear();
+    if (left.configurations().empty()) room.groups.clear();
     for (std::uint64_t k = 0; k < states.count; ++k) {
       const std::uint64_t configuration = states.begin + k;
       const auto bounds = all.subspan(k * groups(), groups());
@@ -125,16 +128,27 @@ class DistanceJob final : public CoveredJob {
     const bool is_empty = !bounds_.groups().has_cells(group);
     if (!is_empty && !bounds_.answers(bounds, answer)) return false;
     if (orders_rows_ && answer.status == Status::kBeyond) return true;
-    Row row{{kNone, kNone}, static_cast<std::uint32_t>(configuration), answer, {}, {}, {kNone, kNone}, {}, {}};
-    if (is_empty && plan_.query.reduce == Reduce::kNearest) row.pair.a = row.pair_lower.a = group;
-    if (!is_empty && (reply_.pair || orders_rows_)) row.pair = plan_.pairs.at(bounds.upper_at);
+    BodyPair pair{kNone, kNone}, pair_lower = pair;
+    if (is_empty) pair = pair_lower = pair_of_empty(group);
+    if (!is_empty && (reply_.pair || orders_rows_)) pair = plan_.pairs.at(bounds.upper_at);
     if (!is_empty && reply_.pair_lower)
-      row.pair_lower = plan_.pairs.at(bounds.upper <= 0 ? bounds.upper_at : bounds.lower_at);
-    if (orders_rows_)
-      rows_of(configuration).push_back({group, std::move(row)});
-    else
-      write_row(reply_, configuration * groups() + group, row);
+      pair_lower = plan_.pairs.at(bounds.upper <= 0 ? bounds.upper_at : bounds.lower_at);
+    const auto number = static_cast<std::uint32_t>(configuration);
+    if (orders_rows_) {
+      rows_of(configuration).push_back({group, {pair, number, answer, {}, {}, pair_lower, {}, {}}});
+      return true;
+    }
+    const std::uint64_t at = configuration * groups() + group;  // a Row takes longer
+    write_row(reply_, at, pair, number, answer, {}, {});
+    if (reply_.pair_lower) reply_.pair_lower[at] = pair_lower;
     return true;
+  }
+
+  // The pair of a row whose group has no pairs, or only pairs with clouds without points.
+  BodyPair pair_of_empty(std::uint32_t group) const {
+    const std::uint64_t first = bounds_.groups().first(group);
+    if (first != PairGroups::kNoPair) return plan_.pairs.at(first);
+    return {plan_.query.reduce == Reduce::kNearest ? group : kNone, kNone};
   }
 
   // Lists the pairs that may be the nearest, that which gives the upper bound, and the unknown ones.

@@ -33,6 +33,9 @@ PairGroups::PairGroups(const Plan& plan, const engine::Scene& scene, Packets pac
     return b >= scene.bodies().size() || (scene.bodies()[b].parts.size() <= 1 && !has_surface(scene.bodies()[b]));
   };
   packets_.assign(count_, packets.light);
+  first_.assign(count_, kNoPair);
+  for (std::uint64_t p = 0; p < plan.pairs.size() && !is_one(); ++p)
+    for_groups(p, [&](std::uint32_t g) { first_[g] = std::min(first_[g], p); });
   for (std::uint64_t p = 0; p < plan.pairs.size() && !is_one(); ++p)
     if (const BodyPair pair = plan.pairs.at(p); !is_light(pair.a) || !is_light(pair.b))
       for_groups(p, [&](std::uint32_t g) { packets_[g] = packets.heavy; });

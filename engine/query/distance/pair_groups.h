@@ -30,6 +30,9 @@ class PairGroups {
   const DistanceGroups& view() const { return view_; }  ///< empty for one group
   /// Whether a group has pairs that covers know.
   bool has_cells(std::uint32_t group) const { return is_one() || begin_[group] < begin_[group + 1]; }
+  /// Position of a group's first pair, or kNoPair for a group without pairs.
+  std::uint64_t first(std::uint32_t group) const { return first_[group]; }
+  static constexpr std::uint64_t kNoPair = ~std::uint64_t{0};
   /// Positions of a group's pairs that covers do not know, ascending.
   std::span<const std::uint64_t> unknown(std::uint32_t group) const {
     return std::span(unknown_).subspan(unknown_begin_[group], unknown_begin_[group + 1] - unknown_begin_[group]);
@@ -49,6 +52,7 @@ class PairGroups {
   Reduce reduce_;
   std::uint32_t count_;
   std::vector<int> packets_;
+  std::vector<std::uint64_t> first_;
   std::vector<std::uint32_t> begin_, cells_, unknown_begin_;
   std::vector<std::uint64_t> unknown_;
   DistanceGroups view_{};

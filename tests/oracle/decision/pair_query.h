@@ -85,8 +85,14 @@ class PairQuery {
     return decision.verdict;
   }
   /// Bounds on the distance of each pair to a tolerance, for a margin of 0.
-  std::vector<DistanceBounds> distances(double abs_tol) {
-    plan_.query.reduce = Reduce::kNone;
+  std::vector<DistanceBounds> distances(double abs_tol) { return bounds_of(Reduce::kNone, abs_tol).bounds; }
+  /// The same for their least distance, with the positions of the pairs left.
+  CoverBounds::Room least_distance(double abs_tol) { return bounds_of(Reduce::kMin, abs_tol); }
+  Verdict motion() { return MotionDecider(*covers_, plan_).decide(0); }
+
+ private:
+  CoverBounds::Room bounds_of(Reduce reduce, double abs_tol) {
+    plan_.query.reduce = reduce;
     plan_.query.abs_tol = abs_tol;
     plan_.size.fields = kDefaultFields;
     CoverBounds bounds(plan_, scene_, false);
@@ -94,13 +100,11 @@ class PairQuery {
     const std::uint8_t usable = 1;
     const std::vector<Pose> at = poses();
     CoverBounds::Room room;
-    const auto found = bounds.bound(
-        {&view(), nullptr, {}, at.data(), plan_.bodies.size(), 1, &usable, positions_.data(), joints_.size()}, room);
-    return {found.begin(), found.end()};
+    bounds.bound({&view(), nullptr, {}, at.data(), plan_.bodies.size(), 1, &usable, positions_.data(), joints_.size()},
+                 room);
+    return room;
   }
-  Verdict motion() { return MotionDecider(*covers_, plan_).decide(0); }
 
- private:
   const engine::Scene& scene_;
   std::vector<BodyPair> pairs_;
   std::vector<double> positions_;

@@ -172,6 +172,49 @@ TEST(DistanceBounds, PairsOfBallsHaveTheirDistance) {
   EXPECT_GT(std::min(many.narrow, many.left), 50);
 }
 
+// Boxes of the obstacles leave out those that are far.
+TEST(DistanceBounds, TheLeastOfManyPairsIsInItsInterval) {
+  BallScene made = made_arm(60, 0.015625, with_slack());
+  Random random(12);
+  std::vector<BodyPair> pairs;
+  for (int n = 0; n < 12; ++n) {
+    const std::uint32_t obstacle =
+        made.add_obstacle({{{0, 0, 0}, random.uniform(0.01, 0.1)}},
+                          random.rotation(Vec3d{1, 2, 0.5} + random.direction() * random.uniform(1, 3)));
+    for (const std::size_t link : {1u, 3u, 4u}) pairs.push_back({made.link(link), obstacle});
+  }
+  int narrow = 0, left = 0, overlap = 0;
+  for (const double abs_tol : {0.002, 0.1, 0.3})
+    for (int n = 0; n < 60; ++n) {
+      const std::vector<double> q = random_positions(made, random);
+      const std::vector<test::RealFrame> frames = made.frames(q);
+      const CoverBounds::Room found = PairQuery(made, pairs, q, 0).least_distance(abs_tol);
+      ASSERT_EQ(found.bounds.size(), 1u);
+      const DistanceBounds& bounds = found.bounds[0];
+      ASSERT_TRUE(bounds.is_listed);
+      overlap += bounds.upper <= 0;
+      if (bounds.upper <= 0) continue;
+      const auto first = found.left.begin() + bounds.left_begin, last = found.left.begin() + bounds.left_end;
+      double least = std::numeric_limits<double>::infinity();
+      for (std::size_t p = 0; p < pairs.size(); ++p) {
+        const double d = made.distance(pairs[p], frames);
+        least = std::min(least, d);
+        if (std::none_of(first, last, [&](const LeftPair& pair) { return pair.position == p; })) {
+          EXPECT_LE(bounds.lower, std::max(d - made.uncertainty(pairs[p]), 0.0)) << p;
+        }
+      }
+      EXPECT_GE(bounds.upper, least);
+      left += first != last;
+      narrow += first == last;
+      if (first == last) {
+        EXPECT_LE(bounds.upper - bounds.lower, abs_tol);
+      }
+    }
+  std::printf("%d narrow, %d left, %d overlap\n", narrow, left, overlap);
+  EXPECT_GT(narrow, 30);
+  EXPECT_GT(left, 5);
+}
+
 TEST(DistanceBounds, PairsOfTablesHaveTheirDistance) {
   const BallScene made = made_folding();
   const auto tables = tables_of(made);

@@ -3,6 +3,7 @@
 #include <filesystem>
 
 #include "engine/geometry/make_geometry.h"
+#include "engine/hull/shapes.h"
 #include "tests/oracle/states/arm.h"
 #include "tests/temporary_folder.h"
 
@@ -49,20 +50,40 @@ class SceneMaker {
     add(made_.scene.add_body(std::move(body)), {hull_bounds(points), hull_bounds(others, 0.0078125)});
   }
   /// Kinds that the oracle does not solve.
-  void without_oracle(Random& random) {
+  void without_oracle() {
     engine::Scene& scene = made_.scene;
     add(scene.add_cone("cone", 0.1, 0.2, placed({})), {});
     add(scene.add_ellipsoid("egg", {0.05, 0.1, 0.15}, placed({})), {});
-    const std::vector<Vec3d> sheet = {{0, 0, 0}, {0.25, 0, 0}, {0, 0.25, 0}, {0.25, 0.25, 0.125}};
+  }
+  /// Two triangles.
+  void sheet(const std::string& name) {
+    const std::vector<Vec3d> v = {{0, 0, 0}, {0.25, 0, 0}, {0, 0.25, 0}, {0.25, 0.25, 0.125}};
     const Triangle triangles[] = {{0, 1, 2}, {1, 3, 2}};
-    add(scene.add_mesh("sheet", sheet, triangles, MeshAs::kSurface, placed({})), {});
+    add(made_.scene.add_mesh(name, v, triangles, MeshAs::kSurface, placed({})),
+        {hull_bounds({v[0], v[1], v[2]}), hull_bounds({v[1], v[3], v[2]})});
+  }
+  /// A mesh of two boxes that overlap.
+  void step(const std::string& name) {
+    const Vec3d size{0.25, 0.25, 0.125}, upper{0.125, 0.25, 0.25}, at{0.0625, 0, 0.125};
+    Shape both = make_box(size);
+    const Shape on_top = make_box(upper);
+    const auto first = static_cast<std::uint32_t>(both.vertices.size());
+    for (const Vec3d& v : on_top.vertices) both.vertices.push_back(v + at);
+    for (const Triangle& t : on_top.triangles) both.triangles.push_back({t[0] + first, t[1] + first, t[2] + first});
+    add(made_.scene.add_mesh(name, both.vertices, both.triangles, MeshAs::kSolid, placed({})),
+        {box_bounds(size), moved(box_bounds(upper), at)});
+  }
+  /// Points in a cube of this edge.
+  void cloud(const std::string& name, int count, double edge, Random& random, Options options = {}) {
+    const auto coordinate = [&] { return static_cast<float>(random.uniform(-0.5, 0.5) * edge); };
     std::vector<CloudPoint> points;
-    for (int i = 0; i < 50; ++i)
-      points.push_back({static_cast<float>(random.uniform(-0.1, 0.1)), static_cast<float>(random.uniform(-0.1, 0.1)),
-                        static_cast<float>(random.uniform(-0.1, 0.1))});
-    Options grown = placed({});
-    grown.radius = 0.01;
-    add(scene.add_points("cloud", points, 0, grown), {});
+    std::vector<PartBounds> parts;
+    options.radius = 0.01;
+    for (int i = 0; i < count; ++i) {
+      const CloudPoint& p = points.emplace_back(CloudPoint{coordinate(), coordinate(), coordinate()});
+      parts.push_back(hull_bounds({{p[0], p[1], p[2]}}, options.radius));
+    }
+    add(made_.scene.add_points(name, points, 0, placed(options)), std::move(parts));
   }
 
  private:
@@ -101,7 +122,10 @@ void add_obstacles(RobotScene& made, Random& random) {
   maker.sphere("somewhere", 0.0625, {.uncertainty = {0.005, 0}});
   maker.box("turned", {0.25, 0.125, 0.125}, {.uncertainty = {0.002, 0.02}});
   maker.pair_of_hulls("two", random_points(random, 12, {0.125, 0.0625, 0.125}));
-  maker.without_oracle(random);
+  maker.without_oracle();
+  maker.sheet("sheet");
+  maker.cloud("cloud", 50, 0.2, random);
+  maker.step("step");
 }
 
 void finish(RobotScene& made, Random& random) {
@@ -147,8 +171,10 @@ RobotScene made_robot(std::uint64_t seed) {
   maker.box("tool", {0.0625, 0.125, 0.0625}, {.parent = "r/l6", .pose = random.rotation({0, 0.125, 0.125})});
   // On the tool, or on its link: covers decide no motions of a chain.
   maker.sphere("bead", 0.03125, {.parent = seed % 2 == 1 ? "tool" : "r/l6", .pose = Pose{{0, 0.125, 0}}});
-  for (const char* other : {"r/l6", "bead"}) made.scene.ignore("tool", other);
-  made.scene.ignore("bead", "r/l6");
+  maker.cloud("carried", 30, 0.125, random, {.parent = "r/l5", .pose = random.rotation({0, 0.125, 0.0625})});
+  for (const char* other : {"r/l6", "bead", "carried"}) made.scene.ignore("tool", other);
+  for (const char* other : {"bead", "carried"}) made.scene.ignore(other, "r/l6");
+  for (const char* other : {"bead", "r/l5"}) made.scene.ignore("carried", other);
   finish(made, random);
   return made;
 }

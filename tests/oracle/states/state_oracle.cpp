@@ -261,34 +261,12 @@ void StateOracle::solve(const QueryView& batch, std::size_t state, Status verdic
   tally.untrue += is_contradicted(batch, positions, verdict);
 }
 
-namespace {
-
-// Rounds of every kind and margin in turn. Close rounds have fewer states, and are four times as many.
-template <class Round>
-StateTable compare_rounds(std::int64_t count, std::uint64_t seed, const Round& round) {
-  StateTable table;
-  Random random(seed);
-  std::int64_t all = 0;
-  for (std::size_t turn = 0; all < count; ++turn)
-    for (int kind = 0; kind < kStateKinds; ++kind)
-      for (int n = kind <= static_cast<int>(StateKind::kNear) ? 1 : 4; n > 0; --n) {
-        const std::size_t margin = turn % kStateMargins.size();
-        StateTally tally;
-        round(static_cast<StateKind>(kind), margin, random, tally);
-        table[static_cast<std::size_t>(kind)][margin].add(tally);
-        all += tally.count;
-      }
-  return table;
-}
-
-}  // namespace
-
 StateTable compare_states(StateOracle& oracle, std::int64_t count, std::uint64_t seed) {
-  return compare_rounds(count, seed, [&](auto&&... of_round) { oracle.round(of_round...); });
+  return compare_rounds<StateTable>(count, seed, [&](auto&&... of_round) { oracle.round(of_round...); });
 }
 
 StateTable compare_motions(StateOracle& oracle, std::int64_t count, std::uint64_t seed) {
-  return compare_rounds(count, seed, [&](auto&&... of_round) { oracle.round_of_motions(of_round...); });
+  return compare_rounds<StateTable>(count, seed, [&](auto&&... of_round) { oracle.round_of_motions(of_round...); });
 }
 
 }  // namespace clearance::exact

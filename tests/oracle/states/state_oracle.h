@@ -45,6 +45,26 @@ struct StateTally {
 inline constexpr std::array<double, 3> kStateMargins = {0, 0.005, 0.02};
 using StateTable = std::array<std::array<StateTally, kStateMargins.size()>, kStateKinds>;
 
+/// Results of a comparison of distances to a tolerance.
+struct DistanceTally {
+  std::int64_t count = 0, rows = 0;                  ///< states, and rows that have a distance
+  std::int64_t apart = 0, overlap = 0, contact = 0;  ///< with covers
+  std::int64_t wrong = 0;              ///< intervals that do not hold the exact engine's, and statuses against its
+  std::int64_t wider = 0;              ///< than the tolerance, without a flag, or unconverged
+  std::int64_t exact = 0, untrue = 0;  ///< rows compared with the oracle, and those that contradict it
+  std::int64_t surfaces = 0;           ///< of the rows compared, those about a solid, a surface or a cloud alone
+  std::int64_t pairs = 0,
+               evaluated = 0;  ///< evaluated to the last digits without covers, and to the tolerance with them
+
+  void add(const DistanceTally& other);
+  std::int64_t errors() const { return wrong + wider + untrue; }
+  std::string text() const;
+};
+
+/// Tallies by kind and by tolerance, in metres.
+inline constexpr std::array<double, 6> kDistanceTolerances = {1e-6, 1e-4, 1e-3, 1e-2, 5e-2, 1e-1};
+using DistanceTable = std::array<std::array<DistanceTally, kDistanceTolerances.size()>, kStateKinds>;
+
 /// Covers and tables, made once for a robot.
 struct RobotCovers {
   std::shared_ptr<const engine::Engine> maker;  ///< they are kept while it lives
@@ -62,6 +82,8 @@ class StateOracle {
   void round(StateKind kind, std::size_t margin, Random& random, StateTally& tally);
   /// The same for motions.
   void round_of_motions(StateKind kind, std::size_t margin, Random& random, StateTally& tally);
+  /// The same for distances of states to a tolerance: least, of each body, or of each pair.
+  void round_of_distances(StateKind kind, std::size_t tolerance, Random& random, DistanceTally& tally);
 
  private:
   struct Round;
@@ -88,6 +110,8 @@ class StateOracle {
   void solve_motion(const Round& round, const QueryView& query, std::size_t motion, Status verdict, Random& random,
                     StateTally& tally);
   bool is_contradicted(const QueryView& query, std::span<const double> positions, Status verdict) const;
+  std::vector<BodyPair> pairs_of_states(const QueryView& query, bool of_world) const;
+  void solve_distance(const QueryView& query, const ReplyView& found, Random& random, DistanceTally& tally) const;
 
   const RobotScene& made_;
   engine::Engine without_, with_;  // covers of obstacles arrive while they work
@@ -101,5 +125,7 @@ class StateOracle {
 StateTable compare_states(StateOracle& oracle, std::int64_t count, std::uint64_t seed);
 /// The same for motions.
 StateTable compare_motions(StateOracle& oracle, std::int64_t count, std::uint64_t seed);
+/// Rounds of every kind and tolerance in turn, until the distances of `count` states are compared.
+DistanceTable compare_distances(StateOracle& oracle, std::int64_t count, std::uint64_t seed);
 
 }  // namespace clearance::exact

@@ -12,6 +12,25 @@ namespace clearance::exact {
 
 inline constexpr double kInf = std::numeric_limits<double>::infinity();
 
+/// Rounds of every kind and column of a table in turn, until `count` states or motions are compared. Close rounds have
+/// fewer states, and are four times as many.
+template <class Table, class Compare>
+Table compare_rounds(std::int64_t count, std::uint64_t seed, const Compare& compare) {
+  Table table;
+  Random random(seed);
+  std::int64_t all = 0;
+  for (std::size_t turn = 0; all < count; ++turn)
+    for (std::size_t kind = 0; kind < table.size(); ++kind)
+      for (int n = kind <= static_cast<std::size_t>(StateKind::kNear) ? 1 : 4; n > 0; --n) {
+        const std::size_t column = turn % table[kind].size();
+        typename Table::value_type::value_type tally;
+        compare(static_cast<StateKind>(kind), column, random, tally);
+        table[kind][column].add(tally);
+        all += tally.count;
+      }
+  return table;
+}
+
 inline bool is_hit(Status s) {
   return s == Status::kOk;
 }

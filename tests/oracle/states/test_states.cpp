@@ -43,6 +43,21 @@ TEST(States, CoversDecideAsTheExactEngine) {
   EXPECT_GT(motions.close_hit, 20);
   EXPECT_GT(motions.inside, 50);
   EXPECT_LT(motions.open, motions.pairs / 4 * 3) << "covers decide little";
+
+  DistanceTally distances;
+  const DistanceTable table = compare_distances(oracle, 6000, 3);
+  for (std::size_t kind = 0; kind < table.size(); ++kind) {
+    DistanceTally of_kind;
+    for (const DistanceTally& tally : table[kind]) of_kind.add(tally);
+    std::printf("distances %-9s %s\n", name_of(static_cast<StateKind>(kind)).c_str(), of_kind.text().c_str());
+    EXPECT_GT(of_kind.apart, 1000);
+    EXPECT_GT(of_kind.exact, 20);
+    distances.add(of_kind);
+  }
+  EXPECT_EQ(distances.errors(), 0) << distances.text();
+  EXPECT_GT(distances.overlap, 1000);
+  EXPECT_GT(distances.surfaces, 20);
+  EXPECT_LT(distances.evaluated, distances.pairs / 4 * 3) << "covers answer little";
 }
 
 // The test above would find an engine that is wrong by half a millimetre.
