@@ -18,7 +18,7 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     // Throws for a query that is invalid with any inputs, by one configuration or motion.
     if (!owned.bodies.empty() || !owned.joints.empty())
       view.configuration_count = view.max_evaluations ? view.control_points : 1;
-    if (!now->has_job(view, last.jobs)) translated([&] { now->size(view); });
+    if (!now->has_job(view, last.jobs)) translated([&] { now->plan_ahead(view, last.jobs); });
     view.configuration_count = 0;
   }
 
