@@ -169,12 +169,23 @@ PreparedQuery Engine::begin_preparing(const QueryView& query, const std::shared_
       return PreparedQuery(std::move(kept));
     }
   const FpEnvironment environment;
-  auto planner = std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
+  std::unique_ptr<Planner> planner = pool ? pool->take_plan(query, snapshot) : nullptr;
+  if (!planner) planner = std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, true);
   if (impl_->device && !impl_->router && !impl_->options.device_fallback)
     cuda::reject_beyond_the_device(planner->plan());
   PreparedQuery prepared(std::move(planner));
   prepared.pool_ = std::move(pool);
   return prepared;
+}
+
+void Engine::plan_ahead(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
+  const FpEnvironment environment;
+  const auto snapshot = impl_->poses.snapshot();
+  auto planner = std::make_unique<Planner>(query, *snapshot->scene, snapshot, impl_->options.max_rows, false);
+  WorkMeter unlimited;
+  planner->advance(unlimited);
+  units_of_this_thread += unlimited.spent();
+  if (pool && JobPool::allows(planner->plan().size)) pool->keep_plan(std::move(planner));
 }
 
 bool Engine::has_job(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {

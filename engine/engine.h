@@ -162,6 +162,9 @@ class Engine {
   PreparedQuery prepare(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   /// Whether prepare() repeats a job of the pool, which may be null, so that the query is valid with any inputs that fit.
   bool has_job(const QueryView& query, const std::shared_ptr<JobPool>& pool) const;
+  /// Checks a query as prepare() does, without its configurations. Throws QueryError.
+  /// \param pool keeps its pairs for prepare(); may be null
+  void plan_ahead(const QueryView& query, const std::shared_ptr<JobPool>& pool) const;
   /// Prepares a query in slices. The caller calls PreparedQuery::advance().
   PreparedQuery begin_preparing(const QueryView& query, const std::shared_ptr<JobPool>& pool = nullptr) const;
   Job start(PreparedQuery query, const ReplyView& reply) const;

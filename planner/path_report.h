@@ -4,6 +4,7 @@
 #include <clearance/check.h>
 #include <clearance/path_states.h>
 #include <clearance/prepared_path.h>
+#include <clearance/scene_info.h>
 
 #include <algorithm>
 #include <array>
@@ -22,11 +23,13 @@ namespace clearance {
 
 /// A state of a path with one of its pairs. The bounds hold at `positions`, which are rounded.
 struct PathPoint {
-  std::uint64_t index = 0;         ///< the motion: from waypoint `index` to the next, or a segment
-  double t = 0;                    ///< 0 to 1 in that motion
-  std::vector<double> positions;   ///< (J,) radians and metres
-  IdPair pair{kNone, kNone};       ///< ids of the bodies
-  double lower = 0, upper = 0;     ///< metres: certified bounds of the pair's distance, below zero for a depth
+  std::uint64_t index = 0;        ///< the motion: from waypoint `index` to the next, or a segment
+  double t = 0;                   ///< 0 to 1 in that motion
+  std::vector<double> positions;  ///< (J,) radians and metres
+  IdPair pair{kNone, kNone};      ///< ids of the bodies
+  /// Metres: certified bounds of the pair's distance, below zero for a depth. 0 for overlaps with a cloud, which has no
+  /// depth.
+  double lower = 0, upper = 0;
   std::array<double, 3> a{}, b{};  ///< witness points on the bodies, metres, world; NaN where there are none
 };
 
@@ -105,9 +108,27 @@ PathCheck check_state(Source& engine, const Query& path, const State& state) {
   return engine.check_path(query);
 }
 
-/// Signed distances of states, as the bodies are without growth: a row for each, or for each pair if bodies grow.
+/// Pairs of a path: those that have depths, then those of a cloud, which have none.
+/// \param state any of the path
 template <class Source>
-Result distances(Source& engine, Query query, std::span<const State> states) {
+std::array<std::vector<IdPair>, 2> pairs_by_depth(Source& engine, const Query& path, const State& state) {
+  const SceneInfo& scene = engine.scene();
+  const auto is_cloud = [&](std::uint32_t body) { return body < scene.bodies.size() && scene.bodies[body].is_cloud; };
+  std::array<std::vector<IdPair>, 2> found;
+  const Query at_state{.pairs = path.pairs,
+                       .all_pairs = path.all_pairs,
+                       .bodies = path.bodies,
+                       .configurations = state.poses,
+                       .joints = path.joints,
+                       .positions = state.positions};
+  for (const IdPair& pair : engine.pairs(at_state)) found[is_cloud(pair[0]) || is_cloud(pair[1])].push_back(pair);
+  return found;
+}
+
+/// Distances of states, as the bodies are without growth: a row for each, or for each pair if bodies grow.
+/// \param has_depths whether overlaps have negative distances
+template <class Source>
+Result distances(Source& engine, Query query, std::span<const State> states, bool has_depths) {
   std::vector<double> positions;
   std::vector<Pose7> poses;
   for (const State& state : states) {
@@ -122,7 +143,7 @@ Result distances(Source& engine, Query query, std::span<const State> states) {
   query.margin = 0;
   query.margins = {};
   query.pair_margins = {};
-  query.signed_distance = true;
+  query.signed_distance = has_depths;
   query.fields = kPointFields;
   query.reduce = states[0].growths.empty() ? Reduce::kMin : Reduce::kNone;
   return engine.distances(query);
@@ -144,16 +165,22 @@ inline PathPoint grown(PathPoint point, double growth) {
 template <class Source>
 PathPoint deepest(Source& engine, const Query& path, std::uint64_t index, std::span<const State> states,
                   std::span<const double> times) {
-  const Result r = distances(engine, path, states);
-  const std::size_t each = r.rows() / states.size();
-  const auto at = [&](std::size_t k) {
-    const State& state = states[k / each];
-    return grown(point(r, k, index, times[k / each], state.positions), state.growth(path.bodies, r.pair()[k]));
-  };
-  PathPoint found = at(0);
-  for (std::size_t k = 1; k < r.rows(); ++k)
-    if (PathPoint other = at(k); other.upper < found.upper || std::isnan(found.upper)) found = std::move(other);
-  return found;
+  const auto groups = pairs_by_depth(engine, path, states[0]);
+  std::optional<PathPoint> found;
+  for (const bool has_depths : {true, false}) {
+    Query query = path;
+    query.pairs = groups[has_depths ? 0 : 1];
+    if (query.pairs.empty()) continue;
+    const Result r = distances(engine, query, states, has_depths);
+    const std::size_t each = r.rows() / states.size();
+    for (std::size_t k = 0; k < r.rows(); ++k) {
+      const State& state = states[k / each];
+      PathPoint other =
+          grown(point(r, k, index, times[k / each], state.positions), state.growth(path.bodies, r.pair()[k]));
+      if (!found || other.upper < found->upper || std::isnan(found->upper)) found = std::move(other);
+    }
+  }
+  return *found;
 }
 
 /// Describes the first contact, at time `within` of the motion that is not free, and the deepest state from there on.

@@ -69,10 +69,12 @@ def polar(points, times):  # polar form of a Bezier curve
 def place(points, time): return polar(points, [time] * (len(points) - 1))
 def slopes(points): return [(len(points) - 1) * (y - x) for x, y in zip(points, points[1:])] or [0]  # by time
 @functools.lru_cache(1 << 16)
+def hulls(points, begin, end):  # control points in a span, of a curve and of both its derivatives
+    return [[polar(p, [begin] * (len(p) - 1 - k) + [end] * k) for k in range(len(p))]
+            for p in (points, slopes(points), slopes(slopes(points)))]
 def extent(points, begin, end):  # of a curve in a span: its ends, and bounds on both derivatives' lengths
-    hulls = [[polar(p, [begin] * (len(p) - 1 - k) + [end] * k) for k in range(len(p))]
-             for p in (points, slopes(points), slopes(slopes(points)))]  # each is in its control points' hull
-    return (min(hulls[0]), max(hulls[0])), *(max(map(abs, hull)) for hull in hulls[1:])
+    hull, *rates = hulls(points, begin, end)
+    return (min(hull), max(hull)), *(max(map(abs, rate)) for rate in rates)
 class Piece:
     def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # if missing, the hull of the vertices
@@ -163,16 +165,20 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         return [(times(-1, axis), *more) for axis, *more in reversed(his[shared:])] + mine[shared:]
     def rates(self, seer, id, time, begin, end):  # bounds on speed and acceleration before the seer, in a span
         (centre, rest), (o, R, _), speeds, angles, bent = self.bodies[id].ball, self.at(id, time)[0], [], [], 0
-        arms = [plus(o, turned(R, centre))]  # less the point of the next turn: wherever sliding joints lead
-        for axis, point, turns, curve in reversed(self.path(seer, id, time)):
+        arms, slid = [plus(o, turned(R, centre))], []  # less the point of the next turn: wherever sliding joints lead
+        for axis, point, turns, curve in [*reversed(self.path(seer, id, time)), (ZERO, ZERO, True, (0,))]:
             reach, (ends, fast, bend) = size(axis), extent(curve, begin, end)
-            angles.append(require(len(arms) <= 4096, "too many joints slide", reach * fast if turns else 0))
-            if turns:
-                arms = [plus(v, point, -1) for v in arms]
-                reach = reach * rest + max(size(cross(axis, v)) for v in arms)
-                rest += max(map(size, arms))
-            arms = [point] if turns else [plus(v, axis, x - place(curve, time)) for v in arms for x in ends]
-            speeds, bent = [*speeds, reach * fast], bent + reach * bend
+            if not turns:
+                arms = [plus(v, axis, x - place(curve, time)) for v in arms for x in ends]
+                slid.append([[times(x, axis) for x in hull] for hull in hulls(curve, begin, end)[1:]])
+                require(len(arms) <= 4096 and [*map(len, slid[0])] == [*map(len, slid[-1])], "too many joints slide")
+                continue
+            both = [max(size(tuple(map(sum, zip(*v)))) for v in zip(*hull)) for hull in zip(*slid)] or [0, 0]
+            arms, slid, angles = [plus(v, point, -1) for v in arms], [], [*angles, 0, reach * fast]
+            reach = reach * rest + max(size(cross(axis, v)) for v in arms)
+            rest += max(map(size, arms))
+            arms, speeds = [point], [*speeds, both[0], reach * fast]  # slides without a turn between are one
+            bent += both[1] + reach * bend
         return sum(speeds), bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
     def growth(self, id, time, begin, end):  # metres: at a time, its rate then, and bounds on its rates in a span
         curve = tuple(length(pose[7]) for pose in self.poses.get(str(id), ()) if len(pose) == 8) or (Fraction(0),)

@@ -13,12 +13,14 @@ struct Engine::Impl::Prepared final : clearance::Prepared::Runner {
     view = view_without_inputs(owned.query);
     const std::shared_ptr<engine::Engine> now = engine->engine();
     view.scene_revision = now->scene_revision();
-    names = names_in(owned.query, scene_names(*now), joints(*now));
+    static const JointsInfo kNoJoints;
+    const std::shared_ptr<const JointsInfo> limits = owned.joints.empty() ? nullptr : engine->joint_limits();
+    names = names_in(owned.query, scene_names(*now), limits ? *limits : kNoJoints);
     last.jobs = engine->jobs_of(view);
     // Throws for a query that is invalid with any inputs, by one configuration or motion.
     if (!owned.bodies.empty() || !owned.joints.empty())
       view.configuration_count = view.max_evaluations ? view.control_points : 1;
-    if (!now->has_job(view, last.jobs)) translated([&] { now->size(view); });
+    if (!now->has_job(view, last.jobs)) translated([&] { now->plan_ahead(view, last.jobs); });
     view.configuration_count = 0;
   }
 

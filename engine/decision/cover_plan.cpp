@@ -126,6 +126,7 @@ void CoverPlanBuilder::add(DecidedBody& decided) {
 
 // Meshes that stay where they are are bodies with covers, too. They are no obstacles, which are convex.
 void CoverPlanBuilder::take_still_meshes() {
+  if (!scene_.has_surfaces()) return;
   for (std::uint64_t p = 0; p < plan_.pairs.size(); ++p) {
     if (is_known(p)) continue;
     const BodyPair pair = plan_.pairs.at(p);

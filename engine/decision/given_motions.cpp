@@ -94,4 +94,9 @@ double GivenMotions::growth(std::uint32_t body, double middle, double half) cons
   return (growths_[body].at(middle) + growths_[body].rounding() + spans_[body].growth * half) * kUp;
 }
 
+double GivenMotions::least_growth(std::uint32_t body, double time) const {
+  if (body >= growths_.size()) return 0;
+  return std::max(growths_[body].at(time) - growths_[body].rounding(), 0.0) / kUp;
+}
+
 }  // namespace clearance

@@ -39,6 +39,8 @@ class GivenMotions {
   /// Upper bound on a body's growth in [middle - half, middle + half], in metres.
   /// \param body index in Plan::bodies; others than given bodies do not grow
   double growth(std::uint32_t body, double middle, double half) const;
+  /// Lower bound on it at a time, in metres.
+  double least_growth(std::uint32_t body, double time) const;
 
  private:
   struct Span {

@@ -7,7 +7,7 @@ namespace clearance {
 
 namespace {
 
-constexpr double kUp = 1 + 0x1p-20;  // more than the rounding of these sums to float32
+constexpr double kUp = 1 + 0x1p-20, kDown = 1 - 0x1p-20;  // more than the rounding of these sums to float32
 
 Vec3d turned_by(const Pose& X, const Vec3d& v) {
   return turned(Quaternion<double>{X.qw, X.qx, X.qy, X.qz}, v);
@@ -75,6 +75,7 @@ void MotionDecider::take_twists(double middle) {
     if (!body.packets) continue;
     bound_body(b, given_.growth(body.pose, middle, half_));
     bodies_[b].twist = within_half(twists_[b], half_);
+    bodies_[b].grown = static_cast<float>(given_.least_growth(body.pose, middle) * kDown);
   }
 }
 
@@ -120,10 +121,12 @@ PairSpan MotionDecider::pair_span(std::size_t k, std::uint32_t index) {
     return {own.turn - seer.turn, own.shift - (seer.shift + cross(seer.turn, apart))};
   };
   const double error = (rates_[pair.a].twist_error + rates_[pair.b].twist_error) * 2,
-               growth = growths_[pair.a] + growths_[pair.b];
+               growth = growths_[pair.a] + growths_[pair.b],
+               grown = double{bodies_[pair.a].grown} + bodies_[pair.b].grown;
   return {within_half(seen(pair.a), half_), within_half(seen(pair.b), half_),
           static_cast<float>((rates.speed * half_ + growth) * kUp),
-          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_ + growth) * kUp)};
+          static_cast<float>((rates.acceleration * (0.5 * half_ * half_) + error * half_ + growth) * kUp),
+          static_cast<float>(grown * kDown)};
 }
 
 }  // namespace clearance

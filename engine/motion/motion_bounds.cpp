@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 #include "engine/scene/body_ball.h"
 
@@ -23,7 +24,7 @@ double reach_of(const LinkBall& ball) {
 
 }  // namespace
 
-MotionBounds::MotionBounds(const engine::Scene& scene, const Plan& plan) : scene_(scene), plan_(plan) {
+MotionBounds::MotionBounds(const engine::Scene& scene, const Plan& plan, bool all_pairs) : scene_(scene), plan_(plan) {
   chain_of_body_.assign(scene.bodies().size(), kStill);
   slot_.assign(scene.bodies().size(), kNone);
   for (std::size_t i = 0; i < plan.moved.size(); ++i) slot_[plan.moved[i]] = static_cast<std::uint32_t>(i);
@@ -31,12 +32,24 @@ MotionBounds::MotionBounds(const engine::Scene& scene, const Plan& plan) : scene
   for (std::size_t i = 0; i < plan.given_bodies; ++i) given_of_[plan.bodies[i]] = static_cast<std::uint32_t>(i);
   for (const std::uint32_t body : plan.moved)
     if (Chain chain = chain_of(body); !chain.empty()) chain_of_body_[body] = add_chain(std::move(chain));
+  if (all_pairs)
+    take_all_views();
+  else
+    has_views_.resize(plan.pairs.size());
+}
+
+void MotionBounds::take_all_views() {
   std::vector<BodyPair> storage;
   constexpr std::uint64_t kSlice = 4096;
-  for (std::uint64_t begin = 0; begin < plan.pairs.size(); begin += kSlice) {
-    const auto pairs = plan.pairs.slice(begin, std::min(kSlice, plan.pairs.size() - begin), storage);
+  for (std::uint64_t begin = 0; begin < plan_.pairs.size(); begin += kSlice) {
+    const auto pairs = plan_.pairs.slice(begin, std::min(kSlice, plan_.pairs.size() - begin), storage);
     for (std::size_t i = 0; i < pairs.size(); ++i) take_views(begin + i, pairs[i]);
   }
+}
+
+void MotionBounds::take_views(std::uint64_t position) {
+  if (!has_views_.empty() && !std::exchange(has_views_[position], std::uint8_t{1}))
+    take_views(position, plan_.pairs.at(position));
 }
 
 std::uint32_t MotionBounds::add_chain(Chain chain) {

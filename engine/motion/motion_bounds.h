@@ -48,11 +48,15 @@ struct PairGrowth {
   bool any() const { return most > 0 || change > 0; }
 };
 
-/// The joints and poses that move the bodies of each pair relative to each other, computed once per query. Immutable.
+/// The joints and poses that move the bodies of each pair relative to each other, computed once per query.
 class MotionBounds {
  public:
   /// Both must outlive this.
-  MotionBounds(const engine::Scene& scene, const Plan& plan);
+  /// \param all_pairs whether to call take_views() for all pairs
+  MotionBounds(const engine::Scene& scene, const Plan& plan, bool all_pairs = true);
+  /// Finds reference bodies before which a pair moves less than before the world. To be called before take().
+  /// \param position of the pair in the plan
+  void take_views(std::uint64_t position);
 
   /// With the rates of the whole motion.
   void take(std::uint64_t motion, MovingBodies& moving) const;
@@ -104,6 +108,7 @@ class MotionBounds {
 
   Chain chain_of(std::uint32_t body) const;
   void take_views(std::uint64_t position, BodyPair pair);
+  void take_all_views();
   Views view_of_carrier(std::uint32_t a, std::uint32_t b, std::size_t shared);
   Views views_in_robot(const Chain& a, const Chain& b, std::size_t shared);
   std::uint32_t add_chain(Chain chain);
@@ -126,6 +131,7 @@ class MotionBounds {
   std::vector<std::uint32_t> chain_of_body_;                               // by body: relative to the world, or kStill
   std::map<std::pair<std::uint32_t, std::size_t>, std::uint32_t> before_;  // chains without their last links
   std::map<std::uint64_t, Views> views_;  // by pair position; shared by pairs with the same movers
+  std::vector<std::uint8_t> has_views_;   // by pair position; empty if all have been taken
 };
 
 }  // namespace clearance

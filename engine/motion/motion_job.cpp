@@ -23,16 +23,39 @@ constexpr std::uint32_t kOfVerdict = kFieldVerdict | kFieldConfiguration;
 constexpr std::uint32_t kOfFree = kOfVerdict | kFieldUpper | kFieldStatus | kFieldFlags | kFieldPair | kFieldPairLower |
                                   kFieldTime | kFieldFirstContact;
 
-/// The exact search of a job's motions.
+/// The exact search of a worker's motions that covers leave open. Of most pairs it needs no bounds.
+struct OpenMotions {
+  /// The references must outlive this.
+  OpenMotions(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, std::span<const Aabb> boxes,
+              int workers)
+      : pairs(plan.pairs.size()),
+        bounds(scene, plan, false),
+        query{scene, plan, bounds},
+        block(query, options, boxes, MotionBlock::most(plan, workers)) {}
+
+  void begin(std::span<const OpenMotion> motions, WorkMeter& meter) {
+    for (const OpenMotion& motion : motions) {
+      for (const OpenPair& open : motion.open) bounds.take_views(open.position);
+      for (std::uint64_t p = 0; motion.open.empty() && p < pairs; ++p) bounds.take_views(p);
+    }
+    block.begin(motions, meter);
+  }
+
+  const std::uint64_t pairs;
+  MotionBounds bounds;
+  const MotionQuery query;
+  MotionBlock block;
+};
+
+/// The exact search of all motions of a job.
 struct ExactMotions {
   /// The references must outlive this.
   ExactMotions(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options,
-               std::span<const Aabb> all_boxes, int workers)
-      : boxes(all_boxes), bounds(scene, plan), query{scene, plan, bounds} {
+               std::span<const Aabb> boxes, int workers)
+      : bounds(scene, plan), query{scene, plan, bounds} {
     for (int i = 0; i < workers; ++i) blocks.emplace_back(query, options, boxes, MotionBlock::most(plan, workers));
   }
 
-  const std::span<const Aabb> boxes;
   const MotionBounds bounds;
   const MotionQuery query;
   std::vector<MotionBlock> blocks;  // one per worker
@@ -46,6 +69,7 @@ class MotionJob final : public ParallelJob {
     block_ = MotionBlock::most(plan_, workers());
     left_.resize(static_cast<std::size_t>(workers()));
     has_begun_.resize(left_.size());
+    open_.resize(left_.size());
     if (!covers_may_decide(context_, plan_) || (plan_.size.fields & ~kOfFree) != 0) return;
     may_use_covers_ = true;
     still_ = StillPairs::find(scene(), plan_, options_, boxes());
@@ -92,7 +116,7 @@ class MotionJob final : public ParallelJob {
     std::uint8_t& has_begun = has_begun_[static_cast<std::size_t>(worker)];
     if (!has_begun && !begin(first_ + unit * block_, count, worker, meter)) return true;
     has_begun = true;
-    MotionBlock& block = exact_block(worker);
+    MotionBlock& block = deciders_.empty() ? exact_block(worker) : open_motions(worker).block;
     if (!block.advance(meter)) return false;
     has_begun = false;
     evaluated_.fetch_add(block.end(rows_[unit]), std::memory_order_relaxed);
@@ -103,6 +127,13 @@ class MotionJob final : public ParallelJob {
   MotionBlock& exact_block(int worker) {
     std::call_once(exact_made_, [&] { exact_.emplace(scene(), plan_, options_, boxes(), workers()); });
     return exact_->blocks[static_cast<std::size_t>(worker)];
+  }
+
+  // Likewise, of a worker's motions that covers leave open.
+  OpenMotions& open_motions(int worker) {
+    std::unique_ptr<OpenMotions>& open = open_[static_cast<std::size_t>(worker)];
+    if (!open) open = std::make_unique<OpenMotions>(scene(), plan_, options_, boxes(), workers());
+    return *open;
   }
 
   // Decides motions by covers as far as the requested columns allow. Returns false if none is left to evaluate.
@@ -127,7 +158,7 @@ class MotionJob final : public ParallelJob {
         left.push_back({k, {decider->open().begin(), decider->open().end()}});
     }
     meter.count(count * kUnitsPerDecision);
-    if (!left.empty()) exact_block(worker).begin(left, meter);
+    if (!left.empty()) open_motions(worker).begin(left, meter);
     return !left.empty();
   }
 
@@ -163,8 +194,9 @@ class MotionJob final : public ParallelJob {
 
   std::once_flag exact_made_;
   std::optional<ExactMotions> exact_;
-  std::vector<std::uint8_t> has_begun_;  // by worker: whether the exact search has a unit of its own
-  std::unique_ptr<StillPairs> still_;    // null if there are none, or without covers
+  std::vector<std::unique_ptr<OpenMotions>> open_;  // one per worker, once it is needed
+  std::vector<std::uint8_t> has_begun_;             // by worker: whether the exact search has a unit of its own
+  std::unique_ptr<StillPairs> still_;               // null if there are none, or without covers
   std::unique_ptr<const CoverPlan> covers_;
   // One per worker, made for its first motion: few workers may get one. None without covers.
   std::vector<std::optional<MotionDecider>> deciders_;

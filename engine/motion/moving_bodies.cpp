@@ -125,8 +125,7 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
   take_rates(moving);
 }
 
-// The error of a velocity counts as an acceleration. The checkers of certificates add the bounds of a body's three
-// coordinates up.
+// The error of a velocity counts as an acceleration.
 void MotionBounds::take_derivatives(double begin, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
   const double middle = 0.5 * begin + 0.5 * end, half = std::max(end - middle, middle - begin);
@@ -143,12 +142,12 @@ void MotionBounds::take_derivatives(double begin, double end, MovingBodies& movi
     }
   const JointCurve* by = moving.curves.data() + plan_.joints.size();
   moving.given_rates.assign(plan_.given_bodies, {});
-  for (MotionRates& rates : moving.given_rates)
-    for (int k = 0; k < 3; ++k, ++by) {
-      const JointSpan span = span_of(*by);
-      rates.speed = (rates.speed + span.change) * kMotionSlack;
-      rates.acceleration = (rates.acceleration + span.bend) * kMotionSlack;
-    }
+  for (MotionRates& rates : moving.given_rates) {
+    const JointSpan x = span_of(by[0]), y = span_of(by[1]), z = span_of(by[2]);
+    rates = {std::hypot(x.change, y.change, z.change) * kMotionSlack, std::hypot(x.bend, y.bend, z.bend) * kMotionSlack,
+             0};
+    by += 3;
+  }
   std::transform(moving.growths.begin(), moving.growths.end(), moving.growth.begin(), span_of);
   take_rates(moving);
 }

@@ -45,14 +45,19 @@ bool JobPool::allows(const QuerySize& size) {
   return size.pairs <= kMostPairs && size.configurations * size.pairs <= kMostPairs;
 }
 
+namespace {
+
+bool is_of(const std::weak_ptr<const PoseSnapshot>& kept, const std::shared_ptr<const PoseSnapshot>& snapshot) {
+  return !kept.owner_before(snapshot) && !snapshot.owner_before(kept);
+}
+
+}  // namespace
+
 // The mutex is locked.
 JobPool::Jobs::const_reverse_iterator JobPool::find(std::uint32_t configurations,
                                                     const std::shared_ptr<const PoseSnapshot>& snapshot) const {
-  const auto is_of_snapshot = [&](const std::weak_ptr<const PoseSnapshot>& kept) {
-    return !kept.owner_before(snapshot) && !snapshot.owner_before(kept);
-  };
   return std::find_if(jobs_.rbegin(), jobs_.rend(), [&](const std::unique_ptr<Job::State>& job) {
-    return job->repeatable_plan()->query.configuration_count == configurations && is_of_snapshot(job->kept_for);
+    return job->repeatable_plan()->query.configuration_count == configurations && is_of(job->kept_for, snapshot);
   });
 }
 
@@ -70,6 +75,24 @@ Job::StatePtr JobPool::take(const QueryView& query, std::shared_ptr<const PoseSn
   Job::StatePtr job(place->release());
   jobs_.erase(place);
   return job;
+}
+
+void JobPool::keep_plan(std::unique_ptr<Planner> planner) {
+  const std::shared_ptr<const PoseSnapshot> snapshot = std::move(planner->plan().snapshot);
+  const std::lock_guard lock(mutex_);
+  planned_ = std::move(planner);
+  planned_for_ = snapshot;
+}
+
+std::unique_ptr<Planner> JobPool::take_plan(const QueryView& query,
+                                            const std::shared_ptr<const PoseSnapshot>& snapshot) {
+  const std::lock_guard lock(mutex_);
+  const bool fits = planned_ && is_of(planned_for_, snapshot) &&
+                    planned_->plan().query.configuration_count == query.configuration_count;
+  if (!fits) return nullptr;
+  planned_->plan().take_configurations(query);
+  planned_->plan().snapshot = snapshot;
+  return std::move(planned_);
 }
 
 void JobPool::put_back(std::unique_ptr<Job::State> job) {

@@ -36,6 +36,11 @@ class JobPool {
   bool has(std::uint32_t configurations, const std::shared_ptr<const PoseSnapshot>& snapshot) const;
   /// Puts back a job whose answer is complete.
   void put_back(std::unique_ptr<Job::State> job);
+  /// Keeps a complete plan without configurations, for the first job.
+  void keep_plan(std::unique_ptr<Planner> planner);
+  /// That plan, if it is of as many configurations on the same snapshot, with those of `query`, or null. Throws as
+  /// take().
+  std::unique_ptr<Planner> take_plan(const QueryView& query, const std::shared_ptr<const PoseSnapshot>& snapshot);
 
  private:
   using Jobs = std::vector<std::unique_ptr<Job::State>>;
@@ -44,7 +49,9 @@ class JobPool {
 
   std::size_t most_;
   mutable std::mutex mutex_;
-  Jobs jobs_;  // the last one put back is at the end
+  Jobs jobs_;                         // the last one put back is at the end
+  std::unique_ptr<Planner> planned_;  // without its snapshot
+  std::weak_ptr<const PoseSnapshot> planned_for_;
 };
 
 }  // namespace clearance

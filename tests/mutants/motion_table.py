@@ -135,6 +135,18 @@ MOTION_MUTANTS = [
         ("covered_velocity", "decision/given_motions.cpp", "@spans_[body].shift@};", "spans_[body].shift * 0.8"),
         ("covered_growth", "decision/motion_placement.cpp", "static_cast<float>((bend + @growth@) * kUp)", "0.0"),
         ("covered_growth_of_pair", "decision/motion_placement.cpp", "@growths_[pair.a]@ + growths_[pair.b]", "0.0"),
+        (
+            "covered_growth_of_hit",
+            "decision/given_motions.cpp",
+            "std::max(@growths_[body].at(time)@ - growths_[body].rounding(), 0.0)",
+            "1.01 * growths_[body].at(time)",
+        ),
+        (
+            "covered_growth_of_moved_hit",
+            "decision/motion_placement.cpp",
+            "grown = double{bodies_[pair.a].grown} + @bodies_[pair.b].grown@",
+            "1.01 * bodies_[pair.b].grown",
+        ),
         ("covered_growth_in_span", "decision/given_motions.cpp", "@spans_[body].growth@ * half", "0.0"),
     ),
 ]

@@ -20,12 +20,14 @@ Pose7 at(double x, double y, double qw = 1, double qz = 0) {
   return {x, y, 0, qw, 0, 0, qz};
 }
 
-/// A cart, a ball of 0.1 m on a rail along x; a ball of the same size, and a bar of 1 m along x.
+/// A cart, a ball of 0.1 m on a rail along x; a ball of the same size, a bar of 1 m along x, and a cloud of two points
+/// of 0.05 m.
 struct Rail {
   TemporaryFolder folder;
   Engine engine{scene(folder), {.backend = "cpu", .threads = 1}};
   std::vector<std::uint32_t> joints = engine.joints("r").ids;
-  std::uint32_t ball = engine.body("ball"), bar = engine.body("bar"), cart = engine.body("r/cart");
+  std::uint32_t ball = engine.body("ball"), bar = engine.body("bar"), cloud = engine.body("cloud"),
+                cart = engine.body("r/cart");
 
   static Scene scene(const TemporaryFolder& folder) {
     Scene scene;
@@ -38,6 +40,8 @@ struct Rail {
               .home = std::map<std::string, double>{}});
     scene.add_sphere("ball", 0.1, {.X_parent_body = at(0, 9)});
     scene.add_box("bar", {1, 0.1, 0.1}, {.X_parent_body = at(0, -9)});
+    const std::vector<std::array<float, 3>> points{{0, 0, 0}, {0.01f, 0, 0}};
+    scene.add_points("cloud", points, 0, {.radius = 0.05, .X_parent_body = at(9, 9)});
     return scene;
   }
   PathReport explain(Query query, std::uint32_t body) {
@@ -145,6 +149,57 @@ TEST(MovingReports, OneBodyOfManyGrows) {
   EXPECT_EQ(report.contact->pair, pairs[1]) << "the bar is nearer, but does not grow";
   EXPECT_EQ(report.nearest.pair, pairs[1]);
   EXPECT_NEAR(report.nearest.upper, std::hypot(0.5, 1.5) - 0.2 - 1.4, 1e-9);
+}
+
+TEST(MovingReports, ACloudHasDistancesAndNoDepth) {
+  Rail rail;
+  const std::vector<Pose7> stays{at(1, 0), at(1, 0)};
+  const auto along = [&](double end) {
+    const std::vector<double> path{0, end};
+    return rail.explain({.configurations = stays, .positions = path, .margin = 0.01}, rail.cloud);
+  };
+  const PathReport free = along(0.8), hit = along(2);
+  ASSERT_TRUE(free.check.free);
+  EXPECT_LE(free.least->lower, 0.05 + 1e-9);
+  EXPECT_GE(free.least->upper, 0.05 - 1e-9);
+  EXPECT_LE(free.least->upper - free.least->lower, 1.001e-3);
+  EXPECT_EQ(free.nearest.pair, (IdPair{rail.cart, rail.cloud}));
+  ASSERT_TRUE(hit.contact && hit.proved_until);
+  EXPECT_NEAR(hit.contact->t, 0.42, 2e-3);
+  EXPECT_EQ(hit.contact->pair, (IdPair{rail.cart, rail.cloud}));
+  EXPECT_LE(hit.contact->lower, 0.85 - 2 * hit.contact->t + 1e-9);
+  EXPECT_GE(hit.contact->upper, 0.85 - 2 * hit.contact->t - 1e-9);
+  EXPECT_LE(hit.contact->upper, 0.01 + 1e-9);
+  EXPECT_EQ(hit.nearest.pair, (IdPair{rail.cart, rail.cloud}));
+  EXPECT_EQ(hit.nearest.lower, 0);
+  EXPECT_EQ(hit.nearest.upper, 0);
+}
+
+TEST(MovingReports, ADepthIsNearerThanAnOverlapWithACloud) {
+  Rail rail;
+  const std::vector<std::uint32_t> bodies{rail.cloud, rail.ball};
+  const std::vector<IdPair> pairs{{rail.cart, rail.cloud}, {rail.cart, rail.ball}};
+  const std::vector<double> path{0, 1.2};
+  const std::vector<Pose7> poses{at(1, 0), at(1.3, 0), at(1, 0), at(1.3, 0)};
+  const PathReport report = explain_path(
+      rail.engine,
+      {.pairs = pairs, .bodies = bodies, .configurations = poses, .joints = rail.joints, .positions = path});
+  ASSERT_TRUE(report.contact);
+  EXPECT_EQ(report.contact->pair, pairs[0]);
+  EXPECT_NEAR(report.contact->t, 0.85 / 1.2, 2e-3);
+  EXPECT_EQ(report.nearest.pair, pairs[1]);
+  EXPECT_NEAR(report.nearest.upper, -0.1, 1e-9);
+}
+
+TEST(MovingReports, ACloudThatGrows) {
+  Rail rail;
+  const std::vector<double> path{0, 0}, growths{0, 2};
+  const std::vector<Pose7> stays{at(1, 0), at(1, 0)};
+  const PathReport report = rail.explain({.configurations = stays, .positions = path, .growths = growths}, rail.cloud);
+  ASSERT_TRUE(report.contact);
+  EXPECT_NEAR(report.contact->t, 0.425, 2e-3);
+  EXPECT_NEAR(report.nearest.upper, 0.85 - 2, 1e-6);
+  EXPECT_EQ(report.nearest.lower, -kInf);
 }
 
 TEST(MovingReports, RejectsPathsWithoutJointsAndBadGrowths) {

@@ -26,6 +26,7 @@ class BallPairs {
     if (a.root_packets == 0 || b.root_packets == 0) return kOpen;
     if constexpr (kMoves) pair_span_ = spans->pair(spans->context, span, index);
     const float way = kMoves ? pair_span_.way : 0;
+    shrink_ = kMoves ? grown_shrink(pair.shrink, pair_span_.grown) : pair.shrink;
     const Centres *ca = placed_.template children_of_root<kMoves>(pair.a),
                   *cb = placed_.template children_of_root<kMoves>(pair.b);
     Bits near_a[2] = {0, 0}, near_b[2] = {0, 0}, any_a = 0, any_b = 0;
@@ -52,7 +53,7 @@ class BallPairs {
   Bits packets(const MovedPair& pair, const BallPacket& p, const Centres& cp, Bits of_p, const BallPacket& q,
                const Centres& cq, Bits of_q) {
     const EightPoints centres_q = cq.points();
-    const Eight outer_q = Eight::load(q.outer) + Eight(pair.grow), inner_q = Eight::load(q.inner) + Eight(pair.shrink);
+    const Eight outer_q = Eight::load(q.outer) + Eight(pair.grow), inner_q = Eight::load(q.inner) + Eight(shrink_);
     Centres move_p, move_q;  // `way` is their length
     if constexpr (kMoves) {
       placed_.displace(cp.points(), pair.a, pair_span_.a, move_p);
@@ -132,6 +133,7 @@ class BallPairs {
   const DecisionView& v_;
   PlacedBalls& placed_;
   PairSpan pair_span_{};
+  float shrink_ = 0;  // of the pair, with its growth
   int packets_left_ = 0;
 };
 

@@ -147,9 +147,9 @@ class Decider {
     }
     const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
     if (v_.position[cell] > hit_ || tables_.is_free(v_.table[cell])) return;
-    decide_tabled(v_.table[cell], v_.position[cell], item, [&] {
-      return against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], v_.shrink[cell]);
-    });
+    const float shrink = kMoves ? grown_shrink(v_.shrink[cell], placed_.grown(item.at)) : v_.shrink[cell];
+    decide_tabled(v_.table[cell], v_.position[cell], item,
+                  [&] { return against_obstacle(item.at, v_.obstacles[item.obstacle], v_.grow[cell], shrink); });
   }
 
   /// Decides a pair in a span by its table, and otherwise by balls.
@@ -181,7 +181,7 @@ class Decider {
     Eight bound = still;
     if constexpr (kMoves) bound = bound + Eight::load(c.way);
     PointGaps gaps;
-    obstacle_gaps(obstacle, c.x, c.y, c.z, {bound, still, inner}, gaps);
+    obstacle_gaps(obstacle, c.x, c.y, c.z, {bound, kMoves ? larger(still, inner) : still, inner}, gaps);
     if (const Bits in = greater(inner, Eight::load(gaps.high)) & used) {
       if constexpr (kMoves)
         ball_hit_ = {static_cast<std::uint32_t>(&obstacle - v_.obstacles), body,

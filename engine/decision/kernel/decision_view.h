@@ -158,12 +158,14 @@ struct SpanTwist {
 struct SpanBody {
   SpanTwist twist;
   float way, bend;
+  float grown = 0;  ///< lower bound on the body's growth in the middle
 };
 /// The same for two moved bodies, relative to a reference body: they come nearer by at most the lesser of `way` and the
 /// sum for both twists.
 struct PairSpan {
   SpanTwist a, b;
   float way, bend;
+  float grown;  ///< lower bound on the sum of their growths in the middle
 };
 /// An obstacle and a body, or, if `obstacle` is kNone, an index of DecisionView::moved_pairs.
 struct SpanItem {
@@ -179,7 +181,7 @@ struct SpanInput {
 struct SpanDecision;
 
 /// Spans of one motion, of the same length: whether all pairs of one are beyond their margins throughout, or one is
-/// within its margin in the middle. They are decided in order.
+/// within its margin in the middle, with the growth of its bodies. They are decided in order.
 struct SpanBatch {
   const DecisionView* view;
   const SpanInput* spans;

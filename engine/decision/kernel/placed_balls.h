@@ -12,6 +12,13 @@
 namespace clearance {
 namespace CLEARANCE_ISA {
 
+/// `shrink` (DecisionView) of a pair whose bodies are grown, rounded down by more than the sums with it round.
+/// \param grown lower bound on the sum of their growths, metres
+HWY_INLINE float grown_shrink(float shrink, float grown) {
+  if (grown <= 0) return shrink;
+  return shrink + grown - 0x1p-21f * (__builtin_fabsf(shrink) + grown);
+}
+
 /// The bodies of a query in one state.
 class PlacedBalls {
  public:
@@ -94,6 +101,8 @@ class PlacedBalls {
     obstacle_gaps(obstacle, reinterpret_cast<Row>(root_.x[begin]), reinterpret_cast<Row>(root_.y[begin]),
                   reinterpret_cast<Row>(root_.z[begin]), limits, gaps);
   }
+  /// SpanBody::grown. Bodies in lanes do not grow.
+  HWY_INLINE float grown(std::uint32_t body) const { return spans_ ? spans_[body].grown : 0; }
   HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
   /// Distances of the roots of eight columns from a point.
   HWY_INLINE Eight distances_to_roots(std::uint32_t begin, const std::array<float, 3>& point) const {

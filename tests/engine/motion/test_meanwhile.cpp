@@ -149,6 +149,49 @@ TEST(Meanwhile, CoversNeverProveThemFree) {
   EXPECT_GT(by_covers, counts.beyond);
 }
 
+// Motions that come near, with margins a little more and a little less than their least distance; hits that growth alone
+// makes are counted.
+TEST(Meanwhile, CoversFindHitsOfGrowth) {
+  const engine::Engine engine(Balls().scene, {.backend = "cpu", .threads = 1});
+  ASSERT_TRUE(engine.wait_covers(std::chrono::seconds(60)));
+  Random random(5);
+  Balls balls, still;
+  int near[2] = {0, 0}, by_growth[2] = {0, 0}, by_covers[2] = {0, 0};
+  for (int i = 0; i < 6000; ++i) {
+    make_motion(random, balls);
+    const BodyPair pairs[] = {{0, 1}, {0, 2}, {1, 2}};
+    const BodyPair pair = pairs[random.below(3)];
+    const double least = balls.least(pair);
+    if (balls.motion.growths.empty() || least < 0.05) continue;
+    balls.motion.pairs = {pair};
+    QueryView query = balls.motion.view(Reduce::kAny, 1);  // so that the exact engine proves little
+    query.fields = kFieldVerdict;
+    const auto is_hit = [&] {
+      const Answer answer = evaluate(engine, query);
+      const auto verdict = static_cast<Status>(answer.view.verdict[0]);
+      const bool hits = verdict == Status::kOk || verdict == Status::kOverlap;
+      by_covers[pair.a] += hits && answer.info.pairs_evaluated == 0;
+      return hits;
+    };
+    query.margin = least - std::pow(10, random.uniform(-7, -4));
+    EXPECT_FALSE(is_hit()) << i << " within " << query.margin << ", but never nearer than " << least;
+    ++near[pair.a];
+    query.margin = least + 0.02;
+    still.motion = balls.motion;
+    still.motion.growths.clear();
+    if (still.least(pair) < query.margin) continue;
+    is_hit();
+    ++by_growth[pair.a];
+  }
+  std::printf("%d and %d of %d and %d hits of growth alone by covers\n", by_covers[0], by_covers[1], by_growth[0],
+              by_growth[1]);
+  for (const int moved : {0, 1}) {
+    EXPECT_GT(near[moved], 300);
+    EXPECT_GT(by_growth[moved], 150);
+    EXPECT_GT(by_covers[moved], by_growth[moved] * 3 / 4);
+  }
+}
+
 // Two arms of 1 m, which turn about z, with balls as tips.
 TEST(Meanwhile, CoversDecideTwoRobots) {
   const TemporaryFolder folder;

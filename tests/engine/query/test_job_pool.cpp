@@ -212,6 +212,39 @@ TEST(JobPool, NoneAnswersForASnapshotThatIsGone) {
   }
 }
 
+// A plan made ahead of its configurations serves the first job of its snapshot, and no other.
+TEST(JobPool, PlansMadeAheadGiveTheBitsOfNewOnes) {
+  const Arm arm(4);
+  engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1});
+  const auto ahead = [&](QueryView q, const std::shared_ptr<JobPool>& pool) {
+    q.positions = {};
+    engine.plan_ahead(q, pool);
+  };
+  const std::uint32_t ball = arm.scene.find_body("ball");
+  for (const Named& reduction : reductions())
+    for (const char* then : {"run", "move", "more configurations"}) {
+      SCOPED_TRACE(reduction.name + ", " + then);
+      const auto pool = std::make_shared<JobPool>();
+      QueryView q = arm.query();
+      reduction.set(q);
+      ahead(q, pool);
+      if (then == std::string("move")) {
+        const BodyPose moved{ball, Pose{{0.3, 0.1 + 1e-3 * static_cast<double>(reduction.name.size()), 0.4}}};
+        engine.set_poses({&moved, 1});
+      }
+      if (then == std::string("more configurations")) {
+        q.configuration_count = 3;
+        q.positions = std::span(arm.positions).first(3 * arm.joints.size());
+      }
+      EXPECT_FALSE(engine.has_job(q, pool));
+      expect_same(repeat(engine, q, pool), evaluate(engine, q));
+    }
+  QueryView wrong = arm.query();
+  const std::vector<std::uint32_t> unknown{1000};
+  wrong.joints = unknown;
+  EXPECT_THROW(ahead(wrong, nullptr), engine::QueryError);
+}
+
 TEST(JobPool, WhatDependsOnTheClockIsNotKept) {
   const Arm arm(1);
   const std::vector<Named> questions{{"age", [](QueryView& q) { q.max_pose_age_ns = 1'000'000'000; }}};

@@ -52,9 +52,14 @@ std::vector<Dyadic> Curve::points_between(double begin, double end) const {
 
 CurveExtent Curve::extent(double begin, double end) const {
   const std::vector<Dyadic> places = points_between(begin, end);
-  const Curve first = derivative();
+  const auto [first, second] = derivatives(begin, end);
   return {*std::min_element(places.begin(), places.end()), *std::max_element(places.begin(), places.end()),
-          longest(first.points_between(begin, end)), longest(first.derivative().points_between(begin, end))};
+          longest(first), longest(second)};
+}
+
+std::array<std::vector<Dyadic>, 2> Curve::derivatives(double begin, double end) const {
+  const Curve first = derivative();
+  return {first.points_between(begin, end), first.derivative().points_between(begin, end)};
 }
 
 }  // namespace clearance::certificate_oracle

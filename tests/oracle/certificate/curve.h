@@ -1,6 +1,7 @@
 // Positions along a Bezier curve over the time from 0 to 1, exactly.
 #pragma once
 
+#include <array>
 #include <vector>
 
 #include "tests/oracle/certificate/dyadic.h"
@@ -25,6 +26,8 @@ class Curve {
   /// First derivative.
   Dyadic rate(double time) const;
   CurveExtent extent(double begin, double end) const;
+  /// Control points of the first and the second derivative in a span.
+  std::array<std::vector<Dyadic>, 2> derivatives(double begin, double end) const;
 
  private:
   Curve derivative() const;

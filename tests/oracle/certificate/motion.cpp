@@ -92,6 +92,32 @@ const Dyadic& Body::ball() const {
   return *ball_;
 }
 
+namespace {
+
+// Sliding joints without a turn between them, which move points along the sum of their curves.
+class Slides {
+ public:
+  void add(const Mover& mover, const Span& span) {
+    const auto derivatives = mover.curve.derivatives(span.begin, span.end);
+    for (std::size_t k = 0; k < derivatives.size(); ++k) {
+      if (sums_[k].empty()) sums_[k].resize(derivatives[k].size());
+      require(sums_[k].size() == derivatives[k].size(), "curves have different degrees");
+      for (std::size_t i = 0; i < sums_[k].size(); ++i) sums_[k][i] = sums_[k][i] + derivatives[k][i] * mover.axis;
+    }
+  }
+  // Bound on the length of the first derivative, or of the second.
+  Dyadic longest(std::size_t k) const {
+    Dyadic most;
+    for (const Vector& control : sums_[k]) most = std::max(most, length_above(control));
+    return most;
+  }
+
+ private:
+  std::array<std::vector<Vector>, 2> sums_;  // control points of both derivatives
+};
+
+}  // namespace
+
 Motion::Motion(const Bodies& bodies, const Value& configuration, bool moves)
     : bodies_(&bodies), poses_(ends_of(configuration["poses"])), positions_(ends_of(configuration["positions"])) {
   const std::size_t ends = moves ? 2 : 1, most = moves ? kMostPoints : 1;
@@ -240,16 +266,22 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
   Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // the speed of a slide does not depend on size
   Rates rates;
   std::vector<Dyadic> speeds, turns;
+  Slides slides;
+  const auto end_slides = [&] {
+    speeds.push_back(slides.longest(0));
+    turns.emplace_back();
+    rates.bend += slides.longest(1);
+    slides = {};
+  };
   for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {
     const CurveExtent extent = mover->curve.extent(span.begin, span.end);
     const Dyadic length = length_above(mover->axis);
     if (!mover->turns) {
-      speeds.push_back(length * extent.change);
-      turns.emplace_back();
-      rates.bend += length * extent.bend;
+      slides.add(*mover, span);
       nexts = slid(nexts, *mover, extent, mover->curve.at(span.at));
       continue;
     }
+    end_slides();
     Dyadic across, farthest;
     for (const Vector& next : nexts) {
       across = std::max(across, length_above(cross(mover->axis, next - mover->point)));
@@ -262,6 +294,7 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
     beyond += farthest;
     nexts = {mover->point};
   }
+  end_slides();
   for (std::size_t k = speeds.size(); k-- > 0;) {  // from the observer on: nearer movers rotate farther ones
     rates.speed += speeds[k];
     rates.bend += speeds[k] * (turns[k] + nearer_turns + nearer_turns);

@@ -54,6 +54,23 @@ def test_curves_without_growth(checker, engine):  # noqa: F811
         assert {len(pose) for each in poses for pose in each} == {7}
 
 
+def test_coordinates_count_as_one_curve(checker, tmp_path):
+    """Bounds on the speeds of a body's three coordinates, added up, took 44 spans."""
+    urdf = tmp_path / "slider.urdf"
+    urdf.write_text(SLIDER)
+    scene = clearance.Scene()
+    scene.add_robot("r", urdf, home={}, base=at(0, 0, -9))
+    scene.add_sphere("post", 0.1, static=True, pose=at(0))
+    scene.add_sphere("walker", 0.1, pose=at(3))
+    yard = clearance.Engine(scene, backend="cpu")
+    nearest, step = np.array([0.3, -0.3, 0]), np.ones(3) * 0.3 / 3**0.5
+    line = [[[*(nearest + (share - 0.5) * step), 1, 0, 0, 0] for share in (0, 0, 0, 1, 1, 1)]]
+    margin = float(np.linalg.norm(nearest)) - 0.203
+    document = check(checker, yard, set(), joints="r", start=[[[0.0]] * 6], reduce="any", margin=margin,
+                     pairs=[("walker", "post")], meanwhile={"walker": BodyPath(line)})  # fmt: skip
+    assert sum(len(pair["spans"]) for row in document["rows"] for pair in row["pairs"]) < 43
+
+
 def test_bodies_that_turn_and_grow(checker, engine):  # noqa: F811
     """Straight motions: between two poses a body turns, while it grows linearly."""
     turning = {"egg": BodyPath([at(0.2, -1.2, 0.9), at(0.1, -0.9, 1.0, (1, 1, 0, 0.3))], growth=0.4)}

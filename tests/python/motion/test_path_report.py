@@ -119,6 +119,28 @@ def test_a_path_that_touches_from_the_start(front, joints, home):
     assert report.proved_until == (0, 0.0) and report.contact.t == 0 and report.nearest.upper < 0
 
 
+def test_a_cloud_is_named_and_has_no_depth(front, joints, home):
+    away, into = turned(home, -0.4, -0.2), turned(home, -0.4, 0.0)
+    middle = front.distances([("arm/gripper", "shelf")], configurations=into[1:], joints=joints, fields=["points"])
+    points = middle.point_a[0, 0] + 0.01 * np.random.default_rng(5).random((100, 3))
+    front.add_body("seen", points=points, radius=0.02, pose=[0, 0, 0, 1, 0, 0, 0])
+    cloud = front.body_id("seen")
+    free = front.explain_path(away, joints, [("arm", "seen")])
+    assert free and cloud in free.nearest.pair and free.least[0] > 0
+    assert free.nearest.pair_names == tuple(front.bodies[i].name for i in free.nearest.pair)
+    for pairs in ([("arm", "seen")], None):
+        hit = front.explain_path(into, joints, pairs, margin=0.003)
+        assert hit.check.hit and cloud in hit.contact.pair and hit.contact.lower <= 0.003
+        pair = [hit.contact.pair]
+        lower, upper = bounds_at(front, joints, hit.contact, pairs=pair)
+        assert lower[0] <= hit.contact.upper and hit.contact.lower <= upper[0]
+        assert not front.check([hit.contact.positions], joints=joints, pairs=pair, margin=0.003).free[0]
+        assert cloud in hit.nearest.pair and hit.nearest.lower == hit.nearest.upper == 0
+    # A body with a depth beyond the cloud is deeper.
+    beyond = front.explain_path(turned(home, -0.4, 0.75), joints)
+    assert cloud in beyond.contact.pair and beyond.nearest.upper < 0 and cloud not in beyond.nearest.pair
+
+
 def test_bad_input_names_the_argument(front, joints, home):
     for path in (None, "x", 3, home, [home], [home[:2], home[:2]]):
         with pytest.raises((TypeError, ValueError), match="path: "):

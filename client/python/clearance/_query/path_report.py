@@ -31,7 +31,9 @@ class PathPoint:
     positions: np.ndarray  #: (J,) radians and metres
     pair: tuple[int, int]  #: ids of the bodies
     pair_names: tuple[str, str]
-    lower: float  #: metres: certified bounds of the pair's distance, below zero for a penetration depth
+    #: Metres: certified bounds of the pair's distance, below zero for a penetration depth. 0 for overlaps with a cloud,
+    #: which has no depth.
+    lower: float
     upper: float
     segment: np.ndarray  #: (2, 3) witness points on the bodies without growth, metres, world, or NaN
 
@@ -142,17 +144,39 @@ def _of_hit(front: Any, motions: _Motions, check: PathCheck, index: int, common:
     if proved == 0.0 and motions.check_at(front, index, 0.0, common).hit:
         within = 0.0
     times = np.linspace(within, 1.0, _STATES).tolist()
-    of = {"joints": common["joints"], "signed_distance": True, "fields": _POINT_FIELDS}
-    deepest = _deepest(front, motions, index, times, {**of, "pairs": common["pairs"]})
+    deepest = _deepest(front, motions, index, times, common)
     found = motions.check_at(front, index, within, common)
     pair = check.pair if found.free else found.pair
-    contact = _deepest(front, motions, index, times[:1], {**of, "pairs": [pair]})
+    contact = _deepest(front, motions, index, times[:1], {**common, "pairs": [pair]})
     return PathReport(check, (index, proved), contact, deepest, None)
 
 
-def _deepest(front: Any, motions: _Motions, index: int, times: list[float], of: dict[str, Any]) -> PathPoint:
+def _deepest(front: Any, motions: _Motions, index: int, times: list[float], common: dict[str, Any]) -> PathPoint:
     """Returns the deepest of some states of a motion, or the nearest if none is an overlap."""
-    r = front.distances(**motions.at(index, times), reduce="none" if motions.growths is not None else "min", **of)
+    states, joints = motions.at(index, times), common["joints"]
+    found = []
+    for pairs, has_depths in zip(_pairs_by_depth(front, motions, common), (True, False)):
+        if len(pairs):
+            of = {"pairs": pairs, "joints": joints, "signed_distance": has_depths, "fields": _POINT_FIELDS}
+            r = front.distances(**states, reduce="none" if motions.growths is not None else "min", **of)
+            found.append(_deepest_of(r, motions, index, times))
+    return min(found, key=lambda point: math.inf if math.isnan(point.upper) else point.upper)
+
+
+def _pairs_by_depth(front: Any, motions: _Motions, common: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
+    """Returns (P, 2) pairs of a path that have depths, and those of a cloud, which have none."""
+    names, pairs = front._names, common["pairs"]
+    table = front._table(
+        None if pairs is None else names.pairs_array(pairs),
+        None if motions.bodies is None else names.bodies_array(list(motions.bodies), "meanwhile"),
+        front.joints(common["joints"]).ids,
+    )
+    is_of_cloud = np.isin(table, [body.id for body in names.bodies if body.is_cloud]).any(axis=1)
+    return table[~is_of_cloud], table[is_of_cloud]
+
+
+def _deepest_of(r: Result, motions: _Motions, index: int, times: list[float]) -> PathPoint:
+    """Returns the deepest row of an answer for some states of a motion."""
     grown = motions.grown(r, index, times)
     k = np.unravel_index(np.nanargmin(r.upper if grown is None else r.upper - grown), r.upper.shape)
     t = times[k[0]]
