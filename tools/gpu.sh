@@ -146,6 +146,12 @@ case $what in
         file=$(results_file gpu_mujoco_warp) && start_csv "$file" what,pairs,least_us,median_us,wrong_by_1e-6_m,wrong_by_1e-5_m,wrong_by_1e-4_m &&
           PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_mujoco_warp.py --csv "$file" && echo "$file"
       fi
+      # csdecomp on MotionBenchMaker's Panda, if that interpreter has it (pip install csdecomp).
+      robots=build/robots/resources
+      if [ -d "$robots/panda" ] && "$python" -c "import csdecomp" 2>/dev/null; then
+        file=$(results_file gpu_csdecomp) && start_csv "$file" what,states,us,million_states_a_second,free,free_in_contact,hit_but_apart &&
+          PYTHONPATH="$PWD/build/python:${PYTHONPATH:-}" "$python" bench/gpu/bench_csdecomp.py "$robots" --csv "$file" && echo "$file"
+      fi
     fi
     ;;
   daemon)
