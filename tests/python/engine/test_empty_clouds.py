@@ -8,7 +8,7 @@ import pytest
 import clearance
 from clearance import Status
 
-CELL = Path(__file__).resolve().parents[2] / "scenes/cell/robot.yaml"
+CELL = Path(__file__).resolve().parents[3] / "scenes/cell/robot.yaml"
 LINKS = ("arm/forearm", "arm/gripper")
 FIELDS = ("distance", "lower", "upper", "status", "pair", "pair_lower")
 
