@@ -177,10 +177,10 @@ def test_a_matrix_that_is_not_square_is_left_out(bridge):
     message.allowed_collision_matrix.entry_values.pop()
     before = len(bridge.client.pairs)
     follower.on_scene(message)
-    assert "2 names need 2 rows of 2 values" in follower.left_out["allowed_collision_matrix"]
+    assert "2 names need 2 rows of 2 values" in follower.left_out_fields["allowed_collision_matrix"]
     assert len(bridge.client.pairs) == before
     follower.on_scene(scene(names=["table", "cup"], allowed={("cup", "table")}))
-    assert not follower.left_out and len(bridge.client.pairs) == before - 1
+    assert not follower.missing() and len(bridge.client.pairs) == before - 1
 
 
 def test_an_object_is_added_whole_or_not(bridge):
