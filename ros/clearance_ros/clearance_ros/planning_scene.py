@@ -76,11 +76,12 @@ class SceneFollower:
             self._allow(message.allowed_collision_matrix)
 
     def _follow_growths(self, message: Any) -> None:
-        """Leaves out links that MoveIt grows, since the daemon's links stay as they are."""
+        """Leaves out links that MoveIt grows, since the daemon's links stay as they are.
+
+        A whole scene, too, changes only the links that it lists, as in MoveIt.
+        """
         for field, (value, true, unit) in GROWTHS.items():
             known = self._growths[field]
-            if not message.is_diff:
-                known.clear()
             known.update((item.link_name, float(getattr(item, value))) for item in getattr(message, field, ()))
             grown = [f"{link} {number:g}{unit}" for link, number in sorted(known.items()) if not number <= true]
             self.left_out_fields.pop(field, None)
