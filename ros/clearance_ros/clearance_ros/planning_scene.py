@@ -15,6 +15,8 @@ MATRIX, OCTOMAP = "allowed_collision_matrix", "octomap"  #: their names in `left
 #: Fields that grow links in MoveIt: their value for a link, that of a true link, and the unit. Names in
 #: `left_out_fields`.
 GROWTHS = {"link_padding": ("padding", 0.0, " m"), "link_scale": ("scale", 1.0, "")}
+#: Part of the daemon's error for a solid with an edge that belongs to one triangle.
+OPEN_MESH = "the mesh is open there"
 
 
 class SceneFollower:
@@ -173,14 +175,20 @@ class SceneFollower:
                 raise
 
     def _add_one(self, name: str, **arguments: Any) -> None:
-        """Adds a body. A closed mesh is the solid that it encloses, an open one its triangles."""
-        if "mesh" in arguments:
-            try:
-                self._client.add_body(name, mesh_as="solid", **arguments)
-                return
-            except (clearance.QueryError, clearance.RequestError):  # for example an open mesh
-                arguments["mesh_as"] = "surface"
-        self._client.add_body(name, **arguments)
+        """Adds a body. A closed mesh is the solid that it encloses, an open one its triangles.
+
+        Raises for other meshes: the inside of a closed one with a flipped triangle is unknown, and its triangles alone
+        leave it free.
+        """
+        if "mesh" not in arguments:
+            self._client.add_body(name, **arguments)
+            return
+        try:
+            self._client.add_body(name, mesh_as="solid", **arguments)
+        except (clearance.QueryError, clearance.RequestError) as error:
+            if OPEN_MESH not in str(error):
+                raise
+            self._client.add_body(name, mesh_as="surface", **arguments)
 
     def _move(self, item: Any, place: np.ndarray) -> None:
         parts = self._parts.get(item.id)
