@@ -10,7 +10,7 @@ import clearance
 
 PACKAGE = Path(__file__).resolve().parents[2] / "client/python/clearance"
 #: Modules of their own, most of which need a package that the tests lack: they are parsed, not imported.
-MODULES = ("drake", "jax", "mink", "ompl", "pink", "pinocchio", "ray", "sweep", "torch")
+MODULES = ("drake", "jax", "mink", "ompl", "pink", "pinocchio", "placo", "ray", "sweep", "torch")
 
 
 def python_names() -> "list[str]":

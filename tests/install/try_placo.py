@@ -113,11 +113,33 @@ def test_a_base_on_its_table_has_no_row():
     robot = robot_of(URDF.replace('{mass}</link>\n<link name="upper">', mass, 1))
     solver = placo.KinematicsSolver(robot)
     avoidance = clearance.placo.CollisionAvoidance(solver, detection_distance=0.01)
-    avoidance.engine.add_body("table", box=[0.1, 0.1, 0.1], pose=[0, 0, -0.1, 1, 0, 0, 0])
-    avoidance.update()
+    avoidance.engine.allow("base_0", "upper_0")  # the arm's root is in the base
+    avoidance.engine.add_body("table", box=[0.1, 0.1, 0.1], pose=[0, 0, -0.099, 1, 0, 0, 0])
+    assert -0.0011 < avoidance.update() < 0, "1 mm into it, which counts until it is allowed"
     rows = avoidance.constraint.A.reshape(-1, 9)
     assert not any((row == 0).all() and bound < 0 for row, bound in zip(rows, avoidance.constraint.b))
     solver.solve(False)
+    avoidance.engine.allow("base_0", "table")
+    assert 0 <= avoidance.update() <= 0.01
+
+
+ONE_LINK = """<robot name="arm"><link name="base">{mass}</link>
+<link name="upper"><collision><origin xyz=".2 0 0"/><geometry><box size=".4 .05 .05"/></geometry></collision>
+{mass}</link>
+<joint name="j" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/>{limit}</joint></robot>"""
+
+
+def test_a_link_in_a_wall_that_no_joint_leaves_counts():
+    """The wall reaches 15 mm into the link from below, and the joint turns about z; a ball is 5 mm before its side."""
+    robot = robot_of(ONE_LINK)
+    solver = placo.KinematicsSolver(robot)
+    avoidance = clearance.placo.CollisionAvoidance(solver)
+    avoidance.engine.add_body("ball", sphere=0.05, pose=[0.3, 0.08, 0, 1, 0, 0, 0])
+    assert 0.005 - 1e-6 < avoidance.update() <= 0.005
+    row = avoidance.constraint.A.copy()
+    avoidance.engine.add_body("wall", box=[2, 2, 0.1], pose=[0, 0, -0.06, 1, 0, 0, 0])
+    assert -0.016 < avoidance.update() <= -0.015
+    assert row.size == 8 and row.any() and np.array_equal(avoidance.constraint.A, row), "only the ball has a row"
 
 
 def test_errors():
@@ -125,6 +147,8 @@ def test_errors():
     solver = placo.KinematicsSolver(robot)
     fails(lambda: clearance.placo.CollisionAvoidance(solver, gain=2), "gain")
     fails(lambda: clearance.placo.CollisionAvoidance(solver, minimum_distance=-1), "minimum_distance")
+    call = lambda: clearance.placo.CollisionAvoidance(solver, minimum_distance=0.05, detection_distance=0.04)  # noqa: E731
+    fails(call, "detection_distance", "minimum_distance, 0.05", "0.04")
     avoidance = clearance.placo.CollisionAvoidance(solver, base_is_fixed=False)
     avoidance.update()
     avoidance.engine.add_body("ball", sphere=0.05)
@@ -146,6 +170,7 @@ def main():
     test_rows()
     test_it_keeps_the_robot_from_a_post()
     test_a_base_on_its_table_has_no_row()
+    test_a_link_in_a_wall_that_no_joint_leaves_counts()
     test_errors()
     print("placo: as it should be")
 

@@ -29,7 +29,8 @@ class CollisionAvoidance:
     solver: its robot's joints must be revolute with limits, or prismatic, as placo's half-spaces require.
     world: result of from_pinocchio(robot.collision_model, robot.model). Default: made here. Obstacles are bodies that
         you add to its engine; they may move.
-    minimum_distance, detection_distance: metres. Rows are the pairs that may be nearer than detection_distance.
+    minimum_distance, detection_distance: metres, the second at least the first. Rows are the pairs that may be nearer
+        than detection_distance.
     gain: above 0, at most 1.
     recovery: metres that a pair below the minimum distance must gain in a step, at most.
     base_is_fixed: masks the floating base, which placo's rows cannot contain. If False, only the pairs of links count,
@@ -54,6 +55,9 @@ class CollisionAvoidance:
         self.gain = gain
         self.minimum_distance = to_number_from_0(minimum_distance, "minimum_distance")
         self.detection_distance = to_number_from_0(detection_distance, "detection_distance")
+        if self.detection_distance < self.minimum_distance:
+            least = f"minimum_distance, {self.minimum_distance:g}"
+            raise ValueError(f"detection_distance: expected at least {least}, got {self.detection_distance:g}")
         self.recovery = to_number_from_0(recovery, "recovery")
         self._robot = robot = solver.robot
         if robot.model.nq - 7 != robot.model.nv - 6:
@@ -81,10 +85,11 @@ class CollisionAvoidance:
         return np.zeros((1, self._robot.model.nq)), np.ones(1)
 
     def update(self) -> float:
-        """Computes the rows at the robot's configuration. Returns a lower bound of their distances, in metres.
+        """Computes the rows at the robot's configuration. Returns the least lower bound of all pairs, in metres.
 
-        It is the detection distance if no pair is near.
-        Pairs whose distance no joint changes have no row: a base on its table.
+        It is at most the detection distance, and below 0 if bodies overlap. Test it before each step: a pair whose
+        distance no joint changes counts, but has no row.
+        Pairs that may touch, as a base and its table, do not count after engine.allow().
 
         Raises RuntimeError, naming the bodies, for a near pair without a distance or a direction: one without a pose,
         or two bodies deep in each other.
@@ -100,14 +105,14 @@ class CollisionAvoidance:
             names = " and ".join(self.engine.bodies[body].name for body in near.pairs[row])
             raise RuntimeError(f"{names}: {Status(near.status[row]).name}, without a direction that separates them")
         kept = (slopes != 0).any(axis=1)
-        slopes, lower = slopes[kept], near.lower[kept]
         rows, bounds = self._no_rows()
-        if len(lower):
-            rows = np.zeros((len(lower), len(q)))
-            rows[:, self._columns] = -slopes
-            bounds = np.maximum(self.gain * (lower - self.minimum_distance), -self.recovery) + rows @ q
+        if kept.any():
+            rows = np.zeros((int(kept.sum()), len(q)))
+            rows[:, self._columns] = -slopes[kept]
+            gaps = near.lower[kept] - self.minimum_distance
+            bounds = np.maximum(self.gain * gaps, -self.recovery) + rows @ q
         self.constraint.A, self.constraint.b = rows, bounds
-        return float(lower.min(initial=self.detection_distance))
+        return float(near.lower.min(initial=self.detection_distance))
 
     def _reject_obstacles(self) -> None:
         others = [body.name for body in self.engine.bodies if body.piece_count and body.name not in self._links]

@@ -158,7 +158,7 @@ class Bridge:
         """
         why = "the daemon was restarted, or a message did not reach it: it lacks objects until a whole scene comes"
         found = [f"planning_scene: {why}"] if self.scene.is_lost else []
-        found += [f"{name}: {why}" for name, why in self.scene.left_out.items()]
+        found += self.scene.missing()
         if max_age_s <= 0:
             return found
         ages = {joint.name: joint.age_ns for joint in self.client.joint_states()}

@@ -54,7 +54,7 @@ class ClearanceNode(Node):
         self._rate = float(self.declare_parameter("rate", 50.0).value)
         self._reported, self._ticks = None, 0
         self.create_timer(1.0 / self._rate, self._guarded(self._publish))
-        self._said = {}
+        self._said = []
 
     def _guarded(self, act):
         """Reports a bad message, or a daemon that is gone or rejects it; the next message is tried again."""
@@ -73,10 +73,11 @@ class ClearanceNode(Node):
 
     def _on_scene(self, message):
         self._bridge.scene.on_scene(message)
-        for name, why in self._bridge.scene.left_out.items():
-            if self._said.get(name) != why:
-                self.get_logger().warning(f"{name}: {why}")
-        self._said = dict(self._bridge.scene.left_out)
+        missing = self._bridge.scene.missing()
+        for text in missing:
+            if text not in self._said:
+                self.get_logger().warning(text)
+        self._said = missing
 
     def _on_plan(self, display):
         """Checks a planned trajectory, and publishes whether it is free, or where and why not."""

@@ -11,9 +11,12 @@ from .shapes import matrix_of, pose_of, shapes_of
 
 # Values of moveit_msgs/CollisionObject.
 ADD, REMOVE, APPEND, MOVE = 0, 1, 2, 3
-MATRIX, OCTOMAP = "allowed_collision_matrix", "octomap"  #: their names in `left_out`
-#: Fields that grow links in MoveIt: their value for a link, that of a true link, and the unit. Names in `left_out`.
+MATRIX, OCTOMAP = "allowed_collision_matrix", "octomap"  #: their names in `left_out_fields`
+#: Fields that grow links in MoveIt: their value for a link, that of a true link, and the unit. Names in
+#: `left_out_fields`.
 GROWTHS = {"link_padding": ("padding", 0.0, " m"), "link_scale": ("scale", 1.0, "")}
+#: Part of the daemon's error for a solid with an edge that belongs to one triangle.
+OPEN_MESH = "the mesh is open there"
 
 
 class SceneFollower:
@@ -33,13 +36,17 @@ class SceneFollower:
         self._parts: dict[str, list[tuple[str, np.ndarray]]] = {}  # for each object: its bodies, and their places
         self._held: dict[str, str] = {}  # the link of each attached object, also of one that was left out
         self._allowed: set[tuple[str, str]] = set()  # pairs that matrices allowed, and the daemon's scene does not
-        self._has_octomap = False
         self._growths: dict[str, dict[str, float]] = {field: {} for field in GROWTHS}  # by link
         self.is_lost = False  #: the daemon was restarted or lacks a message, and no whole scene has arrived since
-        self.left_out: dict[str, str] = {}  #: objects and pairs that were not applied, and the reasons
+        self.left_out: dict[str, str] = {}  #: ids of objects that were not applied, and the reasons
+        self.left_out_fields: dict[str, str] = {}  #: fields of scenes that were not applied, and the reasons
+
+    def missing(self) -> list[str]:
+        """Objects and fields that were not applied, with a sentence for each."""
+        return [f"{name}: {why}" for out in (self.left_out, self.left_out_fields) for name, why in out.items()]
 
     def on_scene(self, message: Any) -> None:
-        """Applies a scene or a difference; rejected changes are left out, and listed in `left_out`.
+        """Applies a scene or a difference; rejected changes are left out, and listed by missing().
 
         Raises ClearanceError if the daemon does not answer.
         """
@@ -57,31 +64,31 @@ class SceneFollower:
             for name in [name for name in {**self._parts, **self._held} if name not in named]:
                 self._remove(name)
             self.left_out = {name: why for name, why in self.left_out.items() if name in named}
+            self.left_out_fields.pop(OCTOMAP, None)
         for attached in message.robot_state.attached_collision_objects:  # first, as in MoveIt
             self._try(attached.object.id, self._attached, attached)
         for item in message.world.collision_objects:
             self._try(item.id, self._object, item)
         octomap = getattr(getattr(message.world, "octomap", None), "octomap", None)
-        has_octomap = bool(len(getattr(octomap, "data", ())))
-        self._has_octomap = has_octomap or (self._has_octomap and message.is_diff)
-        if self._has_octomap:
+        if len(getattr(octomap, "data", ())):
             why = "octomaps are not taken: send the points to a cloud of the daemon's scene by set_points()"
-            self.left_out.setdefault(OCTOMAP, why)
+            self.left_out_fields[OCTOMAP] = why
         self._follow_growths(message)
         if len(message.allowed_collision_matrix.entry_names) or not message.is_diff:
             self._allow(message.allowed_collision_matrix)
 
     def _follow_growths(self, message: Any) -> None:
-        """Leaves out links that MoveIt grows, since the daemon's links stay as they are."""
+        """Leaves out links that MoveIt grows, since the daemon's links stay as they are.
+
+        A whole scene, too, changes only the links that it lists, as in MoveIt.
+        """
         for field, (value, true, unit) in GROWTHS.items():
             known = self._growths[field]
-            if not message.is_diff:
-                known.clear()
             known.update((item.link_name, float(getattr(item, value))) for item in getattr(message, field, ()))
             grown = [f"{link} {number:g}{unit}" for link, number in sorted(known.items()) if not number <= true]
-            self.left_out.pop(field, None)
+            self.left_out_fields.pop(field, None)
             if grown:
-                self.left_out[field] = (
+                self.left_out_fields[field] = (
                     f"{', '.join(grown)}: give the links of the daemon's scene a padding, and set MoveIt's to {true:g}"
                 )
 
@@ -106,7 +113,7 @@ class SceneFollower:
         operation = _operation(item)
         if operation == REMOVE:
             for name in [item.id] if item.id else [*self._parts, *self.left_out]:  # all objects, if there is no name
-                if name not in (MATRIX, *self._held):  # attached objects are not in the world
+                if name not in self._held:  # attached objects are not in the world
                     self._remove(name)
                     self.left_out.pop(name, None)
             return
@@ -168,14 +175,20 @@ class SceneFollower:
                 raise
 
     def _add_one(self, name: str, **arguments: Any) -> None:
-        """Adds a body. A closed mesh is the solid that it encloses, an open one its triangles."""
-        if "mesh" in arguments:
-            try:
-                self._client.add_body(name, mesh_as="solid", **arguments)
-                return
-            except (clearance.QueryError, clearance.RequestError):  # for example an open mesh
-                arguments["mesh_as"] = "surface"
-        self._client.add_body(name, **arguments)
+        """Adds a body. A closed mesh is the solid that it encloses, an open one its triangles.
+
+        Raises for other meshes: the inside of a closed one with a flipped triangle is unknown, and its triangles alone
+        leave it free.
+        """
+        if "mesh" not in arguments:
+            self._client.add_body(name, **arguments)
+            return
+        try:
+            self._client.add_body(name, mesh_as="solid", **arguments)
+        except (clearance.QueryError, clearance.RequestError) as error:
+            if OPEN_MESH not in str(error):
+                raise
+            self._client.add_body(name, mesh_as="surface", **arguments)
 
     def _move(self, item: Any, place: np.ndarray) -> None:
         parts = self._parts.get(item.id)
@@ -241,9 +254,9 @@ class SceneFollower:
         """Pairs that may touch, from now on; those that the daemon's scene lets touch stay allowed."""
         count = len(matrix.entry_names)
         if len(matrix.entry_values) != count or any(len(entry.enabled) != count for entry in matrix.entry_values):
-            self.left_out[MATRIX] = f"its {count} names need {count} rows of {count} values"
+            self.left_out_fields[MATRIX] = f"its {count} names need {count} rows of {count} values"
             return
-        self.left_out.pop(MATRIX, None)
+        self.left_out_fields.pop(MATRIX, None)
         names = {name: self._of(name) for name in matrix.entry_names}
         wanted = set()
         for i, (name, entry) in enumerate(zip(matrix.entry_names, matrix.entry_values)):

@@ -5,6 +5,7 @@ import pytest
 
 import clearance
 from clearance.view.covers import LEVELS, Balls, DrawnBalls, cover_of
+from clearance.view.model import ViewQuery
 from clearance.view.session import Session
 from scenes import at
 
@@ -70,6 +71,20 @@ def test_a_session_makes_them_one_by_one_robots_first(scene):
     assert not shapeless.uncovered
     shapeless.make_cover()
     assert not shapeless.covers
+
+
+@pytest.mark.parametrize("bodies", [["other"], ["table", "floor", "other", "crate"]])
+def test_a_changed_scene_is_adopted_before_more_covers_are_made(scene, bodies):
+    """The body that is next has no name there, or one that the file lacks."""
+    session = Session(clearance.Engine(scene, threads=1, covers="off"), scene, "")
+    changed = clearance.Scene()
+    for name in bodies:
+        changed.add_sphere(name, 0.1, pose=at(3))
+    session.front = clearance.Engine(changed, threads=1, covers="off")  # as after the restart of a daemon
+    session.make_cover()
+    assert not session.covers and session.uncovered == [2, 3, 0, 1]
+    session.picture(ViewQuery())
+    assert session.uncovered == [k for k, name in enumerate(bodies) if name != "other"]
 
 
 class FakeScene:

@@ -10,6 +10,7 @@ sys.path.insert(0, str(ROOT / "tests" / "golden"))
 
 import names
 from cpp_names import declarations
+from python_names import MODULES, PACKAGE
 
 #: Least number of names of each kind, so that a reader that finds nothing fails.
 LEAST = {"commands": 300, "cpp": 500, "lcm": 200, "python": 1000, "scene": 70, "wire": 350}
@@ -31,6 +32,14 @@ def test_names_are_the_recorded_ones(kind):
     current = names.current(kind)
     assert len(current) >= LEAST[kind]
     assert difference(names.recorded(kind), current) == ""
+
+
+def test_every_public_module_is_listed():
+    """`wire` has a list of its own, `view` is a command, and `examples` are programs to copy."""
+    files = {path.stem for path in PACKAGE.iterdir() if path.suffix == ".py" or (path / "__init__.py").exists()}
+    assert sorted(name for name in files if not name.startswith("_")) == sorted([*MODULES, "examples", "view", "wire"])
+    promised = (ROOT / "docs/versions.md").read_text()
+    assert ", ".join(f"`{name}`" for name in MODULES) in promised
 
 
 def test_a_name_that_changes_or_disappears_is_reported():

@@ -1,4 +1,4 @@
-"""What planning scenes have and the daemon has not: it stays in `left_out` until nothing of it is missing."""
+"""Parts of planning scenes that were not applied stay in missing() until they are."""
 
 import shutil
 from types import SimpleNamespace as Message
@@ -117,15 +117,15 @@ def test_a_scene_that_does_not_reach_the_daemon_is_missing(bridge, monkeypatch):
 def test_octomaps_are_missing_until_a_whole_scene_has_none(bridge):
     follower = bridge.scene
     follower.on_scene(scene(octomap=[1, 2]))
-    assert "set_points()" in follower.left_out["octomap"]
+    assert "set_points()" in follower.left_out_fields["octomap"]
     assert [text.partition(":")[0] for text in bridge.report(0.5).stale] == ["octomap"]
     for harmless in (scene(), scene([thing("", REMOVE)]), scene([thing("octomap", primitives=[BOX])])):
         follower.on_scene(harmless)
-        assert "octomap" in follower.left_out
+        assert "octomap" in follower.left_out_fields
     follower.on_scene(scene(is_diff=False, octomap=[1]))
-    assert "octomap" in follower.left_out
+    assert "octomap" in follower.left_out_fields
     follower.on_scene(scene(is_diff=False))
-    assert not follower.left_out
+    assert not follower.left_out_fields
 
 
 @pytest.mark.parametrize("frame, is_taken", [
@@ -197,7 +197,7 @@ def test_pairs_that_a_later_matrix_revokes_are_asked_about_again(bridge):
     follower.on_scene(message)
     for harmless in (scene(), scene([thing("", REMOVE)])):
         follower.on_scene(harmless)
-        assert "allowed_collision_matrix" in follower.left_out, "not mended by one without"
+        assert "allowed_collision_matrix" in follower.left_out_fields, "not mended by one without"
 
 
 def grown(field, value, is_diff=True, **links):
@@ -211,17 +211,41 @@ def grown(field, value, is_diff=True, **links):
 def test_links_that_moveit_grows_are_missing(bridge, field, value, true):
     follower = bridge.scene
     follower.on_scene(grown(field, value, upper=true, flange=true - 0.1))
-    assert not follower.left_out, "the daemon's links are not smaller"
+    assert not follower.left_out_fields, "the daemon's links are not smaller"
     follower.on_scene(grown(field, value, upper=true + 0.01, flange=true))
-    assert follower.left_out[field].startswith(f"upper {true + 0.01:g}")
+    assert follower.left_out_fields[field].startswith(f"upper {true + 0.01:g}")
     follower.on_scene(grown(field, value, flange=true))
     follower.on_scene(scene([thing("", REMOVE)]))
-    assert field in follower.left_out, "the other link is as it was"
+    assert field in follower.left_out_fields, "the other link is as it was"
     assert bridge.report(0.5).least == -np.inf
     follower.on_scene(grown(field, value, flange=float("nan")))
-    assert "flange nan" in follower.left_out[field]
+    assert "flange nan" in follower.left_out_fields[field]
     follower.on_scene(grown(field, value, upper=true, flange=true))
-    assert not follower.left_out
+    assert not follower.left_out_fields
     follower.on_scene(grown(field, value, upper=true + 1))
-    follower.on_scene(grown(field, value, is_diff=False, flange=true))
-    assert not follower.left_out, "a whole scene has all of its links"
+    for whole in (scene(is_diff=False), grown(field, value, is_diff=False, flange=true)):
+        follower.on_scene(whole)
+        assert follower.left_out_fields[field].startswith("upper"), "a whole scene does not list the link"
+    follower.on_scene(grown(field, value, is_diff=False, upper=true))
+    assert not follower.missing()
+
+
+@pytest.mark.parametrize("name", ["link_padding", "link_scale", "allowed_collision_matrix", "octomap"])
+def test_an_object_may_have_the_name_of_a_field(bridge, name):
+    """Neither hides the other, and each is missing until it is mended itself."""
+    follower = bridge.scene
+    bad = scene([thing(name, planes=[PLANE])], names=["cup", "table"], octomap=[1])
+    bad.allowed_collision_matrix.entry_values.pop()
+    bad.link_padding = [Message(link_name="upper", padding=0.01)]
+    bad.link_scale = [Message(link_name="upper", scale=1.1)]
+    follower.on_scene(bad)
+    assert len(follower.missing()) == 5 and "planes are not supported" in follower.left_out[name]
+    mended = scene(names=["cup", "table"])
+    mended.link_padding = [Message(link_name="upper", padding=0.0)]
+    mended.link_scale = [Message(link_name="upper", scale=1.0)]
+    follower.on_scene(mended)
+    assert list(follower.left_out) == [name] and list(follower.left_out_fields) == ["octomap"]
+    assert bridge.report(0.5).stale == follower.missing()
+    follower.on_scene(bad)
+    follower.on_scene(scene([thing("", REMOVE)]))
+    assert not follower.left_out and len(follower.left_out_fields) == 4

@@ -54,20 +54,39 @@ def test_a_mesh_is_its_triangles(bridge):
     assert low <= 0.4 <= high and high - low < 1e-5
 
 
+CUBE = [triangle for a, b, c, d in (
+    (0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)
+) for triangle in ((a, b, c), (a, c, d))]  # fmt: skip
+PROBE = thing("probe", primitives=[(primitive(2, 0.1), pose(0.5, 0.5, 2.5))])
+
+
+def crate_of(triangles):
+    """A cube of 1 m, whose sides are some of these triangles; PROBE is in its centre."""
+    corners = [Message(x=x, y=y, z=z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
+    faces = [Message(vertex_indices=np.array(corner, dtype=np.uint32)) for corner in triangles]
+    return thing("crate", meshes=[(Message(vertices=corners, triangles=faces), pose(0, 0, 2))])
+
+
 def test_a_closed_mesh_is_solid(bridge):
     """A body within it overlaps; triangles alone would have it 0.4 m away, and free."""
-    corners = [Message(x=x, y=y, z=z) for x in (0.0, 1.0) for y in (0.0, 1.0) for z in (0.0, 1.0)]
-    sides = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
-    faces = [triangle for a, b, c, d in sides for triangle in ((a, b, c), (a, c, d))]
-    triangles = [Message(vertex_indices=np.array(face, dtype=np.uint32)) for face in faces]
-    probe = thing("probe", primitives=[(primitive(2, 0.1), pose(0.5, 0.5, 2.5))])
-    for crate, status in ((triangles, "OVERLAP"), (triangles[1:], "OK")):  # the second without a part of a side
-        mesh = thing("crate", meshes=[(Message(vertices=corners, triangles=crate), pose(0, 0, 2))])
-        bridge.scene.on_scene(scene([mesh, probe]))
+    for triangles, status in ((CUBE, "OVERLAP"), (CUBE[1:], "OK")):  # the second without a part of a side
+        bridge.scene.on_scene(scene([crate_of(triangles), PROBE]))
         assert not bridge.scene.left_out
         r = bridge.client.distances([("crate", "probe")])
         assert clearance.Status(r.status[0, 0]).name == status
     assert r.lower[0, 0] <= 0.4 <= r.upper[0, 0]
+
+
+def test_a_closed_mesh_with_a_flipped_triangle_is_left_out(bridge):
+    """As triangles, it would leave a body within it free."""
+    for k in range(len(CUBE)):
+        flipped = [triangle[::-1] if i == k else triangle for i, triangle in enumerate(CUBE)]
+        bridge.scene.on_scene(scene([crate_of(flipped), PROBE]))
+        assert "2 triangles with inconsistent orientations" in bridge.scene.left_out["crate"]
+        assert "crate" not in {body.name for body in bridge.client.bodies}
+        assert bridge.report(0.5).least == -math.inf
+    bridge.scene.on_scene(scene([crate_of(CUBE)]))
+    assert not bridge.report(0.5).stale
 
 
 def test_an_attached_object_follows_its_link_and_may_touch_its_fingers(bridge):
@@ -177,10 +196,10 @@ def test_a_matrix_that_is_not_square_is_left_out(bridge):
     message.allowed_collision_matrix.entry_values.pop()
     before = len(bridge.client.pairs)
     follower.on_scene(message)
-    assert "2 names need 2 rows of 2 values" in follower.left_out["allowed_collision_matrix"]
+    assert "2 names need 2 rows of 2 values" in follower.left_out_fields["allowed_collision_matrix"]
     assert len(bridge.client.pairs) == before
     follower.on_scene(scene(names=["table", "cup"], allowed={("cup", "table")}))
-    assert not follower.left_out and len(bridge.client.pairs) == before - 1
+    assert not follower.missing() and len(bridge.client.pairs) == before - 1
 
 
 def test_an_object_is_added_whole_or_not(bridge):

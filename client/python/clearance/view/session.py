@@ -113,8 +113,8 @@ class Session:
         return picture if poses is None else replace(picture, poses=poses)
 
     def make_cover(self) -> None:
-        """Makes the cover of one more body, or reads it from the cache."""
-        if self.uncovered and self.scene is not None:
+        """Makes the cover of one more body, or reads it from the cache. No-op until picture() adopts a change."""
+        if self.uncovered and self.scene is not None and self.front.scene_revision == self._revision:
             body = self.uncovered.pop(0)
             ids = {info.name: info.id for info in self.scene.bodies}
             self.covers[body] = cover_of(self.scene, ids[self.front.bodies[body].name])
