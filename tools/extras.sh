@@ -65,6 +65,8 @@ PYTHON
 run_wheels() {
   local native py310 abi3 client root
   tools/setup.sh tools/packages/install.txt
+  .venv/bin/python -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' ||
+    die "the native wheel is tried with Ubuntu 22.04's Python 3.11, but .venv has $(.venv/bin/python --version): remove .venv and set PYTHON=python3.11"
   CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
   native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
   py310=$(newest 'dist/clearance-*-cp310-cp310-*.whl') abi3=$(newest 'dist/clearance-*-abi3-*.whl')
