@@ -26,7 +26,8 @@ class DevicePlan;       // engine/device/query/device_plan.h
 
 namespace clearance::engine {
 
-/// When covers are made (engine/cover/cover.h), which speed up decisions and change no answer.
+/// When covers are made (engine/cover/cover.h), which speed up answers. An answer without them may be another proved
+/// interval within the tolerance, or unresolved.
 enum class Covers : std::uint8_t {
   kBackground,  ///< on a thread of lowest priority, after the engine is ready
   kOff,

@@ -21,7 +21,7 @@ extras=(
   "ros              2  ros client/python/clearance scenes/cell tests/install/try_ros.py tests/python/ros/ros_messages.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/engine/test_jax.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
   "torch           15  client/python/clearance/torch.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"
-  "viewer           5  client/python/clearance/view client/python/_clearance_programs.py tests/install/try_viewer.py"
+  "viewer           5  client/python/clearance/view client/python/_clearance_programs.py engine/cover engine/python/scene_bindings.cpp tests/install/try_viewer.py"
   "examples         3  client/examples client/python/clearance scenes/cell tools/packages/examples_requirements.txt"
   "site             3  docs mkdocs.yml tools/docs/site_*.* tools/docs/notebook.py client/python/clearance client/*.h engine/api wire/*.h wire/api"
   "ray              6  client/python/clearance client/examples/roadmap.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep_ray.py tests/python/sweep/sweeps.py"
@@ -65,6 +65,8 @@ PYTHON
 run_wheels() {
   local native py310 abi3 client root
   tools/setup.sh tools/packages/install.txt
+  .venv/bin/python -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' ||
+    die "the native wheel is tried with Ubuntu 22.04's Python 3.11, but .venv has $(.venv/bin/python --version): remove .venv and set PYTHON=python3.11"
   CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
   native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
   py310=$(newest 'dist/clearance-*-cp310-cp310-*.whl') abi3=$(newest 'dist/clearance-*-abi3-*.whl')

@@ -123,7 +123,7 @@ void BackgroundWorker::State::stop() {
 void BackgroundWorker::State::work() {
   std::unique_lock lock(mutex);
   thread_id = gettid();
-  work_last();
+  if (!is_stopping) work_last();  // stop() joins this thread, at the priority of its caller
   while (const auto task = is_stopping ? nullptr : next(0)) run(task, lock, true);
   is_running = false;
   thread_id = 0;

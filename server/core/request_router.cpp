@@ -1,7 +1,5 @@
 #include "server/core/request_router.h"
 
-#include <malloc.h>
-
 #include <algorithm>
 #include <string>
 #include <utility>
@@ -27,16 +25,6 @@ void work_in_background(RequestRouter& router, Request& request, std::uint64_t r
   const auto work = std::make_shared<Work>(context.answers, context.engine, request.header, request.take_payload());
   context.reply_in_background(request, request.bytes + reply_bytes,
                               [work](auto budget, std::uint64_t& ignored) { return work->advance(budget, ignored); });
-}
-
-/// Appends the bytes of the C library's heaps, large blocks included. A heap that grows while `used` does not is kept by
-/// the allocator, and is no leak.
-void append_heap(Stats::Named& counters) {
-#ifdef __GLIBC__
-  const struct mallinfo2 info = mallinfo2();
-  counters.emplace_back("heap.used_bytes", info.uordblks + info.hblkhd);
-  counters.emplace_back("heap.kept_bytes", info.fordblks);
-#endif
 }
 
 void certify(RequestRouter& on, Request& request) {
@@ -171,7 +159,7 @@ void RequestRouter::send_stats(Request& request) {
   context.reply(request, payload);
 }
 
-Stats::Named RequestRouter::counters() const {
+Stats::Named RequestRouter::counters() {
   const auto uptime = std::chrono::steady_clock::now() - started_;
   const std::uint64_t running = waiting(), deferred = queries.deferred().size();
   Stats::Named all{{"uptime_s", std::chrono::duration_cast<std::chrono::seconds>(uptime).count()},
@@ -180,7 +168,7 @@ Stats::Named RequestRouter::counters() const {
                    {"requests.waiting", running + deferred + scenes.waiting()},
                    {"plans.open", plans.count()},
                    {"plans.bytes", plans.bytes()}};
-  append_heap(all);
+  heaps_.append_to(all);
   context.stats.append_to(all);
   const auto engine = context.engine->stats();
   all.insert(all.end(), engine.begin(), engine.end());

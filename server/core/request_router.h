@@ -6,6 +6,7 @@
 #include <memory>
 #include <vector>
 
+#include "server/core/heap_counters.h"
 #include "server/core/plan_requests.h"
 #include "server/core/query_requests.h"
 #include "server/core/request_context.h"
@@ -32,7 +33,7 @@ class RequestRouter {
   void drop_gone();
   /// Queries under way.
   std::size_t waiting() const { return queries.small() + context.workers.size(); }
-  Stats::Named counters() const;
+  Stats::Named counters();
   std::size_t bodies() const { return context.engine->scene().bodies().size(); }
   std::size_t joints() const { return context.engine->scene().joints().size(); }
 
@@ -52,6 +53,7 @@ class RequestRouter {
   void dispatch(Request& request);
 
   const std::chrono::steady_clock::time_point started_ = std::chrono::steady_clock::now();
+  HeapCounters heaps_;
 };
 
 }  // namespace clearance

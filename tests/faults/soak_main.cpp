@@ -71,7 +71,8 @@ bool is_flat(const char* part, std::span<const Soak::Sample> samples, double (*k
 }
 
 double stat_kb(const Soak::Sample& sample, const char* name) {
-  return static_cast<double>(sample.stats.at(name)) / 1024;
+  const auto found = sample.stats.find(name);  // sanitized daemons do not count allocated bytes
+  return found == sample.stats.end() ? 0 : static_cast<double>(found->second) / 1024;
 }
 
 /// Tests the memory that the daemon has allocated, and its private memory outside of the heaps. Freed memory that the

@@ -143,7 +143,7 @@ def test_use_after_fork_is_refused(engine):
                     texts.append("no error")
                 except RuntimeError as error:
                     texts.append(str(error))
-            fresh = clearance.Engine(arm(), threads=1, covers="off")
+            fresh = clearance.Engine(arm(), threads=1)  # with a thread of its own for covers
             fresh.set_poses(ARM_POSES)
             texts.append(repr(float(fresh.distances(pairs=(1, 2)).upper[0, 0])))
             os.write(write, "\n".join(texts).encode())

@@ -257,7 +257,7 @@ def test_a_running_query_ends_with_its_scene():
 
 def test_changes_during_queries_and_updates(scene):
     """Threads that update and query their own bodies while the scene changes: no update is lost, no id is confused."""
-    engine = clearance.Engine(clearance.Scene.load(scene), threads=1, covers="off")
+    engine = clearance.Engine(clearance.Scene.load(scene), threads=1)  # covers come and go during the queries
     engine.add_body("first", sphere=0.01, pose=at(0, 50))
     owners = ["cup", "own0", "own1"]
     for i, name in enumerate(owners[1:]):

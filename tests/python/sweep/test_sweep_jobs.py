@@ -17,7 +17,7 @@ from clearance.sweep._plan import _space, _spec
 from clearance.sweep._scenes import pack, unpack
 from clearance.sweep._work import Worker, answer
 from patience import PATIENCE_S
-from sweeps import arm_job
+from sweeps import arm_job, motion_job
 
 EDGES = {"edges": {"of": {"uniform": {"count": 50}}, "nearest": 3}}
 
@@ -264,6 +264,42 @@ def test_bits_of_rows_depend_neither_on_covers_nor_on_the_batch(tmp_path, urdf):
         np.testing.assert_array_equal(bits_of(engine, spec, index[7:8]), first[7:8])
         differs = (bits_of(with_covers, spec, index) != first).any()
         assert differs == bool(tolerance), "covers answer at wide tolerances alone"
+
+
+def test_rows_of_validity_have_all_covers(tmp_path, urdf):
+    made = motion_job(tmp_path, urdf, parts=1, part_rows=400, margin=0.03, max_evaluations=1)
+    job = Job.from_dict({**made, "answer": "validity"}, tmp_path)
+    packed, index = pack(clearance.Scene.load(tmp_path / "scene.yaml")), np.arange(400)
+    without = clearance.Engine(unpack(packed), threads=1, covers="off")
+    space = _space(job, without)
+    spec = _spec(job, job.rows.rows(space, tmp_path), space, tmp_path)
+    worker = Worker(spec, packed).engine
+    first = answer(worker, spec, index)
+    assert worker.stats()["engine.covers"] > 0 and worker.wait_covers(0)
+    assert (first["free"] != answer(without, spec, index)["free"]).sum() > 10, "covers decide what is unresolved"
+    for rows in (index, index[7:8]):
+        again = answer(worker, spec, rows)
+        for name, column in again.items():
+            np.testing.assert_array_equal(column, first[name][rows], err_msg=name)
+
+
+@pytest.mark.parametrize("keys, states", [({}, 256), ({"answer": "least"}, 3)])
+def test_few_states_of_validity_are_enough_for_covers(tmp_path, urdf, monkeypatch, keys, states):
+    job = Job.from_dict(arm_job(tmp_path, urdf, **keys), tmp_path)
+    packed = pack(clearance.Scene.load(tmp_path / "scene.yaml"))
+    engine = clearance.Engine(unpack(packed), threads=1, covers="off")
+    space, counts, distances = _space(job, engine), [], engine.distances
+
+    def counting(**requested):
+        counts.append(len(requested["configurations"]))
+        return distances(**requested)
+
+    monkeypatch.setattr(engine, "distances", counting)
+    spec = _spec(job, job.rows.rows(space, tmp_path), space, tmp_path)
+    few, all_rows = answer(engine, spec, np.arange(5, 8)), answer(engine, spec, np.arange(300))
+    assert counts == [states, 300]
+    for name, column in few.items():
+        np.testing.assert_array_equal(column, all_rows[name][5:8], err_msg=name)
 
 
 def bits_of(engine, spec, index):

@@ -23,8 +23,11 @@ from ._scenes import Packed, unpack
 
 _AT_ONCE = {False: 4096, True: 512}  # configurations, motions per query; more only need more memory
 _NAMED = 3  # differences listed in an error
-#: From these tolerances on, covers answer states, so that bits depend on the moment at which covers are made.
+#: From these tolerances on, covers answer states of `least`: bits depend on the moment at which covers are made.
 _BY_COVERS = {"abs_tol": 1e-4, "rel_tol": 1e-3}
+_COVERS_WITHIN_S = 3600.0  # a minute for a robot of meshes, on an idle core
+#: States from which on covers decide queries of at most so many pairs; those of more need a full block.
+_DECIDED, _FEW_PAIRS = 256, 4096
 
 
 @dataclass(frozen=True)
@@ -109,13 +112,17 @@ class Worker:
 
     def __init__(self, spec: Spec, packed: Packed):
         self.spec = spec
+        decides = spec.requested["reduce"] == "any"
         is_wide = any(spec.requested.get(name, 0.0) >= least for name, least in _BY_COVERS.items())
         self.engine = Engine(
             unpack(packed),
             backend=spec.backend,  # type: ignore[arg-type]
             threads=spec.threads,
-            covers="off" if is_wide and not spec.rows.motions else "background",
+            covers="off" if is_wide and not decides else "background",
         )
+        # Covers may decide rows that the exact engine leaves unresolved.
+        if decides and not self.engine.wait_covers(_COVERS_WITHIN_S):
+            raise ClearanceError(f"covers are not made after {_COVERS_WITHIN_S:.0f} s")
 
     def perform(self, task: Task) -> Outcome:
         """Executes a task. Returns errors instead of raising them, since they would occur on every worker."""
@@ -141,7 +148,7 @@ class Worker:
 
 
 def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
-    """Returns the flat columns of some rows, which depend only on these rows."""
+    """Returns the flat columns of some rows, which depend only on these rows if the engine has all covers or none."""
     at_once = _AT_ONCE[spec.rows.motions]
     blocks = [_block(engine, spec, index[i : i + at_once]) for i in range(0, len(index), at_once)]
     return {name: np.concatenate([block[name] for block in blocks]) for name in blocks[0]}
@@ -149,9 +156,11 @@ def answer(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
 
 def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarray]:
     rows = spec.rows.at(index)
+    count = len(index)
+    evaluated = np.concatenate([rows, np.repeat(rows[:1], _states_missing(engine, spec, count), axis=0)])
     fields = ["verdict" if name == "free" else name for name in spec.columns]
     requested = {**spec.requested, "fields": list(dict.fromkeys(fields))}
-    moving = rows.reshape(*rows.shape[:-1], -1, 7) if "bodies" in requested else rows
+    moving = evaluated.reshape(*evaluated.shape[:-1], -1, 7) if "bodies" in requested else evaluated
     if spec.rows.motions:
         result = engine.motions(moving[:, 0], moving[:, 1], **requested)
     else:
@@ -163,10 +172,18 @@ def _block(engine: Engine, spec: Spec, index: np.ndarray) -> dict[str, np.ndarra
         column = result.verdict == Status.BEYOND if name == "free" else getattr(result, name)
         if column.dtype.kind == "f":
             column = np.where(np.isnan(column), np.nan, column)  # backends can differ in the bits of NaN
-        flat = column.reshape(len(index), -1)
+        flat = column[:count].reshape(count, -1)
         names = columns_of(name, column.shape[1:])
         columns.update((each, np.ascontiguousarray(flat[:, i])) for i, each in enumerate(names))
     return columns
+
+
+def _states_missing(engine: Engine, spec: Spec, count: int) -> int:
+    """Returns how many more states a query needs, so that covers decide a state in any part and any check."""
+    if spec.rows.motions or spec.requested["reduce"] != "any" or count == _AT_ONCE[False]:
+        return 0
+    bodies = len(engine.bodies)
+    return max(0, (_DECIDED if bodies * (bodies - 1) // 2 <= _FEW_PAIRS else _AT_ONCE[False]) - count)
 
 
 def _positions(rows: np.ndarray, motions: bool) -> Iterator[tuple[str, np.ndarray]]:
