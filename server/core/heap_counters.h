@@ -17,8 +17,8 @@ class HeapCounters {
     std::uint64_t used = 0, kept = 0;
   };
 
-  /// Appends "heap.used_bytes" and "heap.kept_bytes", at most a second old, or nothing if the allocator has no counters
-  /// (sanitizers).
+  /// Appends "heap.used_bytes" and "heap.kept_bytes", at most a second old, or nothing without the environment variable
+  /// CLEARANCE_HEAP_COUNTERS, and where the allocator has no counters (sanitizers).
   void append_to(Stats::Named& counters);
 
  private:

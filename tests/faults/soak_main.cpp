@@ -1,6 +1,7 @@
 // clearance-soak: random faults of all kinds while clients check every bit; writes its observations as CSV.
 #include <CLI/CLI.hpp>
 #include <cstdio>
+#include <cstdlib>
 #include <exception>
 #include <fstream>
 #include <iostream>
@@ -160,6 +161,7 @@ int main(int argc, char** argv) {
       ->capture_default_str();
   app.add_option("--csv", o.csv, "where to write what was seen; default: standard output")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
+  setenv("CLEARANCE_HEAP_COUNTERS", "1", 1);  // for the daemons that this process starts
   std::setvbuf(stdout, nullptr, _IOLBF, 0);  // line-buffered, so that errors also reach a file immediately
   try {
     return clearance::faults::soak(o);
