@@ -162,7 +162,7 @@ int main(int argc, char** argv) {
   app.add_option("--csv", o.csv, "where to write what was seen; default: standard output")->type_name("FILE");
   CLI11_PARSE(app, argc, argv);
   setenv("CLEARANCE_HEAP_COUNTERS", "1", 1);  // for the daemons that this process starts
-  std::setvbuf(stdout, nullptr, _IOLBF, 0);  // line-buffered, so that errors also reach a file immediately
+  std::setvbuf(stdout, nullptr, _IOLBF, 0);   // line-buffered, so that errors also reach a file immediately
   try {
     return clearance::faults::soak(o);
   } catch (const std::exception& error) {

@@ -181,7 +181,7 @@ TEST(ClientMemory, ClientsThatAreGoneLeaveNoneAllocated) {
   GTEST_SKIP() << "the allocator has no counters";
 #endif
   setenv("CLEARANCE_HEAP_COUNTERS", "1", 1);  // for this test's daemon
-  constexpr int kClients = 300;  // more than the idle clients that the daemon's queues keep
+  constexpr int kClients = 300;               // more than the idle clients that the daemon's queues keep
   const Exam exam(kScene, 1);
   const Arena arena;
   Client counters = patient(arena.zmq());
