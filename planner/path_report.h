@@ -111,8 +111,8 @@ PathCheck check_state(Source& engine, const Query& path, const State& state) {
 /// Pairs of a path: those that have depths, then those of a cloud, which have none.
 /// \param state any of the path
 template <class Source>
-std::array<std::vector<IdPair>, 2> pairs_by_depth(Source& engine, const Query& path, const State& state) {
-  const SceneInfo& scene = engine.scene();
+std::array<std::vector<IdPair>, 2> pairs_by_depth(Source& engine, const SceneInfo& scene, const Query& path,
+                                                  const State& state) {
   const auto is_cloud = [&](std::uint32_t body) { return body < scene.bodies.size() && scene.bodies[body].is_cloud; };
   std::array<std::vector<IdPair>, 2> found;
   const Query at_state{.pairs = path.pairs,
@@ -160,27 +160,37 @@ inline PathPoint grown(PathPoint point, double growth) {
   return point;
 }
 
-/// The deepest of some states, or the nearest if none is an overlap.
+/// The deepest of some states, or the nearest if none is an overlap. Throws std::runtime_error without pairs.
 /// \param times of the states, in motion `index`
 template <class Source>
 PathPoint deepest(Source& engine, const Query& path, std::uint64_t index, std::span<const State> states,
                   std::span<const double> times) {
-  const auto groups = pairs_by_depth(engine, path, states[0]);
   std::optional<PathPoint> found;
-  for (const bool has_depths : {true, false}) {
-    Query query = path;
-    query.pairs = groups[has_depths ? 0 : 1];
-    if (query.pairs.empty()) continue;
+  const auto search = [&](const Query& query, bool has_depths) {
     const Result r = distances(engine, query, states, has_depths);
     const std::size_t each = r.rows() / states.size();
     for (std::size_t k = 0; k < r.rows(); ++k) {
+      if (r.pair()[k][0] == kNone) continue;
       const State& state = states[k / each];
       PathPoint other =
           grown(point(r, k, index, times[k / each], state.positions), state.growth(path.bodies, r.pair()[k]));
-      if (!found || other.upper < found->upper || std::isnan(found->upper)) found = std::move(other);
+      if (!found || other.upper < found->upper || (std::isnan(found->upper) && !std::isnan(other.upper)))
+        found = std::move(other);
+    }
+  };
+  const SceneInfo& scene = engine.scene();
+  if (std::none_of(scene.bodies.begin(), scene.bodies.end(), [](const BodyInfo& body) { return body.is_cloud; })) {
+    search(path, true);
+  } else {
+    const auto groups = pairs_by_depth(engine, scene, path, states[0]);
+    Query query = path;
+    for (const bool has_depths : {true, false}) {
+      query.pairs = groups[has_depths ? 0 : 1];
+      if (!query.pairs.empty()) search(query, has_depths);
     }
   }
-  return *found;
+  if (!found) throw std::runtime_error("explain_path: the path has no pairs in this scene");
+  return *std::move(found);
 }
 
 /// Describes the first contact, at time `within` of the motion that is not free, and the deepest state from there on.
@@ -209,8 +219,8 @@ void describe_hit(Source& engine, const Query& path, double within, PathReport& 
 /// Bodies may move and grow meanwhile: the bounds are those of grown bodies, the witness points of bodies without growth,
 /// and a depth that growth alone makes has a lower bound of -inf.
 ///
-/// Throws std::invalid_argument unless the path has two waypoints of joints or more, and otherwise as check_path() and
-/// motions() do.
+/// Throws std::invalid_argument unless the path has two waypoints of joints or more, std::runtime_error if a change of
+/// the scene meanwhile leaves the path no pairs, and otherwise as check_path() and motions() do.
 /// \param engine an Engine or a Client
 /// \param path as of check_path(): (N, J) positions of `joints`, waypoints or control points, with as many poses and
 /// growths of `bodies`

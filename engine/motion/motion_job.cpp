@@ -23,7 +23,8 @@ constexpr std::uint32_t kOfVerdict = kFieldVerdict | kFieldConfiguration;
 constexpr std::uint32_t kOfFree = kOfVerdict | kFieldUpper | kFieldStatus | kFieldFlags | kFieldPair | kFieldPairLower |
                                   kFieldTime | kFieldFirstContact;
 
-/// The exact search of a worker's motions that covers leave open. Of most pairs it needs no bounds.
+/// The exact search of a worker's motions that covers leave open, each with its open pairs: of most pairs it needs no
+/// bounds.
 struct OpenMotions {
   /// The references must outlive this.
   OpenMotions(const engine::Scene& scene, const Plan& plan, const EvaluateOptions& options, std::span<const Aabb> boxes,
@@ -116,7 +117,7 @@ class MotionJob final : public ParallelJob {
     std::uint8_t& has_begun = has_begun_[static_cast<std::size_t>(worker)];
     if (!has_begun && !begin(first_ + unit * block_, count, worker, meter)) return true;
     has_begun = true;
-    MotionBlock& block = deciders_.empty() ? exact_block(worker) : open_motions(worker).block;
+    MotionBlock& block = takes_open_pairs() ? open_motions(worker).block : exact_block(worker);
     if (!block.advance(meter)) return false;
     has_begun = false;
     evaluated_.fetch_add(block.end(rows_[unit]), std::memory_order_relaxed);
@@ -128,6 +129,9 @@ class MotionJob final : public ParallelJob {
     std::call_once(exact_made_, [&] { exact_.emplace(scene(), plan_, options_, boxes(), workers()); });
     return exact_->blocks[static_cast<std::size_t>(worker)];
   }
+
+  // Whether the exact search gets the open pairs of a motion: a row needs all of its pairs.
+  bool takes_open_pairs() const { return !deciders_.empty() && needs_no_row_; }
 
   // Likewise, of a worker's motions that covers leave open.
   OpenMotions& open_motions(int worker) {
@@ -158,7 +162,10 @@ class MotionJob final : public ParallelJob {
         left.push_back({k, {decider->open().begin(), decider->open().end()}});
     }
     meter.count(count * kUnitsPerDecision);
-    if (!left.empty()) open_motions(worker).begin(left, meter);
+    if (!left.empty() && takes_open_pairs())
+      open_motions(worker).begin(left, meter);
+    else if (!left.empty())
+      exact_block(worker).begin(left, meter);
     return !left.empty();
   }
 

@@ -89,7 +89,8 @@ std::unique_ptr<Planner> JobPool::take_plan(const QueryView& query,
   const std::lock_guard lock(mutex_);
   const bool fits = planned_ && is_of(planned_for_, snapshot) &&
                     planned_->plan().query.configuration_count == query.configuration_count;
-  if (!fits) return nullptr;
+  if (!fits) planned_.reset();
+  if (!planned_) return nullptr;
   planned_->plan().take_configurations(query);
   planned_->plan().snapshot = snapshot;
   return std::move(planned_);
@@ -100,6 +101,7 @@ void JobPool::put_back(std::unique_ptr<Job::State> job) {
   if (job->kept_for.expired()) return;
   const std::lock_guard lock(mutex_);
   std::erase_if(jobs_, [](const std::unique_ptr<Job::State>& kept) { return kept->kept_for.expired(); });
+  if (planned_for_.expired()) planned_.reset();
   if (jobs_.size() == most_) jobs_.erase(jobs_.begin());
   try {
     jobs_.push_back(std::move(job));

@@ -147,6 +147,7 @@ MOTION_MUTANTS = [
             "grown = double{bodies_[pair.a].grown} + @bodies_[pair.b].grown@",
             "1.01 * bodies_[pair.b].grown",
         ),
+        ("covered_growth_sign", "decision/kernel/placed_balls.h", "return shrink + @grown@ - 0x1p-21f", "-grown"),
         ("covered_growth_in_span", "decision/given_motions.cpp", "@spans_[body].growth@ * half", "0.0"),
     ),
 ]

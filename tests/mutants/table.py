@@ -224,6 +224,11 @@ MUTANTS = [
         "batches SurfaceBatches.*",
         ("remembers", "mesh_distance/element_search.h", "known_ = {}", "known_ = {.are_apart = known_.are_apart}"),
     ),
+    # Jobs that answer again.
+    *mutants_of(
+        "held_jobs",
+        ("held_snapshot", "engine.cpp", "snapshot = @impl_->poses.same(state.kept_for)@;", "state.kept_for.lock()"),
+    ),
     *COVER_MUTANTS,
     *MOTION_MUTANTS,
     *DECISION_MUTANTS,

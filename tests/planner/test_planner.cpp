@@ -2,7 +2,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
+#include <stdexcept>
 #include <string>
 #include <vector>
 
@@ -271,6 +273,53 @@ TEST(PathReport, FindsTheFirstContactAndTheDepth) {
     contact.positions = report.contact->positions;
     contact.control_points = 2;
     EXPECT_FALSE(cell.engine.check(contact).free[0]);
+  }
+}
+
+/// An engine that counts its lists of pairs.
+struct CountedLists {
+  const Engine& engine;
+  int lists = 0;
+  SceneInfo scene() const { return engine.scene(); }
+  Result distances(const Query& query) const { return engine.distances(query); }
+  Result motions(const Query& query) const { return engine.motions(query); }
+  PathCheck check_path(const Query& query) const { return engine.check_path(query); }
+  std::vector<IdPair> pairs(const Query& query) {
+    ++lists;
+    return engine.pairs(query);
+  }
+};
+
+TEST(PathReport, ListsNoPairsInASceneWithoutClouds) {
+  Cell cell;
+  States path = cell.turned(0);
+  const States end = cell.turned(0.9);
+  path.insert(path.end(), end.begin(), end.end());
+  const Query query{.joints = cell.joints.ids, .positions = path, .margin = 0.02};
+  CountedLists counted{cell.engine};
+  const PathReport without = explain_path(counted, query);
+  EXPECT_EQ(counted.lists, 0);
+  EXPECT_LT(without.nearest.upper, 0);
+  const std::vector<std::array<float, 3>> points{{9, 9, 9}};
+  cell.engine.add_body({.name = "seen", .is_static = true, .points = points});
+  const PathReport with = explain_path(counted, query);
+  EXPECT_GT(counted.lists, 0);
+  EXPECT_EQ(with.nearest.pair, without.nearest.pair);
+  EXPECT_EQ(with.nearest.upper, without.nearest.upper);
+  EXPECT_EQ(with.contact->t, without.contact->t);
+}
+
+TEST(PathReport, APathThatLosesItsPairsHasNoDeepestState) {
+  Cell cell;
+  States path = cell.turned(0);
+  path.insert(path.end(), cell.start.begin(), cell.start.end());
+  const Query query{.all_pairs = false, .joints = cell.joints.ids, .positions = path};
+  const std::vector<path_report::State> states{{query, 0, 0}};
+  const std::vector<double> times{0};
+  for (const bool has_cloud : {false, true}) {
+    const std::vector<std::array<float, 3>> points{{9, 9, 9}};
+    if (has_cloud) cell.engine.add_body({.name = "seen", .is_static = true, .points = points});
+    EXPECT_THROW(path_report::deepest(cell.engine, query, 0, states, times), std::runtime_error);
   }
 }
 

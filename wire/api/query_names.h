@@ -1,6 +1,8 @@
 // Names of the ids in a query, by which a prepared query notices that ids have another meaning.
 #pragma once
 
+#include <array>
+#include <charconv>
 #include <cstdint>
 #include <string>
 #include <utility>
@@ -21,7 +23,14 @@ struct IdName {
   }
   std::string text() const {
     if (!is_joint || name.empty()) return name;
-    return name + " from " + std::to_string(limits.lower) + " to " + std::to_string(limits.upper);
+    return name + " from " + exact_text(limits.lower) + " to " + exact_text(limits.upper);
+  }
+
+ private:
+  // The shortest text that only this number has: limits that differ at all are other limits.
+  static std::string exact_text(double x) {
+    std::array<char, 32> text;
+    return {text.data(), std::to_chars(text.data(), text.data() + text.size(), x).ptr};
   }
 };
 

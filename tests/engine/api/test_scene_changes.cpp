@@ -1,10 +1,12 @@
 // Changes of the scene of an engine by its installed interface.
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <string>
 #include <vector>
 
 #include "engine/api/engine.h"
+#include "wire/api/query_names.h"
 
 namespace clearance {
 namespace {
@@ -42,6 +44,24 @@ TEST(SceneChanges, BodiesAreAddedReshapedAndRemoved) {
   engine.add_body({.name = "ball", .sphere = 0.125, .parent = 1, .pose = pose_at(-1)});
   EXPECT_FALSE(ball.is_stale());  // the id has its meaning again
   EXPECT_NEAR(ball.run().distance()[0], 0.375, 1e-6);
+}
+
+TEST(SceneChanges, ANameShowsEveryDigitOfItsLimits) {
+  const std::vector<std::uint32_t> ids{0};
+  const Query query{.joints = ids};
+  const SceneInfo scene;
+  const auto up_to = [](double upper) {
+    JointsInfo joints;
+    joints.joints.emplace_back();
+    joints.joints[0].name = "r/x";
+    joints.joints[0].lower = -0.1;
+    joints.joints[0].upper = upper;
+    return joints;
+  };
+  const QueryNames names = names_in(query, scene, up_to(1));
+  EXPECT_EQ(changed_name(names, query, scene, up_to(1)), "");
+  EXPECT_EQ(changed_name(names, query, scene, up_to(std::nextafter(1, 2))),
+            "the joint \"r/x from -0.1 to 1\" is now \"r/x from -0.1 to 1.0000000000000002\": prepare it again");
 }
 
 TEST(SceneChanges, ErrorsNameTheirCauseAndChangeNothing) {

@@ -37,6 +37,24 @@ TEST(HeldJobs, TakeOnlyConfigurationsThatFit) {
   EXPECT_FALSE(engine.has_job(two, held.pool));
 }
 
+// The snapshot of the last answer is not the present one, though another query still holds it.
+TEST(HeldJobs, AnswerForNoOldSnapshotThatAnotherQueryHolds) {
+  const Arm arm(1);
+  engine::Engine engine(arm.scene, {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+  const QueryView q = arm.query();
+  Held held;
+  const Answer first = held.answer(engine, q);
+  ASSERT_TRUE(held.job);
+  const PreparedQuery holds = engine.prepare(q);
+  const BodyPose moved{arm.scene.find_body("ball"), Pose{{0.3, 0.1, 0.4}}};
+  engine.set_poses({&moved, 1});
+  const Answer second = held.answer(engine, q);
+  EXPECT_EQ(held.again, 0u);
+  EXPECT_LT(first.info.snapshot_revision, second.info.snapshot_revision);
+  EXPECT_EQ(second.info.snapshot_revision, engine.pose_revision());
+  expect_same(second, evaluate(engine, q));
+}
+
 // Each answer is of poses as they are during its call, and never of earlier ones than the answer before.
 TEST(HeldJobs, OfThreadsFollowThePoses) {
   constexpr int kThreads = 3, kPoses = 200;

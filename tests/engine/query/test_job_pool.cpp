@@ -3,6 +3,7 @@
 
 #include <algorithm>
 #include <array>
+#include <chrono>
 #include <cmath>
 #include <functional>
 #include <map>
@@ -243,6 +244,29 @@ TEST(JobPool, PlansMadeAheadGiveTheBitsOfNewOnes) {
   const std::vector<std::uint32_t> unknown{1000};
   wrong.joints = unknown;
   EXPECT_THROW(ahead(wrong, nullptr), engine::QueryError);
+}
+
+// A plan goes once a job of another number of configurations comes first.
+TEST(JobPool, PlansMadeAheadServeTheFirstJobOrNone) {
+  const Arm arm(3);
+  const PoseStore store(arm.scene, std::chrono::seconds(1));
+  const std::shared_ptr<const PoseSnapshot> snapshot = store.snapshot();
+  QueryView one = arm.query(), three = one, ahead = one;
+  three.configuration_count = 3;
+  three.positions = arm.positions;
+  ahead.positions = {};
+  JobPool pool;
+  const auto keep = [&] {
+    auto planner = std::make_unique<Planner>(ahead, *snapshot->scene, snapshot, 1'000'000, false);
+    WorkMeter unlimited;
+    ASSERT_TRUE(planner->advance(unlimited));
+    pool.keep_plan(std::move(planner));
+  };
+  keep();
+  EXPECT_TRUE(pool.take_plan(one, snapshot));
+  keep();
+  EXPECT_FALSE(pool.take_plan(three, snapshot));
+  EXPECT_FALSE(pool.take_plan(one, snapshot));
 }
 
 TEST(JobPool, WhatDependsOnTheClockIsNotKept) {

@@ -141,6 +141,40 @@ def test_a_cloud_is_named_and_has_no_depth(front, joints, home):
     assert cloud in beyond.contact.pair and beyond.nearest.upper < 0 and cloud not in beyond.nearest.pair
 
 
+def test_a_cloud_without_a_pose_hides_no_depth(front, joints, home):
+    path = turned(home, -0.4, 0.0, 0.75, 1.0)
+    without = front.explain_path(path, joints, margin=MARGIN)
+    front.add_body("seen", points=np.zeros((1, 3)), radius=0.02)  # which has no pose yet
+    pairs = [("arm", "*"), ("arm", "seen")]
+    for listed in (None, pairs):
+        hit = front.explain_path(path[1:], joints, listed, margin=MARGIN)
+        assert hit.check.hit and hit.nearest.upper < 0
+        assert hit.nearest.pair == without.nearest.pair and hit.nearest.upper == without.nearest.upper
+
+
+def test_pairs_are_listed_only_for_clouds(front, joints, home, monkeypatch):
+    listed = []
+
+    def noted(*args, pairs=None, **options):
+        listed.append(pairs)
+        return distances(*args, pairs=pairs, **options)
+
+    distances = front.distances
+    monkeypatch.setattr(front, "distances", noted)
+    assert front.explain_path(turned(home, 0.0, 0.75), joints, margin=MARGIN).contact is not None
+    assert listed[0] is None and len(listed) == 2  # of the deepest state, then of the contact
+    front.add_body("seen", points=np.full((1, 3), 9.0), static=True)
+    assert front.explain_path(turned(home, 0.0, 0.75), joints, margin=MARGIN).contact is not None
+    assert listed[2] is not None
+
+
+def test_a_path_that_loses_its_pairs(front, joints, home, monkeypatch):
+    distances = front.distances
+    monkeypatch.setattr(front, "distances", lambda **options: distances(**{**options, "pairs": []}))
+    with pytest.raises(RuntimeError, match="no pairs in this scene"):
+        front.explain_path(turned(home, 0.0, 0.75), joints, margin=MARGIN)
+
+
 def test_bad_input_names_the_argument(front, joints, home):
     for path in (None, "x", 3, home, [home], [home[:2], home[:2]]):
         with pytest.raises((TypeError, ValueError), match="path: "):

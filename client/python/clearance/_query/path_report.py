@@ -11,6 +11,7 @@ import numpy as np
 
 from .._joints import JointsRef
 from .._names import Margin, Pairs
+from .._words import NONE
 from .meanwhile import BodyPath, Meanwhile, meanwhile_of, pose_between, to_body_paths
 from .path import PathCheck
 from .result import Result
@@ -155,30 +156,36 @@ def _deepest(front: Any, motions: _Motions, index: int, times: list[float], comm
     """Returns the deepest of some states of a motion, or the nearest if none is an overlap."""
     states, joints = motions.at(index, times), common["joints"]
     found = []
-    for pairs, has_depths in zip(_pairs_by_depth(front, motions, common), (True, False)):
-        if len(pairs):
-            of = {"pairs": pairs, "joints": joints, "signed_distance": has_depths, "fields": _POINT_FIELDS}
-            r = front.distances(**states, reduce="none" if motions.growths is not None else "min", **of)
+    for pairs, has_depths in _pairs_by_depth(front, motions, common):
+        of = {"pairs": pairs, "joints": joints, "signed_distance": has_depths, "fields": _POINT_FIELDS}
+        r = front.distances(**states, reduce="none" if motions.growths is not None else "min", **of)
+        if (r.pair != NONE).any():
             found.append(_deepest_of(r, motions, index, times))
+    if not found:
+        raise RuntimeError("explain_path: the path has no pairs in this scene")
     return min(found, key=lambda point: math.inf if math.isnan(point.upper) else point.upper)
 
 
-def _pairs_by_depth(front: Any, motions: _Motions, common: dict[str, Any]) -> tuple[np.ndarray, np.ndarray]:
-    """Returns (P, 2) pairs of a path that have depths, and those of a cloud, which have none."""
+def _pairs_by_depth(front: Any, motions: _Motions, common: dict[str, Any]) -> list[tuple[Pairs, bool]]:
+    """Returns pairs of a path, and whether they have depths: pairs of a cloud have none."""
     names, pairs = front._names, common["pairs"]
+    clouds = [body.id for body in names.bodies if body.is_cloud]
+    if not clouds:
+        return [(pairs, True)]
     table = front._table(
         None if pairs is None else names.pairs_array(pairs),
         None if motions.bodies is None else names.bodies_array(list(motions.bodies), "meanwhile"),
         front.joints(common["joints"]).ids,
     )
-    is_of_cloud = np.isin(table, [body.id for body in names.bodies if body.is_cloud]).any(axis=1)
-    return table[~is_of_cloud], table[is_of_cloud]
+    is_of_cloud = np.isin(table, clouds).any(axis=1)
+    return [(part, has) for part, has in ((table[~is_of_cloud], True), (table[is_of_cloud], False)) if len(part)]
 
 
 def _deepest_of(r: Result, motions: _Motions, index: int, times: list[float]) -> PathPoint:
-    """Returns the deepest row of an answer for some states of a motion."""
+    """Returns the deepest row of an answer for some states of a motion, or the first if all bounds are NaN."""
     grown = motions.grown(r, index, times)
-    k = np.unravel_index(np.nanargmin(r.upper if grown is None else r.upper - grown), r.upper.shape)
+    uppers = r.upper if grown is None else r.upper - grown
+    k = np.unravel_index(np.argmin(np.where(np.isnan(uppers), math.inf, uppers)), uppers.shape)
     t = times[k[0]]
     point = _point(r, k, index, t, _at(motions.curves[index], t))
     if grown is None or grown[k] == 0:
