@@ -29,7 +29,7 @@ enum Flag : std::uint16_t {
   kFlagNonsmooth = 1 << 3,           ///< witness points are not unique; the gradient is one of several
   kFlagPieces = 1 << 4,              ///< a body of several convex parts overlaps: the depth is a lower bound
   kFlagIncomplete = 1 << 5,          ///< a reduced group contains a bad or missing pose
-  kFlagUncertaintyLimited = 1 << 6,  ///< uncertainty alone exceeds the tolerance
+  kFlagUncertaintyLimited = 1 << 6,  ///< uncertainty widens the interval beyond the tolerance
   kFlagBeyondLimits = 1 << 7,        ///< a joint that places one of the bodies is beyond its limits
   kFlagHalfTurn = 1 << 8,            ///< a body turns by nearly half a turn: its direction of rotation is ambiguous
 };

@@ -147,8 +147,10 @@ CLEARANCE_HD inline void decide(const NarrowLimits& limits, double lower, double
   }
   if (!converged && is_at_rounding(width, rounding())) answer.flags |= kFlagRoundingLimited;
   const double size = true_lower > 0 ? true_upper : overlap ? true_lower : 0;
+  // Parts may have converged to what slack leaves beyond the tolerance.
+  const double of_slack = slack.inner + slack.outer, all = answer.upper - answer.lower;
   if (slack.any() && !(overlap && !limits.signed_distance) &&
-      !is_narrow(slack.inner + slack.outer, size, limits.abs_tol, limits.rel_tol))
+      !is_narrow(converged && all > of_slack ? all : of_slack, size, limits.abs_tol, limits.rel_tol))
     answer.flags |= kFlagUncertaintyLimited;
 }
 

@@ -2,6 +2,7 @@
 #include <algorithm>
 #include <cmath>
 
+#include "engine/narrow/answer.h"
 #include "tests/engine/engine_test.h"
 
 namespace clearance::test {
@@ -25,6 +26,29 @@ engine::Scene uncertain_scene(int count, double box, std::uint64_t seed) {
 void expect_near(double a, double b) {
   if (a != b) {  // equal infinities pass
     EXPECT_NEAR(a, b, 1e-6);
+  }
+}
+
+// A slack within the tolerance, and parts within the tolerance, that exceed it together.
+TEST(Decide, WiderThanItsToleranceARowThatConvergedHasTheFlagOfItsSlack) {
+  NarrowLimits limits;
+  limits.abs_tol = 1e-4;
+  limits.rel_tol = 0;
+  const auto decided = [&](double width, const Slack& slack) {
+    PairAnswer answer = beyond_answer(0);
+    decide(limits, 2, 2 + width, [] { return 0.0; }, answer, slack);
+    return answer;
+  };
+  for (const Slack& slack : {Slack{8e-5, 0}, Slack{0, 8e-5}, Slack{4e-5, 4e-5}}) {
+    const PairAnswer wide = decided(3e-5, slack), narrow = decided(1e-5, slack), open = decided(2e-4, slack);
+    EXPECT_EQ(wide.status, Status::kOk);
+    EXPECT_GT(wide.upper - wide.lower, limits.abs_tol);
+    EXPECT_EQ(wide.flags, kFlagUncertaintyLimited);
+    EXPECT_EQ(narrow.status, Status::kOk);
+    EXPECT_LE(narrow.upper - narrow.lower, limits.abs_tol);
+    EXPECT_EQ(narrow.flags, 0);
+    EXPECT_EQ(open.status, Status::kUnconverged);
+    EXPECT_EQ(open.flags, 0);
   }
 }
 

@@ -153,7 +153,8 @@ int main(int argc, char** argv) {
   app.add_option("--edges", o.edges, "likewise, so many edges: motions that are decided")
       ->check(CLI::NonNegativeNumber);
   app.add_option("--distances", o.distances, "likewise, so many states whose distances are requested to tolerances")
-      ->check(CLI::NonNegativeNumber);
+      ->check(CLI::NonNegativeNumber)
+      ->excludes("--states", "--edges");
   app.add_option("--robots", o.robots, "URDF files of robots whose states and edges are decided, too")
       ->check(CLI::ExistingFile);
   app.add_option("--seed", o.seed, "of the cases");

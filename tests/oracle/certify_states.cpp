@@ -135,6 +135,7 @@ bool certify_distances(const CertifyOptions& o) {
     };
   });
   write_csv(o, robots, write_distances);
+  if (all.rows == 0) throw std::runtime_error("--distances: too few states for a row");
   return all.errors() == 0;
 }
 

@@ -33,7 +33,7 @@ class Flag(enum.IntFlag):
     NONSMOOTH = 1 << 3  #: witness points are not unique; the gradient is one of several
     PIECES = 1 << 4  #: a body of several convex parts overlaps: the depth is a lower bound for their union
     INCOMPLETE = 1 << 5  #: a reduced group contains a bad or missing pose
-    UNCERTAINTY_LIMITED = 1 << 6  #: uncertainty alone exceeds the tolerance
+    UNCERTAINTY_LIMITED = 1 << 6  #: uncertainty widens the interval beyond the tolerance
     BEYOND_LIMITS = 1 << 7  #: a joint that places one of the bodies is beyond its limits
     HALF_TURN = 1 << 8  #: a body turns by nearly half a turn in a motion, so its direction of rotation is ambiguous
 

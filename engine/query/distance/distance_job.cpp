@@ -2,11 +2,13 @@
 #include <cassert>
 #include <cmath>
 #include <limits>
+#include <optional>
 #include <utility>
 #include <vector>
 
 #include "engine/query/covered_job.h"
 #include "engine/query/distance/cover_bounds.h"
+#include "engine/query/distance/row_flags.h"
 
 namespace clearance {
 
@@ -21,6 +23,10 @@ bool answers_fast(const JobContext& context) {
   return context.light && !context.scene->has_surfaces();
 }
 
+std::uint16_t with_pose_flags(std::uint16_t flags, std::uint16_t of_poses) {
+  return static_cast<std::uint16_t>((flags & ~(kFlagRenormalised | kFlagBeyondLimits)) | of_poses);
+}
+
 // Bounds distances of states by covers as far as they have been made, and lets the exact engine evaluate the pairs that
 // are left: of the least distance, of each body's, or of each pair.
 class DistanceJob final : public CoveredJob {
@@ -30,6 +36,8 @@ class DistanceJob final : public CoveredJob {
         bounds_(plan_, scene(), answers_fast(context)),
         rooms_(static_cast<std::size_t>(workers())),
         orders_rows_(plan_.query.reduce == Reduce::kWithin) {
+    if ((plan_.size.fields & kFieldFlags) && (bounds_.writes_rows() || !bounds_.groups().is_one()))
+      flags_.emplace(plan_);
     const CoverBounds::Tolerance exact = bounds_.exact_tolerance();
     make_blocks(exact.abs, exact.rel);
     if (orders_rows_) {
@@ -99,7 +107,8 @@ class DistanceJob final : public CoveredJob {
       const std::uint64_t configuration = states.begin + k;
       const auto bounds = all.subspan(k * groups(), groups());
       if (orders_rows_) rows_of(configuration).clear();
-      if (std::any_of(bounds.begin(), bounds.end(),
+      if ((flags_ && flags_->are_changed_by(configuration)) ||
+          std::any_of(bounds.begin(), bounds.end(),
                       [&](const DistanceBounds& b) { return !bounds_.leaves_pairs_out(b); })) {
         left.add_all(configuration, plan_.pairs.size());
         room.groups.resize(room.groups.size() + groups(), {kInf, 0, true});
@@ -130,9 +139,10 @@ class DistanceJob final : public CoveredJob {
     if (orders_rows_ && answer.status == Status::kBeyond) return true;
     BodyPair pair{kNone, kNone}, pair_lower = pair;
     if (is_empty) pair = pair_lower = pair_of_empty(group);
-    if (!is_empty && (reply_.pair || orders_rows_)) pair = plan_.pairs.at(bounds.upper_at);
+    if (!is_empty && (reply_.pair || orders_rows_ || flags_)) pair = plan_.pairs.at(bounds.upper_at);
     if (!is_empty && reply_.pair_lower)
       pair_lower = plan_.pairs.at(bounds.upper <= 0 ? bounds.upper_at : bounds.lower_at);
+    if (flags_) answer.flags = flags_->of(pair);
     const auto number = static_cast<std::uint32_t>(configuration);
     if (orders_rows_) {
       rows_of(configuration).push_back({group, {pair, number, answer, {}, {}, pair_lower, {}, {}}});
@@ -141,7 +151,15 @@ class DistanceJob final : public CoveredJob {
     const std::uint64_t at = configuration * groups() + group;  // a Row takes longer
     write_row(reply_, at, pair, number, answer, {}, {});
     if (reply_.pair_lower) reply_.pair_lower[at] = pair_lower;
+    if (is_empty) write_no_derivatives(at);
     return true;
+  }
+
+  // Writes the columns that write_row() leaves out, for a row without points. The other rows by covers have none.
+  void write_no_derivatives(std::uint64_t at) {
+    if (reply_.gradient_joints)
+      std::fill_n(reply_.gradient_joints + at * reply_.joints, reply_.joints, std::numeric_limits<double>::quiet_NaN());
+    write_second_order(reply_, at, {});
   }
 
   // The pair of a row whose group has no pairs, or only pairs with clouds without points.
@@ -183,6 +201,7 @@ class DistanceJob final : public CoveredJob {
           if (group.upper < row.answer.upper && std::isinf(row.answer.upper)) {  // of pairs beyond max_distance
             row.answer.upper = group.upper;
             row.pair = plan_.pairs.at(group.upper_at);
+            if (flags_) row.answer.flags = with_pose_flags(row.answer.flags, flags_->of(row.pair));
           }
         }
       }
@@ -232,8 +251,9 @@ class DistanceJob final : public CoveredJob {
   static constexpr double kInf = std::numeric_limits<double>::infinity();
 
   CoverBounds bounds_;
-  std::vector<Room> rooms_;  // by worker
-  bool orders_rows_;         // the number of a state's rows depends on it
+  std::vector<Room> rooms_;        // by worker
+  std::optional<RowFlags> flags_;  // if rows by covers need some
+  bool orders_rows_;               // the number of a state's rows depends on it
   std::vector<std::vector<PairRow>> batch_rows_;
   std::uint64_t first_of_batch_ = 0, written_ = 0, total_ = 0;
 };

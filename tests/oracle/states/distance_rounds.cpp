@@ -18,9 +18,12 @@ bool is(const ReplyView& view, std::uint64_t row, Status status) {
   return view.status[row] == static_cast<std::uint8_t>(status);
 }
 
-// Whether an interval to a tolerance does not hold the exact engine's, or its status contradicts that.
+// Whether an interval to a tolerance does not hold the exact engine's, or its status contradicts that: without
+// max_distance, only groups without points are beyond it.
 bool is_wrong(const ReplyView& exact, const ReplyView& found, std::uint64_t row) {
   const double lower = found.lower[row], upper = found.upper[row];
+  if (std::isnan(found.distance[row]) || is(found, row, Status::kBeyond) != is(exact, row, Status::kBeyond))
+    return true;
   const bool is_exact = !is(exact, row, Status::kUnconverged);
   if (is_exact && (lower > exact.lower[row] + kDigits || upper < exact.upper[row] - kDigits)) return true;
   if (lower > exact.upper[row] || upper < exact.lower[row]) return true;
