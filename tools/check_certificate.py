@@ -175,7 +175,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
                 continue
             both = [max(size(tuple(map(sum, zip(*v)))) for v in zip(*hull)) for hull in zip(*slid)] or [0, 0]
             arms, slid, angles = [plus(v, point, -1) for v in arms], [], [*angles, 0, reach * fast]
-            reach = reach * rest + max(size(cross(axis, v)) for v in arms)
+            reach = reach and reach * rest + max(size(cross(axis, v)) for v in arms)  # its rest may be infinite
             rest += max(map(size, arms))
             arms, speeds = [point], [*speeds, both[0], reach * fast]  # slides without a turn between are one
             bent += both[1] + reach * bend
