@@ -199,12 +199,6 @@ DECISION_MUTANTS = [
             "Sixteen(4.0f) * squares_to_box(obstacle, begin)",
         ),
         (
-            "distance_aside",
-            "decision/kernel/distance_kernel.h",
-            "aside.take(lows, @least_.threshold()@, first)",
-            "2 * least_.threshold()",
-        ),
-        (
             "distance_root_low",
             "decision/kernel/cell_bounds.h",
             "Eight::load(gaps.low) - @outer@).store(room_.lows + at)",
