@@ -56,7 +56,7 @@ class EndlessTask final : public BackgroundTask {
 };
 
 TEST(BackgroundWorker, WorksAtTheLowestPriorityAndEndsAtThatOfItsOwner) {
-  if (!may_raise(own_priority())) GTEST_SKIP() << "this process may not raise a priority";
+  if (!may_raise(own_priority())) GTEST_SKIP() << "raising a priority needs CAP_SYS_NICE or RLIMIT_NICE";
   const auto task = std::make_shared<EndlessTask>(own_priority());
   {
     BackgroundWorker worker;
@@ -84,7 +84,7 @@ class TeamTask final : public BackgroundTask {
 };
 
 TEST(BackgroundWorker, StartsNoTeamsOfThreads) {
-  if (omp_get_max_threads() == 1) GTEST_SKIP() << "no thread does here";
+  if (omp_get_max_threads() == 1) GTEST_SKIP() << "on one core OpenMP has one thread anyway";
   const auto task = std::make_shared<TeamTask>();
   std::future<int> threads = task->threads();
   BackgroundWorker worker;
