@@ -83,7 +83,7 @@ SUITES = {
         "Edges of these problems, proved free over their whole length, compared with sampling; verdicts alone.",
         "bench/robots/bench_motions.py", "motions",
         "--robots panda --problems 1 --edges 5 --verdicts 20 --rounds 1", targets="product clearance_prepared",
-        python=ROBOTS),
+        python=ROBOTS, pages="docs/motions.md"),
     "free_bodies": Suite(
         "Motions of free bodies, compared with FCL's continuous collision.",
         "bench/robots/bench_free_bodies.py", "free_bodies", "--motions 20", python=ROBOTS),

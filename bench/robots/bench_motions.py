@@ -4,9 +4,10 @@
     bench/run.py motions [--robots panda ur5 fetch] [--problems 10] [--edges 100] [--verdicts 400] [--margins 0 0.005]
 
 From each problem's start and goal, edges of 0.2 to 1.5 rad go in random directions; pairs of the robot with itself are
-included. One batch for each problem, one thread, processor time. Sampling checks every 0.02 rad of the joint that moves
-most. `missed` counts edges that are free by samples but not by proof, `wrong` edges that are free by proof but not by
-samples, `changed` verdicts that covers change. Both must be 0 (exit code 1 otherwise). --edges 0 leaves this out.
+included. One batch for each problem, one thread, processor time, with covers: verdicts alone, the default columns of
+motions(), those with `steps` (the exact search), and a check every 0.02 rad of the joint that moves most. `missed`
+counts edges that are free by samples but not by proof, `wrong` edges that are free by proof but not by samples,
+`changed` verdicts that covers change. The last two must be 0 (exit code 1 otherwise). --edges 0 leaves this out.
 
 Verdicts alone are timed in C++ (clearance-prepared), without covers (`times_off`) and with them, in batches and one a
 call: of random states, of such edges (near), and of edges from random free states (anywhere), free and hit apart.
@@ -26,7 +27,7 @@ from harness import shown, timed, write
 from sampled import within_samples
 
 STEP = 0.02  # radians between samples
-COVERS = ("off", "background")
+COLUMNS = {"verdict": "verdict", "pair": None, "steps": ("status", "pair", "steps")}  # None: the default columns
 
 
 def edges_of(problem, joints, count, rng):
@@ -38,31 +39,30 @@ def edges_of(problem, joints, count, rng):
 def measure(robot, resources, margin, options):
     requested = problems.load(resources, robot, options.problems)
     sums = dict.fromkeys(("edges", "free", "steps", "steps_free", "undecided", "missed", "wrong", "changed"), 0)
-    proof_s = sampling_s = 0.0
+    seconds = dict.fromkeys(("verdict", "pair", "steps", "sampling"), 0.0)
     for problem in requested:
         joints = list(problem.goal)
         engine = engine_of(problem, resources)
+        engine.wait_covers()
         names = [f"{robot}/{joint}" for joint in joints]
         start, end = edges_of(problem, joints, options.edges, np.random.default_rng([problem.number, options.seed]))
-        proof = {"joints": names, "margin": margin, "reduce": "any", "fields": ("status", "pair", "steps")}
-        engine.motions(start[:2], end[:2], **proof)  # fills the caches
-        seconds, r = timed(engine.motions, start, end, **proof)
-        proof_s += seconds
-        found = {}
-        for covers in COVERS:
-            each = engine_of(problem, resources, covers=covers)
-            each.wait_covers()
-            found[covers] = np.asarray(each.motions(start, end, **{**proof, "fields": "verdict"}).verdict)
-        decided = found["off"] != Status.UNCONVERGED
-        sums["changed"] += int((decided & (found["off"] != found["background"])).sum())
-        seconds, (free_at_samples, _) = timed(within_samples, engine, names, start, end, margin, STEP)
-        sampling_s += seconds
-        free = r.status == Status.BEYOND
+        query = {"joints": names, "margin": margin, "reduce": "any"}
+        found, spent = {}, {}
+        for way, fields in COLUMNS.items():
+            engine.motions(start[:2], end[:2], fields=fields, **query)  # fills the caches
+            spent[way], found[way] = timed(engine.motions, start, end, fields=fields, **query)
+        spent["sampling"], (free_at_samples, _) = timed(within_samples, engine, names, start, end, margin, STEP)
+        for way in seconds:
+            seconds[way] += spent[way]
+        r = found["steps"]
+        decided, free = r.status != Status.UNCONVERGED, r.status == Status.BEYOND
+        for way in ("verdict", "pair"):
+            sums["changed"] += int((decided & (free != (np.asarray(found[way].verdict) == Status.BEYOND))).sum())
         sums["edges"] += len(start)
         sums["free"] += int(free.sum())
         sums["steps"] += int(r.steps.sum())
         sums["steps_free"] += int(r.steps[free].sum())
-        sums["undecided"] += int((r.status == Status.UNCONVERGED).sum())
+        sums["undecided"] += int((~decided).sum())
         sums["missed"] += int((free_at_samples & (r.status <= Status.CONTACT)).sum())
         sums["wrong"] += int((free & ~free_at_samples).sum())
     return {
@@ -73,9 +73,11 @@ def measure(robot, resources, margin, options):
         "free": sums["free"],
         "configurations_a_free_edge": f"{sums['steps_free'] / max(sums['free'], 1):.3g}",
         "configurations_an_edge": f"{sums['steps'] / sums['edges']:.3g}",
-        "us_an_edge": f"{1e6 * proof_s / sums['edges']:.3g}",
-        "us_a_sampled_edge": f"{1e6 * sampling_s / sums['edges']:.3g}",
-        "time_over_sampling": f"{proof_s / sampling_s:.3g}",
+        "us_a_verdict": f"{1e6 * seconds['verdict'] / sums['edges']:.3g}",
+        "us_with_pair": f"{1e6 * seconds['pair'] / sums['edges']:.3g}",
+        "us_with_steps": f"{1e6 * seconds['steps'] / sums['edges']:.3g}",
+        "us_a_sampled_edge": f"{1e6 * seconds['sampling'] / sums['edges']:.3g}",
+        "verdict_over_sampling": f"{seconds['verdict'] / seconds['sampling']:.3g}",
         "undecided": sums["undecided"],
         "missed_by_samples": sums["missed"],
         "wrong": sums["wrong"],

@@ -1,0 +1,37 @@
+"""Tables of docs/motions.md: microseconds of edges, compared with samples and with the exact search."""
+
+from pages import markdown, results
+from pages.robots import ROBOTS
+
+KINDS = ("states", "near", "anywhere")
+WAYS = {"batch": "batch", "call": "one a call"}
+
+
+def motion_edges():
+    """Edges by the columns that are requested, compared with samples."""
+    header = ["", "margin [mm]", "verdict", "and pair, time", "and steps", "samples", "verdict / samples", "undecided",
+              "missed by samples"]  # fmt: skip
+    keys = ("us_a_verdict", "us_with_pair", "us_with_steps", "us_a_sampled_edge", "verdict_over_sampling", "undecided",
+            "missed_by_samples")  # fmt: skip
+    rows = [row for row in results("motions")[1] if row["edges"]]
+    lines = [[ROBOTS[row["robot"]], f"{1e3 * float(row['margin_m']):g}", *(row[key] for key in keys)] for row in rows]
+    return markdown(header, lines)
+
+
+def motion_verdicts():
+    """Verdicts alone in C++: microseconds, and how many times faster than without covers."""
+    cells = {}
+    for row in results("motions")[1]:
+        if not row["edges"]:
+            kind, verdict = row["of"].rsplit(" ", 1)
+            line = cells.setdefault((row["robot"], row["margin_m"], verdict, row["way"]), {})
+            line[kind] = f"{float(row['us']):.2g}, **{float(row['times_off']):.2g}x**"
+    header = ["", "margin [mm]", "verdict", "", "states", "edges near", "edges anywhere"]
+    lines = [
+        [ROBOTS[robot], f"{1e3 * float(margin):g}", verdict, WAYS[way], *(line.get(kind, "") for kind in KINDS)]
+        for (robot, margin, verdict, way), line in cells.items()
+    ]
+    return markdown(header, lines, words=4)
+
+
+TABLES = {"motion_edges": motion_edges, "motion_verdicts": motion_verdicts}
