@@ -55,13 +55,15 @@ class PyEngine : public PyUpdates {
     return answer_of(query, view_of(query, at), timeout_s);
   }
 
-  /// The same for positions of joints, or with `end` for motions. Returns none also for arrays that need a conversion.
-  nb::object answer_rows(const RepeatedQuery& query, nb::handle start, nb::handle end) const {
-    const RowsOfRun rows(query, start, end);
+  /// The same for positions of joints, and the ends of motions or velocities (RowsOfRun). Returns none also for arrays
+  /// that need a conversion.
+  nb::object answer_rows(const RepeatedQuery& query, nb::handle first, nb::handle second) const {
+    const RowsOfRun rows(query, first, second);
     if (rows.count() == 0 || rows.count() > kMostConfigurations) return nb::none();
     QueryView view = view_of(query);
     view.configuration_count = static_cast<std::uint32_t>(rows.count());
     view.positions = rows.numbers();
+    view.velocities = rows.velocities();
     return answer_of(query, view, std::numeric_limits<double>::infinity());
   }
 
@@ -189,8 +191,8 @@ NB_MODULE(_engine, m) {
       .def_prop_ro("pose_revision", [](const PyEngine& e) { return e.use()->pose_revision(); })
       .def("start", &PyEngine::start, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none())
-      .def("answer_rows", &PyEngine::answer_rows, nb::arg("query"), nb::arg("start").none(),
-           nb::arg("end") = nb::none())
+      .def("answer_rows", &PyEngine::answer_rows, nb::arg("query"), nb::arg("first").none(),
+           nb::arg("second") = nb::none())
       .def("answer", &PyEngine::answer, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("timeout_s"))
       .def("check", &PyEngine::check, nb::arg("query"))

@@ -19,11 +19,14 @@ constexpr std::uint32_t kMotionEvaluations = 16;
 /// Pairs times moved links of a motion, whose bounds are made before its slice.
 constexpr std::uint64_t kSmallPairLinks = 8192;
 
-/// Queries whose work the numbers of pairs and parts do not bound: the free scale tests for each pair beforehand which
-/// joints move it, the nearest pairs are ordered at once, and a row of second order is not divided.
-bool is_for_workers(const QueryOptions& options) {
-  constexpr std::uint32_t kCostly = kFieldFreeScale | (kSecondOrderFields & ~kFieldRate);
-  return options.k > 0 || (options.fields & kCostly);
+/// Part pairs of a query with rows of second order, each of which is one step: it evaluates at most 256 part pairs.
+constexpr std::uint64_t kSmallRowParts = 1024;
+
+/// Queries with steps that do not end with the slice: the free scale tests for each pair beforehand which joints move
+/// it, and the smooth radius compares all part pairs of a row.
+bool is_for_workers(const QueryOptions& options, const QueryCost& cost) {
+  if (options.fields & (kFieldFreeScale | kFieldSmoothRadius)) return true;
+  return (options.fields & (kSecondOrderFields & ~kFieldRate)) && cost.part_pairs > kSmallRowParts;
 }
 
 QueryRequests::Clock::time_point due(QueryRequests::Clock::time_point begun, std::uint64_t pairs) {
@@ -72,7 +75,7 @@ void QueryRequests::start(Request& request) {
 void QueryRequests::begin(Request& request, const ClientQuery& query) {
   const auto& [parts, cost, jobs] = query;
   const bool is_here = is_small(cost, parts.options) && !context_.has_pose_updates(request.sink->client()) &&
-                       !is_for_workers(parts.options);
+                       !is_for_workers(parts.options, cost);
   // Counted from now for queries on a worker, so that one ends before the next one of the client.
   auto task = new_query(request, context_.class_for(*request.sink, request.header),
                         due(is_here ? request.received : Clock::now(), cost.pairs));

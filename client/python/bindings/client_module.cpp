@@ -105,13 +105,14 @@ class PyClient : public PyClientScene {
     return answer_to(query, query_of(query, at), copy, timeout_s);
   }
 
-  /// The same for positions of joints, or with `end` for motions. Returns None for arrays that need a conversion, and
-  /// False after the timeout.
-  nb::object ask_rows(const Query& query, bool copy, double timeout_s, nb::handle start, nb::handle end) const {
-    const RowsOfRun rows(query, start, end);
+  /// The same for positions of joints, and the ends of motions or velocities (RowsOfRun). Returns None for arrays that
+  /// need a conversion, and False after the timeout.
+  nb::object ask_rows(const Query& query, bool copy, double timeout_s, nb::handle first, nb::handle second) const {
+    const RowsOfRun rows(query, first, second);
     if (rows.count() == 0) return nb::none();
     clearance::Query requested = query_of(query);
     requested.positions = rows.numbers();
+    requested.velocities = rows.velocities();
     std::optional<Answer> answer = answer_to(query, requested, copy, timeout_s);
     return answer ? nb::cast(std::move(*answer)) : nb::bool_(false);
   }
@@ -266,7 +267,7 @@ NB_MODULE(_client, m) {
       .def("ask", &PyClient::ask, nb::arg("query"), nb::arg("poses").noconvert().none(),
            nb::arg("positions").noconvert().none(), nb::arg("copy"), nb::arg("timeout_s"))
       .def("ask_rows", &PyClient::ask_rows, nb::arg("query"), nb::arg("copy"), nb::arg("timeout_s"),
-           nb::arg("start").none(), nb::arg("end") = nb::none())
+           nb::arg("first").none(), nb::arg("second") = nb::none())
       .def_static(
           "check_options", [](const Query& query) { check_contradictions(query_of(query)); }, nb::arg("query"))
       .def("pairs", &PyClient::pairs, nb::arg("query"))

@@ -95,35 +95,41 @@ inline bool beyond_limits(const Query& q, std::span<const double> positions) {
   return false;
 }
 
-/// Positions of one run of a query that moves joints alone, read in place: those of `start`, or with `end` the motions
-/// between them.
+/// Arrays of one run of a query that moves joints alone, read in place: positions, with the ends of motions, or with
+/// velocities.
 class RowsOfRun {
  public:
-  /// \param end may be None
-  RowsOfRun(const Query& q, nb::handle start, nb::handle end)
-      : start_(start, columns(q)), end_(end.is_none() ? start : end, columns(q)) {
-    const std::span<const double> a = start_.numbers(), b = end_.numbers();
-    if (end.is_none()) {
-      numbers_ = a;
-    } else if (a.size() == b.size()) {
-      const std::size_t joints = columns(q);
-      motions_.reserve(2 * a.size());
-      for (std::size_t i = 0; i < a.size(); i += joints)
-        for (const double* row : {&a[i], &b[i]}) motions_.insert(motions_.end(), row, row + joints);
-      numbers_ = motions_;
+  /// \param second ends if the query is of motions, else velocities; may be None
+  RowsOfRun(const Query& q, nb::handle first, nb::handle second)
+      : first_(first, columns(q)), second_(second.is_none() ? first : second, columns(q)) {
+    const std::span<const double> a = first_.numbers(), b = second_.numbers();
+    if (a.empty() || a.size() != b.size()) return;
+    const std::size_t joints = columns(q);
+    numbers_ = a;
+    count_ = a.size() / joints;
+    if (second.is_none()) return;
+    if (q.max_evaluations == 0) {
+      velocities_ = b;
+      return;
     }
-    count_ = numbers_.empty() ? 0 : numbers_.size() / columns(q);
+    motions_.reserve(2 * a.size());
+    for (std::size_t i = 0; i < a.size(); i += joints)
+      for (const double* row : {&a[i], &b[i]}) motions_.insert(motions_.end(), row, row + joints);
+    numbers_ = motions_;
+    count_ = numbers_.size() / joints;
   }
   /// (count(), J); empty for inputs that need a conversion, or are wrong.
   std::span<const double> numbers() const { return numbers_; }
+  /// (count(), J), or empty.
+  std::span<const double> velocities() const { return velocities_; }
   std::size_t count() const { return count_; }
 
  private:
   static std::size_t columns(const Query& q) { return q.joints && !q.bodies ? q.joints->shape(0) : 0; }
 
-  NumpyRows start_, end_;
+  NumpyRows first_, second_;
   std::vector<double> motions_;
-  std::span<const double> numbers_;
+  std::span<const double> numbers_, velocities_;
   std::size_t count_ = 0;
 };
 

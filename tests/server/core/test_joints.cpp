@@ -1,6 +1,7 @@
 // Robots through the daemon: joint positions, queries in joint space, and rejections.
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cstring>
 #include <limits>
 #include <vector>
@@ -157,25 +158,38 @@ TEST_F(FreeScaleTest, IsNoWorkForTheLoop) {
   EXPECT_TRUE(is_elsewhere(scale_query()));
 }
 
-TEST_F(JointsTest, SecondOrderAndTheNearestPairsAreNoWorkForTheLoop) {
-  start(arm_scene(), short_slices());
-  const auto is_elsewhere = [&](std::uint32_t fields, std::uint32_t k) {
+TEST_F(JointsTest, TheLoopAnswersTheNearestPairsAndRowsOfSecondOrderOfFewParts) {
+  engine::Scene scene = arm_scene();
+  Body many;
+  many.name = "many";
+  for (int i = 0; i < 1025; ++i)
+    many.parts.push_back(make_convex_part({{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0, 0, 0.1}}));
+  many.pose = Pose{{0, 5, 0}};
+  const std::uint32_t wide = scene.add_body(std::move(many));
+  start(std::move(scene), short_slices());
+  const auto is_elsewhere = [&](std::uint32_t fields, std::uint32_t k,
+                                std::vector<std::array<std::uint32_t, 2>> pairs = {{0, 6}, {0, 8}}) {
     TestQuery query = joint_query();
+    query.pairs = std::move(pairs);
     query.header.fields = fields;
-    if (k) query.header.reduce = static_cast<std::uint8_t>(Reduce::kNearest);
+    query.header.reduce = static_cast<std::uint8_t>(k ? Reduce::kNearest : Reduce::kMin);
     if (k) wire::append_record(query.records, 17, wire::kRecordRequired, std::as_bytes(std::span(&k, 1)));
     transport_->send(a_, query.frame(1));
     loop_->turn();
     const bool found = loop_->is_working();
     turn_until_idle();
-    EXPECT_EQ(take(a_)->type(), FrameType::kReply);
+    const auto reply = take(a_);
+    EXPECT_EQ(reply->type(), FrameType::kReply) << wire::parse_error(reply->body()).text;
     return found;
   };
-  EXPECT_FALSE(is_elsewhere(kFieldLower, 0)) << "small";
-  EXPECT_FALSE(is_elsewhere(kFieldRate, 0)) << "by the normal alone";
-  for (const std::uint32_t field : {kFieldHessianJoints, kFieldCurvature, kFieldSmoothRadius})
-    EXPECT_TRUE(is_elsewhere(field, 0)) << field;
-  EXPECT_TRUE(is_elsewhere(kFieldLower, 2));
+  EXPECT_FALSE(is_elsewhere(kFieldLower, 0));
+  EXPECT_FALSE(is_elsewhere(kFieldLower, 2));
+  for (const std::uint32_t field : {kFieldRate, kFieldHessianJoints, kFieldCurvature}) {
+    EXPECT_FALSE(is_elsewhere(field, 0)) << field;
+    EXPECT_FALSE(is_elsewhere(field, 2)) << field;
+    EXPECT_EQ(is_elsewhere(field, 0, {{wide, 6}}), field != kFieldRate) << field << ", many parts";
+  }
+  EXPECT_TRUE(is_elsewhere(kFieldSmoothRadius, 0));
 }
 
 TEST_F(FreeScaleTest, OfWhatNothingMovesIsInfinite) {

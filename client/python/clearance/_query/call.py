@@ -27,7 +27,8 @@ class Call:
     """A call with a parsed query. A call of one query implements read() and result(), others steps()."""
 
     inputs: ClassVar[tuple[str, ...]] = ("configurations",)  #: parameters that each run gives
-    row_inputs: ClassVar[int] = 1  #: number of inputs, all rows of positions, of the usual case
+    least_rows: ClassVar[int] = 1  #: least and greatest number of inputs of the usual case, all rows of joints
+    most_rows: ClassVar[int] = 1
     fixed: ClassVar[dict[str, Any]] = {}  #: options of its queries
     extra: ClassVar[tuple[str, ...]] = ()  #: arguments of prepare() alone that are no options
 

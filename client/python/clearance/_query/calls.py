@@ -45,6 +45,7 @@ class Configurations(Call):
 class Distances(Configurations):
     inputs = ("configurations", "velocities", "twists")
     extra = ("speed_errors",)
+    most_rows = 2
 
     def read(self, configurations: Any = None, velocities: Any = None, twists: Any = None) -> Request:
         run, poses, positions = super().read(configurations)
@@ -71,7 +72,7 @@ class Checks(Configurations):
 
 class Motions(Call):
     inputs = ("start", "end")
-    row_inputs = 2
+    least_rows = most_rows = 2
 
     @classmethod
     def options(cls, arguments: Mapping[str, Any]) -> dict[str, Any]:

@@ -89,7 +89,7 @@ class Prepared:
         Raises as that method does, and StaleQuery.
         """
         by_rows, call = self._by_rows, self._call
-        if by_rows is not None and len(inputs) == call.row_inputs and inputs[-1] is not None:
+        if by_rows is not None and call.least_rows <= len(inputs) <= call.most_rows and inputs[-1] is not None:
             run, ask = by_rows
             if self._in_steps and not _is_motion(inputs[0]):
                 return self._run(*inputs)
