@@ -166,7 +166,9 @@ TEST_F(JointsTest, TheLoopAnswersTheNearestPairsAndRowsOfSecondOrderOfFewParts) 
     many.parts.push_back(make_convex_part({{0, 0, 0}, {0.1, 0, 0}, {0, 0.1, 0}, {0, 0, 0.1}}));
   many.pose = Pose{{0, 5, 0}};
   const std::uint32_t wide = scene.add_body(std::move(many));
-  start(std::move(scene), short_slices());
+  Loop::Options options;
+  options.slice = 1h;  // what the loop begins ends in the same turn
+  start(std::move(scene), options);
   const auto is_elsewhere = [&](std::uint32_t fields, std::uint32_t k,
                                 std::vector<std::array<std::uint32_t, 2>> pairs = {{0, 6}, {0, 8}}) {
     TestQuery query = joint_query();
