@@ -57,24 +57,25 @@ SUITES = {
     "broad": Suite(
         "Ways to find near pairs, alone and within queries.",
         "build/bin/clearance-broad", "broad", "--bodies 120 --rounds 2", targets="clearance-broad",
-        pages="docs/performance.md"),
+        pages="docs/notes/performance.md"),
     "sections": Suite(
         "The longest that the daemon's loop is away from its transports, by kind of request.",
         "bench/latency/bench_sections.py", "sections", "--seconds 0.5 --kinds nothing groups"),
     "classes": Suite(
         "Waiting times of a client of the class control, next to the worst clients of the class planning.",
-        "bench/latency/bench_classes.py", "classes", "--seconds 0.5 --rounds 1 --kinds groups"),
+        "bench/latency/bench_classes.py", "classes", "--seconds 0.5 --rounds 1 --kinds groups",
+        pages="docs/latency.md"),
     "view": Suite(
         "Waiting times of a control loop while a viewer reads its daemon.",
-        "bench/latency/bench_view.py", "view", "--seconds 0.5 --turns 1"),
+        "bench/latency/bench_view.py", "view", "--seconds 0.5 --turns 1", pages="docs/examples.md"),
     "robots": Suite(
         "MotionBenchMaker's states: validity and least distance, compared with Pinocchio and Coal.",
         "bench/robots/bench_robots.py", "robots", "--robots panda --problems 1 --states 5 --rounds 1",
-        python=ROBOTS, pages="docs/robots.md docs/pictures/robots.png", draw="robots"),
+        python=ROBOTS, pages="docs/performance.md docs/pictures/robots.png", draw="robots"),
     "rrt": Suite(
         "The same problems planned by RRT-Connect, end to end, compared with Pinocchio and Coal.",
         "bench/robots/bench_rrt.py", "rrt", "--robots panda --problems 1 --rounds 1", python=ROBOTS,
-        pages="docs/robots.md docs/pictures/robots.png", draw="robots"),
+        pages="docs/performance.md docs/pictures/robots.png", draw="robots"),
     "plans": Suite(
         "The same problems planned by plan(), every motion proved.",
         "bench/robots/bench_plans.py", "plans", "--robots panda --problems 1 --rounds 1", targets="clearance-plans",
@@ -92,13 +93,16 @@ SUITES = {
         "bench/robots/bench_ompl.py", "ompl", "--robots panda --problems 1 --seconds 5", python=ROBOTS),
     "surfaces": Suite(
         "Meshes that are not convex, compared with Coal.",
-        "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS),
+        "bench/surfaces/bench_surfaces.py", "surfaces", "--poses 8 --sizes 1000", python=ROBOTS,
+        pages="docs/performance.md"),
     "link_meshes": Suite(
         "A robot's links and a concave mesh, compared with Pinocchio and Coal.",
-        "bench/robots/bench_link_meshes.py", "link_meshes", "--robots panda --states 10 --rounds 1", python=ROBOTS),
+        "bench/robots/bench_link_meshes.py", "link_meshes", "--robots panda --states 10 --rounds 1", python=ROBOTS,
+        pages="docs/performance.md"),
     "clouds": Suite(
         "Points against a robot, compared with Coal's octree.",
-        "bench/surfaces/bench_clouds.py", "clouds", "--points 5000 --states 3", python=ROBOTS),
+        "bench/surfaces/bench_clouds.py", "clouds", "--points 5000 --states 3", python=ROBOTS,
+        pages="docs/performance.md"),
     "sweep": Suite(
         "A sweep on Ray, compared with the engine alone.",
         "bench/sweep/bench_sweep.py", "sweep", "--rounds 1 --parts 2 --part-rows 64", python="bench/sweep"),

@@ -10,10 +10,10 @@ import re
 import sys
 
 from harness import ROOT
-from pages import accuracy, broad, gpu, latency, motions, peers, report, robots, tradeoff
+from pages import accuracy, broad, gpu, latency, meshes, motions, peers, report, robots, tradeoff
 
 DOCS = ROOT / "docs"
-MODULES = (accuracy, broad, gpu, latency, motions, peers, report, robots, tradeoff)
+MODULES = (accuracy, broad, gpu, latency, meshes, motions, peers, report, robots, tradeoff)
 PICTURES = {module.__name__.split(".")[-1]: module for module in MODULES if hasattr(module, "PICTURE")}
 TABLE = re.compile(r"(?<=<!-- table )(.*?)( -->\n)(.*?)(?=<!-- end -->)", re.DOTALL)
 

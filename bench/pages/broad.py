@@ -1,4 +1,4 @@
-"""Table of docs/performance.md: methods that find near pairs."""
+"""Table of docs/notes/performance.md: methods that find near pairs."""
 
 from harness import grouped
 from pages import markdown, results, times

@@ -1,5 +1,6 @@
-"""Tables of docs/latency.md."""
+"""Tables of docs/latency.md, docs/notes/latency.md and docs/examples.md."""
 
+from harness import grouped
 from pages import markdown, results
 
 NAMES = {"shm": "shared memory", "zmq-ipc": "ZeroMQ, ipc", "zmq-tcp": "ZeroMQ, tcp", "lcm": "LCM"}
@@ -61,4 +62,58 @@ def latency_doorbell():
                     [line(row) for row in rows], words=2)
 
 
-TABLES = {"latency_bars": latency_bars, "latency_doorbell": latency_doorbell}
+def throughput():
+    """Queries of one pair a second, by clients and transport."""
+    _, rows = results("latency_throughput")
+    rates = {(row["transport"], row["clients"]): float(row["queries_per_s"]) for row in rows if row["pairs"] == "1"}
+    clients = {"1": "1", "8": "8, on the one CPU left to them"}
+    over = ("shm", "zmq-ipc", "lcm")
+    lines = [[name, *(f"{rates[transport, count]:,.0f}" for transport in over)] for count, name in clients.items()]
+    return markdown(["clients", *(NAMES[transport] for transport in over)], lines)
+
+
+def classes():
+    """Waiting times of a control query next to each planning client, and next to busy programs."""
+    machines = {
+        ("classes_own_cpus", "ordinary"): "[separate CPUs](results/classes_own_cpus.csv), 16 virtual",
+        ("classes_own_cpus", "--real-time"): "the same, `--real-time`",
+        ("classes", "--real-time"): "[two shared CPUs](results/classes.csv), `--real-time`",
+        ("classes", "ordinary"): "the same, ordinary daemon",
+    }
+    lines = []
+    for (name, daemon), machine in machines.items():
+        rows = grouped(results(name)[1], "daemon")[daemon]
+        busy = [row for row in rows if row["beside"] == "busy CPUs"]
+        others = [row for row in rows if row["beside"] != "busy CPUs"]
+        waits = [float(row["p99.9_us"]) / 1e3 for row in others]
+        loads = [float(row["load"]) for row in rows]
+        met = sum(row["met"] == "yes" for row in others)
+        lines.append([
+            machine,
+            " to ".join(dict.fromkeys(f"{load:.0f}" for load in (min(loads), max(loads)))),
+            f"{min(waits):.2g} to {max(waits):.2g} ms",
+            f"{float(busy[0]['p99.9_us']) / 1e3:.2g} ms",
+            f"{met} of {len(others)}",
+        ])
+    return markdown(["machine", "load", "p99.9 next to the clients", "next to busy programs", "target met"], lines)
+
+
+def view():
+    """Waiting times of a control loop with and without a viewer."""
+    _, rows = results("view")
+    lines = [
+        [row["daemon"].replace("--real-time", "`--real-time`"), row["beside"].replace("viewer", "a viewer"),
+         f"{float(row['p50_us']):.1f}", f"{float(row['p99.9_us']):,.0f}",
+         f"{float(row['least_p99.9_us']):,.0f} to {float(row['most_p99.9_us']):,.0f}", f"{float(row['max_us']):,.0f}"]
+        for row in rows
+    ]
+    return markdown(["daemon", "load", "p50", "p99.9", "p99.9, range", "max"], lines, words=2)
+
+
+TABLES = {
+    "latency_bars": latency_bars,
+    "latency_doorbell": latency_doorbell,
+    "throughput": throughput,
+    "classes": classes,
+    "view": view,
+}

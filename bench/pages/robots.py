@@ -1,4 +1,4 @@
-"""Tables and picture of docs/robots.md: microseconds per state, and the distribution of a plan's time."""
+"""Tables and picture of robots in docs/performance.md and docs/motions.md: times of states, and of parts of a plan."""
 
 from pages import markdown, plot, results
 

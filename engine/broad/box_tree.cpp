@@ -14,7 +14,7 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-constexpr double kWorn = 1.5;    // wear from which a new order pays (docs/performance.md)
+constexpr double kWorn = 1.5;    // wear from which a new order pays (docs/notes/performance.md)
 constexpr double kMostWear = 8;  // limit for one block, so that a few torn blocks do not decide for all
 
 bool empty(const Aabb& box) {

@@ -21,7 +21,7 @@ EvaluateOptions evaluate_options(const JobContext& context, const QueryView& que
   options.contradictions = context.contradictions;
   options.drops_beyond = query.reduce == Reduce::kWithin && !context.reference;
   options.cull = needs_boxes(query) && !context.reference;
-  // Reductions evaluate few pairs of many hulls, for which float32 lanes gain nothing (docs/performance.md).
+  // Reductions evaluate few pairs of many hulls, for which float32 lanes gain nothing (docs/notes/performance.md).
   options.f32 = query.precision == Precision::kF32 && query.reduce == Reduce::kNone && !query.signed_distance;
   options.want_flags = (query.fields & (kFieldFlags | kFieldGradient)) != 0;
   options.want_points = (query.fields & ~kIntervalFields) != 0 || options.want_flags;

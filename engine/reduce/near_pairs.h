@@ -24,7 +24,7 @@ enum class NearBy { kAuto, kBrute, kTree };
 NearBy near_by_name(std::string_view name);
 
 /// Policy of kAuto: whether a tree is expected to be faster than comparing the boxes of all pairs, eight at a time.
-/// Measured by clearance-broad (docs/performance.md).
+/// Measured by clearance-broad (docs/notes/performance.md).
 bool tree_pays(std::uint64_t bodies, std::uint64_t pairs, std::uint64_t probes);
 
 /// Trees of the last queries, which fit the next ones if bodies have moved little. Thread-safe; a tree belongs to one

@@ -1,1 +1,1 @@
-__version__: str  #: semantic (docs/start.md, Versions); written by the build
+__version__: str  #: semantic (docs/versions.md); written by the build

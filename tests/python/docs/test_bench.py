@@ -89,10 +89,10 @@ def test_a_suite_builds_measures_and_rewrites_pages(checkout):
 
 
 def test_pages_are_written_where_a_suite_has_some(checkout):
-    done, calls = bench(checkout, "classes", "pages")
+    done, calls = bench(checkout, "changes", "pages")
     assert done.returncode == 0, done.stderr
     assert calls[2:] == [
-        ".venv/bin/python bench/latency/bench_classes.py --csv docs/results/classes.csv",
+        ".venv/bin/python bench/load/bench_changes.py --csv docs/results/changes.csv",
         "tools/setup.sh ",
         ".venv/bin/python bench/write_pages.py",
     ]
@@ -109,11 +109,11 @@ def test_a_quick_run_leaves_results_and_pages(checkout):
 
 
 def test_suites_that_fail_are_named(checkout):
-    done, calls = bench(checkout, "broad", "classes", "--fail")
-    assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad classes\n"), done.stderr
+    done, calls = bench(checkout, "broad", "changes", "--fail")
+    assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad changes\n"), done.stderr
     assert re.findall(r"^bench: (\w+) +(\w+) +0\.\d minutes$", done.stdout, re.M) == [
         ("broad", "failed"),
-        ("classes", "failed"),
+        ("changes", "failed"),
     ]
     assert not [call for call in calls if "write_pages" in call]
     shutil.rmtree(checkout / "build/bin")
@@ -123,9 +123,9 @@ def test_suites_that_fail_are_named(checkout):
 
 def test_a_suite_after_one_that_fails_is_run(checkout):
     (checkout / "build/bin/clearance-broad").unlink()
-    done, calls = bench(checkout, "broad", "classes")
+    done, calls = bench(checkout, "broad", "changes")
     assert done.returncode == 1 and done.stderr.endswith("bench: failed: broad\n"), done.stderr
-    assert "classes      done " in done.stdout and calls[-1].endswith("--csv docs/results/classes.csv")
+    assert "changes      done " in done.stdout and calls[-1].endswith("--csv docs/results/changes.csv")
 
 
 def test_results_have_date_commit_and_minutes(checkout):
@@ -137,7 +137,8 @@ def test_results_have_date_commit_and_minutes(checkout):
         assert re.fullmatch(r"# measured \d{4}-\d\d-\d\d, commit [0-9a-f]{8}\+, 0\.\d minutes, .+ x\d+", first)
         assert rest == ["a", "1"]
     assert harness.read(file) == ("", [{"a": "1"}])
-    assert f"docs/results/broad.csv docs/performance.md\n{'':15}{first[2:]}\n" in bench(checkout, "list")[0].stdout
+    listed = bench(checkout, "list")[0].stdout
+    assert f"docs/results/broad.csv docs/notes/performance.md\n{'':15}{first[2:]}\n" in listed
     assert bench(checkout, "broad", "--fail")[0].returncode == 1 and file.read_text().splitlines()[0] == first
 
 
@@ -176,7 +177,7 @@ def pages():
 
 
 def test_a_figure_that_is_not_of_the_results_is_replaced(pages):
-    page = ROOT / "docs/robots.md"
+    page = ROOT / "docs/performance.md"
     assert write_pages.filled(pages) == pages
     spoilt = {**pages, page: re.sub(r"(?m)^\| Panda \| free \| [\d.]+", "| Panda | free | 0.001", pages[page], count=1)}
     assert spoilt != pages and write_pages.filled(spoilt) == pages

@@ -55,9 +55,9 @@ def run_python(code, *arguments):
     return done.stdout
 
 
-def test_cpp_example_of_the_first_page(daemon, engine, tmp_path):
+def test_the_first_cpp_program(daemon, engine, tmp_path):
     """Built as a user would, against an installed Clearance, through find_package."""
-    code = code_blocks("docs/start.md", "cpp")[0]
+    code = code_blocks("docs/cpp.md", "cpp")[0]
     prefix, source, build = tmp_path / "prefix", tmp_path / "source", tmp_path / "out"
     source.mkdir()
     (source / "main.cpp").write_text(daemon(code))
@@ -92,13 +92,13 @@ def test_cpp_example_of_the_first_page(daemon, engine, tmp_path):
     assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 
-FRAGMENTS = [("docs/security.md", "client.h"), ("docs/start.md", "engine.h")]
+FRAGMENTS = [("docs/security.md", "client.h"), ("docs/cpp.md", "engine.h")]
 
 
 @pytest.mark.parametrize("page, header", FRAGMENTS)
 def test_cpp_fragments_compile(page, header, tmp_path):
     """Against the installed headers; includes that a fragment lacks are prepended."""
-    if page == "docs/start.md" and not Path("/usr/include/eigen3").exists():
+    if page == "docs/cpp.md" and not Path("/usr/include/eigen3").exists():
         pytest.skip("no Eigen on this machine")
     for component in ("client_library", "engine_library"):
         command = ["cmake", "--install", BUILD, "--component", component, "--prefix", tmp_path]
@@ -156,7 +156,7 @@ def test_nothing_is_installed_from_an_index_by_our_names():
     )
     # A folder of files in place of an index.
     offline = re.compile(r"pip install --no-index --find-links dist clearance(?:-client)?(?=\s|$)")
-    assert offline.search((ROOT / "docs/start.md").read_text())
+    assert offline.search((ROOT / "docs/install.md").read_text())
     assert by_name.search("pip install clearance-client  # here") and by_name.search('pip install "clearance[view]"')
     assert not by_name.search("pip install dist/clearance_client-*.whl") and not by_name.search('"WHEEL[view]"')
     kinds = {".md", ".py", ".pyi", ".cpp", ".h", ".toml", ".xml", ".sh", ".ipynb", ".txt", ".in"}
