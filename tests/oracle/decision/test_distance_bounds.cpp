@@ -174,6 +174,7 @@ TEST(DistanceBounds, RootsOfSingleBallsLeaveNoPair) {
     const Least least = expect_least(state, query, 0.02);
     if (least.bounds.upper <= 0) continue;
     EXPECT_TRUE(least.left.empty()) << n;
+    EXPECT_EQ(least.bounds.packets, 0u) << n << ": all roots that boxes do not leave out are compared";
     ++narrow;
     std::vector<double> ordered = state.distance;
     std::nth_element(ordered.begin(), ordered.begin() + 1, ordered.end());
