@@ -272,6 +272,38 @@ DECISION_MUTANTS = [
             "1u",
         ),
     ),
+    # Bounds of roots by boxes, and of those that boxes do not leave out.
+    *mutants_of(
+        "decisions DistanceBounds.*",
+        (
+            "distance_box_reach",
+            "decision/kernel/placed_balls.h",
+            "begin)) - @Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin)@;",
+            "Sixteen(0.5f) * Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin)",
+        ),
+        (
+            "distance_not_nearest",
+            "decision/kernel/cell_bounds.h",
+            "(near & 0xff) && @at != nearest@",
+            "at > nearest",
+        ),
+        ("distance_near_blocks", "decision/kernel/cell_bounds.h", "near >>= @kBalls@, at += kBalls", "2 * kBalls"),
+        ("distance_least_cell", "decision/kernel/cell_bounds.h", "static_cast<float>(@first / kColumns@)", "0"),
+        (
+            "distance_lay_aside",
+            "decision/kernel/distance_kernel.h",
+            "if (const std::size_t cell = aside.at(); @cell != LeastCell::kNoCell@)",
+            "false",
+        ),
+    ),
+    # States side by side.
+    *mutants_of(
+        "decisions StateLanes.*",
+        ("distance_cells", "decision/kernel/cell_bounds.h", "batch_.cells + @k * v_.tabled_count@ : find(k)", "0"),
+        ("lane_frames", "decision/kernel/placed_balls.h", "frames_ = &of_states_[0][0][@k@],", "0"),
+        ("lane_usable", "decision/state_lanes.cpp", "usable_[k] &= @is_good@;", "true"),
+        ("lane_first", "query/covered_job.cpp", "lanes.place(@k@, here)", "begin"),
+    ),
     # Poses that the query gives.
     *mutants_of(
         "decisions PoseDecisions.RowsNear*",

@@ -18,11 +18,10 @@ inline void bound_distances(const DistanceBatch& batch, const DistanceRoom& room
     DistanceBounds* const bounds = room.bounds + k * groups;
     for (std::size_t g = 0; g < groups; ++g) bounds[g] = {};
     if (!bounder.place(k)) continue;
-    const double* const positions = batch.positions + k * batch.position_stride;
     if (batch.groups)
-      bounder.bound_groups(positions, used, bounds);
+      bounder.bound_groups(k, used, bounds);
     else
-      *bounds = bounder.bound(positions, used);
+      *bounds = bounder.bound(k, used);
     for (std::size_t g = 0; g < groups; ++g)
       if (bounds[g].is_listed) used = bounds[g].left_end;
   }

@@ -42,12 +42,12 @@ class CellBounds {
  public:
   CellBounds(const DistanceBatch& batch, const DistanceRoom& room) : batch_(batch), v_(*batch.view), room_(room) {}
 
-  /// Bounds of the pairs that have joint tables.
-  void look_up(const double* positions) {
+  /// Bounds of the pairs that have joint tables, in state k of the batch.
+  void look_up(std::size_t k) {
+    const TableCell* const* const found = batch_.cells ? batch_.cells + k * v_.tabled_count : find(k);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) {
       const TabledPair& pair = v_.tabled[t];
-      const double at[2] = {pair.position_of(0, positions), pair.position_of(1, positions)};
-      const TableCell cell = pair.table.at(at);
+      const TableCell cell = found[t] ? *found[t] : TableCell{TableCell::kNoLow, TableCell::kNoHigh};
       constexpr float kUnit = static_cast<float>(JointTable::kUnit);
       table_low_[t] =
           cell.low == TableCell::kNoLow ? -LeastBounds::kFar : kUnit * static_cast<float>(cell.low - pair.free_above);
@@ -120,6 +120,12 @@ class CellBounds {
   }
 
  private:
+  // Finds the cells of state k, null outside the tables.
+  HWY_NOINLINE const TableCell* const* find(std::size_t k) {
+    for (std::uint32_t t = 0; t < v_.tabled_count; ++t)
+      found_[t] = v_.tabled[t].find(batch_.positions + k * batch_.position_stride);
+    return found_;
+  }
   void bound(const PlacedBalls& placed, std::uint32_t o, std::uint32_t begin, float most) {
     const Obstacle& obstacle = v_.obstacles[o];
     const std::size_t at = std::size_t{o} * v_.columns + begin;
@@ -180,6 +186,7 @@ class CellBounds {
   const DecisionView& v_;
   const DistanceRoom& room_;
   float table_low_[kMostTabledPairs], table_high_[kMostTabledPairs];
+  const TableCell* found_[kMostTabledPairs];
 };
 
 }  // namespace CLEARANCE_ISA

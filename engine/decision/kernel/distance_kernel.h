@@ -31,11 +31,12 @@ class DistanceBounder {
     if (usable_ >> k & 1) placed_.take_state(k);
     return usable_ >> k & 1;
   }
+  /// Bounds the least distance of state k.
   /// \param used entries of DistanceRoom::left that belong to earlier states
-  DistanceBounds bound(const double* positions, std::uint32_t used) {
+  DistanceBounds bound(std::size_t k, std::uint32_t used) {
     DistanceBounds result;
     begin(used, batch_.limits.packets);
-    cells_.look_up(positions);
+    cells_.look_up(k);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
     for (const StillCell& pair : batch_.still) least_.take_upper(pair.upper, pair.position);
     cells_.bound_least(placed_, least_);
@@ -44,8 +45,8 @@ class DistanceBounder {
     return result;
   }
   /// \param results (groups,)
-  void bound_groups(const double* positions, std::uint32_t used, DistanceBounds* results) {
-    cells_.look_up(positions);
+  void bound_groups(std::size_t k, std::uint32_t used, DistanceBounds* results) {
+    cells_.look_up(k);
     const float most = least_.greatest_threshold();
     cells_.bound(placed_, most);
     const DistanceGroups& groups = *batch_.groups;

@@ -46,11 +46,12 @@ struct DistanceBatch {
   const Pose* poses;  ///< (states, stride)
   std::size_t stride, states;
   const std::uint8_t* usable;  ///< (states,) 0 if the bounds do not hold
-  const double* positions;     ///< (states, position_stride) of joints
+  const double* positions;     ///< (states, position_stride) of joints; unused with `cells`
   std::size_t position_stride;
   const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
   std::span<const StillCell> still{};
-  const double* const* frames = nullptr;  ///< of up to 8 states, as in DecisionBatch; null to use `poses`
+  const double* const* frames = nullptr;    ///< of up to 8 states, as in DecisionBatch; null to use `poses`
+  const TableCell* const* cells = nullptr;  ///< as in DecisionBatch; null to find them here
 };
 
 /// A pair that may be the nearest.

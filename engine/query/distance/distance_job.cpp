@@ -99,7 +99,8 @@ class DistanceJob final : public CoveredJob {
                                                                states.position_stride,
                                                                nullptr,
                                                                {},
-                                                               states.frames},
+                                                               states.frames,
+                                                               states.cells},
                                                               room.bounds);
     states.meter.count(work_of(all));
     if (left.configurations().empty()) room.groups.clear();

@@ -65,9 +65,11 @@ BallScene::BallScene(const std::vector<BallLink>& links, engine::RobotOptions op
   for (std::size_t l = 0; l < links.size(); ++l) keep(link(l), links[l].balls);
 }
 
-void BallScene::keep(std::uint32_t body, const Balls& balls) {
+void BallScene::keep(std::uint32_t body, const Balls& balls, double (*from)(const Vec3d&)) {
   balls_.resize(std::max<std::size_t>(balls_.size(), body + 1));
   uncertainty_.resize(balls_.size(), 0);
+  distance_.resize(balls_.size(), nullptr);
+  distance_[body] = from;
   balls_[body] = balls;
   const Body& b = scene_.bodies()[body];
   for (OneBall& ball : balls_[body]) ball.radius += b.padding + b.uncertainty.position;
@@ -98,6 +100,18 @@ std::uint32_t BallScene::add_tool(const Balls& balls, const std::string& link, c
   return id;
 }
 
+std::uint32_t BallScene::add_shape(const NearShape& shape, const Pose& X, const std::string& link) {
+  Body body = shape.body;
+  body.name = "body" + std::to_string(scene_.bodies().size());
+  body.pose = X;
+  body.is_static = link.empty();
+  if (!link.empty()) body.parent = scene_.find_body(link);
+  const std::uint32_t id = scene_.add_body(std::move(body));
+  keep(id, {}, shape.distance);
+  if (!link.empty()) uncertainty_[id] = scene_.bodies()[scene_.find_body(link)].uncertainty.position;
+  return id;
+}
+
 std::vector<test::RealFrame> BallScene::frames(std::span<const double> positions) const {
   const SceneRobot& robot = *scene_.robots()[0];
   const Pose roots[] = {*scene_.bodies()[robot.base].pose};
@@ -114,7 +128,20 @@ std::vector<test::RealFrame> BallScene::frames(std::span<const double> positions
   return frames;
 }
 
+double BallScene::to_shape(std::uint32_t body, std::uint32_t shape, std::span<const test::RealFrame> frames) const {
+  const test::RealFrame X = test::real_inverse(frames[shape]) * frames[body];
+  double least = HUGE_VAL;
+  for (const OneBall& ball : balls_[body]) {
+    const test::RealVec p = point_of(X, ball.centre);
+    const Vec3d rounded{double(p.x[0]), double(p.x[1]), double(p.x[2])};
+    least = std::min(least, distance_[shape](rounded) - ball.radius);
+  }
+  return least;
+}
+
 double BallScene::distance(BodyPair pair, std::span<const test::RealFrame> frames) const {
+  if (distance_[pair.a]) return to_shape(pair.b, pair.a, frames);
+  if (distance_[pair.b]) return to_shape(pair.a, pair.b, frames);
   struct Placed {
     test::RealVec exact;
     Vec3d rounded;

@@ -6,12 +6,15 @@
 #include <algorithm>
 #include <cmath>
 #include <memory>
+#include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
 #include "engine/cover/cover_store.h"
 #include "engine/decision/cover_plan.h"
 #include "engine/decision/motion_decider.h"
+#include "engine/decision/state_lanes.h"
 #include "engine/joint_table/joint_table_store.h"
 #include "engine/query/distance/cover_bounds.h"
 #include "engine/selection/body_poses.h"
@@ -28,7 +31,10 @@ inline CoverStore& covers() {
   return store;
 }
 
-/// A query of one pair, or of some, for one state, or for one motion of two control points or more.
+/// How the bodies of states are placed for distances.
+enum class Placing { kByPoses, kInLanes, kOneByOne };
+
+/// A query of one pair, or of some, for some states, or for one motion of two control points or more.
 class PairQuery {
  public:
   /// \param tables may be null
@@ -40,13 +46,14 @@ class PairQuery {
         poses_(made.scene(), std::chrono::seconds(60)) {
     for (const BodyPair pair : pairs_)
       for (const std::uint32_t body : {pair.a, pair.b})
-        if (const Body& b = made.scene().bodies()[body]; !b.is_static || b.robot != kNone) covers().request({b.parts});
+        if (const Body& b = made.scene().bodies()[body]; !b.is_static || b.robot != kNone || surface_of(b))
+          covers().request({b.parts});
     if (!covers().wait(std::chrono::minutes(10))) throw std::runtime_error("covers are not made in time");
     for (std::uint32_t j = 0; j < made.scene().joints().size(); ++j) joints_.push_back(j);
     QueryView query;
     query.joints = joints_;
     query.positions = positions_;
-    query.configuration_count = is_motion ? static_cast<std::uint32_t>(positions_.size() / joints_.size()) : 1;
+    query.configuration_count = static_cast<std::uint32_t>(positions_.size() / joints_.size());
     query.control_points = is_motion ? query.configuration_count : 2;
     query.max_evaluations = is_motion ? 100 : 0;
     query.reduce = Reduce::kAny;
@@ -88,21 +95,58 @@ class PairQuery {
   std::vector<DistanceBounds> distances(double abs_tol) { return bounds_of(Reduce::kNone, abs_tol).bounds; }
   /// The same for their least distance, with the positions of the pairs left.
   CoverBounds::Room least_distance(double abs_tol) { return bounds_of(Reduce::kMin, abs_tol); }
-  Verdict motion() { return MotionDecider(*covers_, plan_).decide(0); }
-
- private:
-  CoverBounds::Room bounds_of(Reduce reduce, double abs_tol) {
+  /// Bounds of the groups of a reduction, in batches of states.
+  /// \param batch states that are bounded at once, up to 8 in lanes; 1 one by one
+  /// \param take called with each batch: its first state, the number of states, and their bounds
+  template <class Take>
+  void bound_states(Reduce reduce, double abs_tol, Placing placing, std::size_t batch, const Take& take) {
     plan_.query.reduce = reduce;
     plan_.query.abs_tol = abs_tol;
     plan_.size.fields = kDefaultFields;
     CoverBounds bounds(plan_, scene_, false);
     bounds.take(*covers_, {});
-    const std::uint8_t usable = 1;
-    const std::vector<Pose> at = poses();
+    ConfigurationPoses all(plan_);
+    std::optional<StateLanes> lanes;
+    if (placing != Placing::kByPoses) lanes.emplace(*covers_, plan_);
     CoverBounds::Room room;
-    bounds.bound({&view(), nullptr, {}, at.data(), plan_.bodies.size(), 1, &usable, positions_.data(), joints_.size()},
-                 room);
-    return room;
+    for (std::size_t first = 0; first < plan_.query.configuration_count; first += batch) {
+      const std::size_t count = std::min<std::size_t>(batch, plan_.query.configuration_count - first);
+      DistanceBatch of{&view(), nullptr, {}, nullptr, plan_.bodies.size(), count, nullptr, nullptr, 0};
+      std::vector<std::uint8_t> usable;
+      if (lanes) {
+        if (placing == Placing::kInLanes)
+          lanes->place(first, count), of.frames = lanes->frames();
+        else
+          of.poses = lanes->place_one(first);
+        of.usable = lanes->usable(), of.cells = lanes->cells();
+      } else {
+        const ConfigurationPoses::PoseBlock block = all.at(first, count);
+        for (std::size_t k = 0; k < count; ++k) usable.push_back(is_usable(block.of(k, of.stride), first + k));
+        of.poses = block.poses.data(), of.usable = usable.data();
+        of.positions = positions_.data() + first * joints_.size(), of.position_stride = joints_.size();
+      }
+      bounds.bound(of, room);
+      take(first, count, room);
+    }
+  }
+  /// Whether the bodies of a plan have poses by links alone.
+  bool can_place_lanes() const { return StateLanes(*covers_, plan_).can_place(); }
+  std::size_t groups(Reduce reduce) const {
+    return reduce == Reduce::kMin ? 1 : reduce == Reduce::kNearest ? scene_.bodies().size() : pairs_.size();
+  }
+  Verdict motion() { return MotionDecider(*covers_, plan_).decide(0); }
+
+ private:
+  bool is_usable(const ConfigurationPoses::PoseBlock& block, std::size_t state) const {
+    const auto row = std::span<const double>(positions_).subspan(state * joints_.size(), joints_.size());
+    return covers_->holds_for(row) && std::none_of(block.facts.begin(), block.facts.end(), [](std::uint8_t fact) {
+             return (fact & (kLinkUnplaced | kLinkBad)) != 0;
+           });
+  }
+  CoverBounds::Room bounds_of(Reduce reduce, double abs_tol) {
+    CoverBounds::Room of_first;
+    bound_states(reduce, abs_tol, Placing::kByPoses, 1, [&](auto, auto, CoverBounds::Room& room) { of_first = room; });
+    return of_first;
   }
 
   const engine::Scene& scene_;

@@ -39,6 +39,11 @@ bool is_wider(const ReplyView& exact, const ReplyView& found, std::uint64_t row,
   return found.upper[row] - found.lower[row] > tolerance;
 }
 
+// Whether a row has a distance, and another one has none or a longer one.
+bool is_nearer_row(const ReplyView& found, std::uint64_t row, std::uint64_t other) {
+  return !(found.upper[row] >= found.upper[other]);
+}
+
 bool has_surface_or_cloud(const Body& body) {
   return is_cloud(body) || std::any_of(body.parts.begin(), body.parts.end(),
                                        [](const ConvexPartPtr& part) { return part->surface != nullptr; });
@@ -48,25 +53,27 @@ bool has_surface_or_cloud(const Body& body) {
 
 void DistanceTally::add(const DistanceTally& o) {
   count += o.count, rows += o.rows, apart += o.apart, overlap += o.overlap, contact += o.contact;
-  wrong += o.wrong, wider += o.wider, exact += o.exact, untrue += o.untrue, surfaces += o.surfaces;
+  wrong += o.wrong, wider += o.wider, exact += o.exact, untrue += o.untrue, surfaces += o.surfaces,
+      carried += o.carried;
   pairs += o.pairs, evaluated += o.evaluated;
 }
 
 std::string DistanceTally::text() const {
   char text[300];
   const auto n = [](std::int64_t number) { return static_cast<long long>(number); };
-  std::snprintf(text, sizeof text,
-                "%lld states, %lld rows (%lld apart, %lld overlapping, %lld contacts): %lld wrong, %lld wider; %lld of "
-                "%lld contradict the oracle, %lld of surfaces alone; exact pairs %lld -> %lld",
-                n(count), n(rows), n(apart), n(overlap), n(contact), n(wrong), n(wider), n(untrue), n(exact),
-                n(surfaces), n(pairs), n(evaluated));
+  std::snprintf(
+      text, sizeof text,
+      "%lld states, %lld rows (%lld apart, %lld overlapping, %lld contacts): %lld wrong, %lld wider; %lld of "
+      "%lld contradict the oracle, %lld of surfaces alone, %lld with an obstacle carried; exact pairs %lld -> %lld",
+      n(count), n(rows), n(apart), n(overlap), n(contact), n(wrong), n(wider), n(untrue), n(exact), n(surfaces),
+      n(carried), n(pairs), n(evaluated));
   return text;
 }
 
 // Pairs with bodies that the robot moves: all of them, or those of one with an obstacle that is there.
 std::vector<BodyPair> StateOracle::pairs_of_states(const QueryView& query, bool of_world) const {
   const std::vector<Body>& bodies = made_.scene.bodies();
-  const auto moves = [&](std::uint32_t b) { return bodies[b].robot != kNone || bodies[b].parent != kNone; };
+  const auto moves = [&](std::uint32_t b) { return bodies[b].robot != kNone || with_.body_state(b).parent != kNone; };
   const auto is_there = [&](std::uint32_t b) {
     return bodies[b].is_static || std::find(placed_.begin(), placed_.end(), b) != placed_.end();
   };
@@ -82,6 +89,7 @@ void StateOracle::round_of_distances(StateKind kind, std::size_t tolerance, Rand
   constexpr Reduce kReduces[] = {Reduce::kMin, Reduce::kNearest, Reduce::kNone};
   Round round{.kind = kind, .margin = 0, .margin_index = 0};
   place_obstacles(round, random);
+  attach_some(round, random);
   add_states(round, random);
   QueryView query = query_of(joints_, round.positions, 0);
   const std::vector<BodyPair> pairs = pairs_of_states(query, random.chance(0.75));
@@ -110,12 +118,12 @@ void StateOracle::round_of_distances(StateKind kind, std::size_t tolerance, Rand
     tally.wrong += is_wrong(exact.view, found.view, row);
     tally.wider += is_wider(exact.view, found.view, row, query.abs_tol);
   }
-  if (made_.has_oracle()) solve_distance(query, found.view, random, tally);
-  park();
+  if (made_.has_oracle()) solve_distance(query, found.view, round.is_attached ? placed_.back() : kNone, random, tally);
+  end(round);
 }
 
 // Compares some rows of one state with the oracle: the least distance, or the nearest of a few rows.
-void StateOracle::solve_distance(const QueryView& query, const ReplyView& found, Random& random,
+void StateOracle::solve_distance(const QueryView& query, const ReplyView& found, std::uint32_t carried, Random& random,
                                  DistanceTally& tally) const {
   constexpr int kDraws = 8;
   const std::vector<Body>& bodies = made_.scene.bodies();
@@ -126,8 +134,16 @@ void StateOracle::solve_distance(const QueryView& query, const ReplyView& found,
   std::size_t group = 0;
   for (int n = 0; n < kDraws; ++n) {
     const auto drawn = static_cast<std::size_t>(random.integer(0, static_cast<int>(groups) - 1));
-    if (n == 0 || !(found.upper[state * groups + drawn] >= found.upper[state * groups + group])) group = drawn;
+    if (n == 0 || is_nearer_row(found, state * groups + drawn, state * groups + group)) group = drawn;
   }
+  // Of these, those of a carried obstacle come first.
+  const auto is_of_carried = [&](BodyPair p) { return p.a == carried || p.b == carried; };
+  if (carried != kNone && query.reduce == Reduce::kNearest) group = carried;
+  if (carried != kNone && query.reduce == Reduce::kNone)
+    for (std::size_t p = 0; p < groups; ++p)
+      if (is_of_carried(query.pairs[p]) &&
+          (!is_of_carried(query.pairs[group]) || is_nearer_row(found, state * groups + p, state * groups + group)))
+        group = p;
   const std::uint64_t row = state * groups + group;
   if (std::isnan(found.distance[row]) || std::isinf(found.upper[row])) return;
   std::vector<BodyPair> pairs(query.pairs.begin(), query.pairs.end());
@@ -141,6 +157,7 @@ void StateOracle::solve_distance(const QueryView& query, const ReplyView& found,
   const bool is_upper_wrong = std::all_of(
       pairs.begin(), pairs.end(), [&](BodyPair p) { return is_farther(placed[p.a], placed[p.b], found.upper[row]); });
   ++tally.exact;
+  tally.carried += std::any_of(pairs.begin(), pairs.end(), is_of_carried);
   tally.untrue += is_lower_wrong || is_upper_wrong;
   tally.surfaces += std::all_of(pairs.begin(), pairs.end(), [&](BodyPair p) {
     return (has_surface_or_cloud(bodies[p.a]) || has_surface_or_cloud(bodies[p.b])) && !placed[p.a].parts.empty() &&

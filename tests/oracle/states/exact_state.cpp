@@ -60,7 +60,11 @@ std::vector<PlacedBody> placed_bodies(const RobotScene& made, const engine::Engi
     } else if (bodies[i].parent != kNone) {
       frames[i] = frames[bodies[i].parent] * test::real_frame(*bodies[i].pose);
     } else {
-      frames[i] = test::real_frame(engine.body_state(i).X_wb);
+      const BodyState now = engine.body_state(i);
+      frames[i] = test::real_frame(now.X_wb);
+      if (now.parent != kNone)  // attached: where it is in its parent, but for rounding
+        frames[i] =
+            frames[now.parent] * (test::real_inverse(test::real_frame(engine.body_state(now.parent).X_wb)) * frames[i]);
     }
     for (const PartBounds& part : made.exact_parts[i])
       result[i].parts.push_back({placed(frames[i], part.outer), placed(frames[i], part.inner), part.radius, part.turn});

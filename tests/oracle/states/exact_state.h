@@ -15,7 +15,7 @@ struct PlacedBody {
 };
 
 /// The bodies of a scene with one robot.
-/// \param engine has the poses of bodies that the robot does not move
+/// \param engine has the poses of bodies that the robot does not move, and obstacles attached to links
 /// \param positions of all joints
 std::vector<PlacedBody> placed_bodies(const RobotScene& made, const engine::Engine& engine,
                                       std::span<const double> positions);

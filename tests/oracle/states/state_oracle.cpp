@@ -157,15 +157,21 @@ void StateOracle::attach_last(Random& random) {
 }
 
 // Hangs an obstacle onto a link for some rounds.
-void StateOracle::compare_round(Round& round, Random& random, StateTally& tally, Comparison comparison) {
-  if (round.kind <= StateKind::kNear && !placed_.empty() && random.chance(0.125)) {
-    attach_last(random);
-    round.is_attached = true;
-  }
-  (this->*comparison)(round, random, tally);
+void StateOracle::attach_some(Round& round, Random& random) {
+  round.is_attached = round.kind <= StateKind::kNear && !placed_.empty() && random.chance(0.125);
+  if (round.is_attached) attach_last(random);
+}
+
+void StateOracle::end(const Round& round) {
   if (round.is_attached)
     for (engine::Engine* engine : {&without_, &with_}) engine->attach(placed_.back(), kNone);
   park();
+}
+
+void StateOracle::compare_round(Round& round, Random& random, StateTally& tally, Comparison comparison) {
+  attach_some(round, random);
+  (this->*comparison)(round, random, tally);
+  end(round);
 }
 
 void StateOracle::round(StateKind kind, std::size_t margin, Random& random, StateTally& tally) {
@@ -219,7 +225,7 @@ void StateOracle::compare(const Round& round, Random& random, StateTally& tally)
                          (!is_decided(e) && !is_decided(f) && e != f);
   }
   const auto chosen = static_cast<std::size_t>(random.integer(0, static_cast<int>(round.count) - 1));
-  if (entries.empty() && !round.is_attached && made_.has_oracle())
+  if (entries.empty() && made_.has_oracle())
     solve(query, chosen, static_cast<Status>(found.view.verdict[chosen]), tally);
   if (random.chance(0.0625)) compare_bits(query, tally);
 }

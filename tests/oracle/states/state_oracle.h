@@ -53,6 +53,7 @@ struct DistanceTally {
   std::int64_t wider = 0;              ///< than the tolerance, without a flag, or unconverged
   std::int64_t exact = 0, untrue = 0;  ///< rows compared with the oracle, and those that contradict it
   std::int64_t surfaces = 0;           ///< of the rows compared, those about a solid, a surface or a cloud alone
+  std::int64_t carried = 0;            ///< likewise: those about an obstacle that a link carries, among others
   std::int64_t pairs = 0,
                evaluated = 0;  ///< evaluated to the last digits without covers, and to the tolerance with them
 
@@ -97,6 +98,8 @@ class StateOracle {
   void add_states(Round& round, Random& random);
   void add_motions(Round& round, Random& random);
   void attach_last(Random& random);
+  void attach_some(Round& round, Random& random);
+  void end(const Round& round);
   using Comparison = void (StateOracle::*)(const Round& round, Random& random, StateTally& tally);
   void compare_round(Round& round, Random& random, StateTally& tally, Comparison comparison);
   std::vector<MarginEntry> some_margins(const Round& round, Random& random, QueryView& query) const;
@@ -111,7 +114,8 @@ class StateOracle {
                     StateTally& tally);
   bool is_contradicted(const QueryView& query, std::span<const double> positions, Status verdict) const;
   std::vector<BodyPair> pairs_of_states(const QueryView& query, bool of_world) const;
-  void solve_distance(const QueryView& query, const ReplyView& found, Random& random, DistanceTally& tally) const;
+  void solve_distance(const QueryView& query, const ReplyView& found, std::uint32_t carried, Random& random,
+                      DistanceTally& tally) const;
 
   const RobotScene& made_;
   engine::Engine without_, with_;  // covers of obstacles arrive while they work

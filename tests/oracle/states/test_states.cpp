@@ -57,6 +57,7 @@ TEST(States, CoversDecideAsTheExactEngine) {
   EXPECT_EQ(distances.errors(), 0) << distances.text();
   EXPECT_GT(distances.overlap, 1000);
   EXPECT_GT(distances.surfaces, 20);
+  EXPECT_GT(distances.carried, 5);
   EXPECT_LT(distances.evaluated, distances.pairs / 4 * 3) << "covers answer little";
 }
 
