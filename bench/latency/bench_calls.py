@@ -80,14 +80,16 @@ def calls(front):
         lambda: front.distances(configurations=at, joints=joints, reduce="min", fields="lower"),
         of_result,
     )
-    columns = ["lower", "normal", "gradient_joints", "rate", "rate_bounds"]
-    rows, speeds = front.prepare(joints=joints, reduce="nearest", k=20, fields=columns), np.full_like(at, 0.1)
-    yield (
-        "20 rows of a QP",
-        lambda: rows.run(at, speeds),
-        lambda: front.prepare(joints=joints, reduce="nearest", k=20, fields=columns).run(at, speeds),
-        of_result,
-    )
+    columns = ["lower", "normal", "gradient_joints", "rate"]
+    yield "20 rows of a QP", *rows_of_qp(front, joints, at, [*columns, "rate_bounds"]), of_result
+    yield "20 rows of first order", *rows_of_qp(front, joints, at, columns), of_result
+
+
+def rows_of_qp(front, joints, at, columns):
+    """The 20 nearest pairs of a moving arm, as a prepared call and as one that is parsed each time."""
+    speeds, options = np.full_like(at, 0.1), {"joints": joints, "reduce": "nearest", "k": 20, "fields": columns}
+    rows = front.prepare(**options)
+    return lambda: rows.run(at, speeds), lambda: front.prepare(**options).run(at, speeds)
 
 
 def calls_of_pairs(front):

@@ -161,6 +161,8 @@ std::vector<Compared> joints_calls(Engines& engines, const States& states, const
   };
   calls.push_back(joints_call("distances, min", engines, states, least, false));
   calls.push_back(joints_call("20 rows of a QP", engines, states, rows, false));
+  rows.fields &= ~kFieldRateBounds;
+  calls.push_back(joints_call("20 rows of first order", engines, states, rows, false));
   return calls;
 }
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Mapping
 from typing import Any, Callable, Optional, Protocol
 
@@ -269,7 +268,9 @@ class Run:
 
     def at_speeds(self, velocities: Optional[np.ndarray], twists: Optional[np.ndarray]) -> Run:
         """Returns the query at these velocities of joints and twists of bodies."""
-        run = copy.copy(self)
+        run = object.__new__(Run)  # copy.copy() takes several times as long
+        for name in Run.__slots__:
+            setattr(run, name, getattr(self, name))
         run.speeds = velocities, twists
         run.raw = self.raw.at_velocities(velocities, twists)
         return run
