@@ -27,7 +27,7 @@ from harness import shown, timed, write
 from sampled import within_samples
 
 STEP = 0.02  # radians between samples
-COLUMNS = {"verdict": "verdict", "pair": None, "steps": ("status", "pair", "steps")}  # None: the default columns
+COLUMNS = {"verdict": "verdict", "pair": None, "steps": ("status", "pair", "steps")}  # null for the default columns
 
 
 def edges_of(problem, joints, count, rng):

@@ -167,7 +167,7 @@ TEST_F(JointsTest, TheLoopAnswersTheNearestPairsAndRowsOfSecondOrderOfFewParts) 
   many.pose = Pose{{0, 5, 0}};
   const std::uint32_t wide = scene.add_body(std::move(many));
   Loop::Options options;
-  options.slice = 1h;  // what the loop begins ends in the same turn
+  options.slice = 1h;  // a query that begins on the loop ends in the same turn
   start(std::move(scene), options);
   const auto is_elsewhere = [&](std::uint32_t fields, std::uint32_t k,
                                 std::vector<std::array<std::uint32_t, 2>> pairs = {{0, 6}, {0, 8}}) {
