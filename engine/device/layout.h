@@ -201,13 +201,14 @@ struct LeftOpen {
 /// - kCandidates, kHits (reduced queries): pairs to evaluate; rows of the reply
 /// - kBlocksDone: finished blocks, for chunks whose last block hands over the counts; kLeftOpen: pairs unresolved in
 ///   float32
-/// - kSeveralPairs (reduced queries): candidates with a body of several convex parts
+/// - kLaterItems (reduced queries): candidates left to a later kernel
+/// - kUnresolved (Reduce::kAny): candidates that no kernel resolves
 /// - kPointsTaken, kTrianglesTaken, kMeshesTaken (reduced queries, which do not use kLeftOpen): candidates claimed by
 ///   the kernel of each element kind
 /// kCounts is even, so that 8-byte values may follow the counts.
 inline constexpr std::uint32_t kRest = 0, kConvergedRows = 1, kEnclosedPairs = 2, kCandidates = 3, kHits = 4,
-                               kBlocksDone = 5, kLeftOpen = 6, kPointsTaken = 6, kSeveralPairs = 7, kTrianglesTaken = 8,
-                               kMeshesTaken = 9, kCounts = 10;
+                               kBlocksDone = 5, kLeftOpen = 6, kPointsTaken = 6, kLaterItems = 7, kTrianglesTaken = 8,
+                               kMeshesTaken = 9, kUnresolved = 10, kCounts = 12;
 
 /// Written to host memory by a dense chunk's last kernel, after its rows and counts.
 struct Finished {

@@ -74,15 +74,17 @@ struct ReducedView {
   std::uint8_t* answered;        ///< (configurations, groups) nonzero if the row is already written; null if no row is
   std::uint32_t *candidate_words, *hit_words;  ///< Reduce::kWithin: a bit per row
   std::uint32_t *candidate_ranks,
-      *hit_ranks;            ///< number of set bits before each word; if null, they are few and are counted
-  std::uint32_t* items;      ///< (capacity,) rows of the pairs to evaluate
-  PairAnswer* answers;       ///< (capacity,)
-  std::uint32_t* rest_rows;  ///< rows of chunk.rest
-  std::uint32_t* several;    ///< (capacity,) list positions of pairs with a body of several convex parts
+      *hit_ranks;             ///< number of set bits before each word; if null, they are few and are counted
+  std::uint32_t* items;       ///< (capacity,) rows of the pairs to evaluate
+  PairAnswer* answers;        ///< (capacity,)
+  std::uint32_t* rest_rows;   ///< rows of chunk.rest
+  std::uint32_t* later;       ///< (capacity,) list positions of pairs left to a later kernel, in no order
+  std::uint32_t* unresolved;  ///< Reduce::kAny: (capacity,) list positions of pairs that no kernel resolves
   std::uint32_t capacity = 0;
   std::uint64_t reply_rows;  ///< capacity of the reply
   // Reduce::kAny: `winner` is the first pair within its margin and `lowest` the first pair proved neither beyond nor
-  // within it, both with their items. `seed` is the first pair without usable poses.
+  // within it, both with their items. `upper` is the first pair that is probably within its margin, with its item.
+  // The pairs of chunk.enclosed are list positions.
   const double* margins;  ///< (pairs,) metres; if null, all pairs have `margin`
   double margin;
   PairAnswer beyond;  ///< row of a configuration whose pairs are all beyond their margins

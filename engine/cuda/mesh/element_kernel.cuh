@@ -84,7 +84,7 @@ __global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __gri
     for (std::uint32_t i = first; i < count && i < first + kElementsAtOnce; ++i) {
       const Item item = listed_item(r, i);
       if (kind_of(r, item) != Kind::kKind) continue;
-      PairAnswer answer = beyond_answer(0);  // for skipped items
+      PairAnswer answer;
       bool is_mine = lane == 0;
       PairOutcome outcome = PairOutcome::kNone;
       if (!kAny || !__any_sync(~0u, is_decided_before(r, item))) {
@@ -97,12 +97,9 @@ __global__ void __launch_bounds__(kElementThreads) evaluate_elements(const __gri
           else
             offer(r, item, i, answer, at_a, at_b);
         }
-      } else if (is_mine) {
-        r.answers[i] = answer;
       }
       if constexpr (kAny) {
-        if (outcome == PairOutcome::kUnresolved && lane == 0)
-          r.answers[i] = no_answer(Status::kOk);  // for list_open_pairs()
+        if (outcome == PairOutcome::kUnresolved && lane == 0) list_unresolved(r, i);
         add_count(r.chunk.counts + kConvergedRows, lane == 0 && outcome == PairOutcome::kConverged);
       } else {
         report_item(r, lane == 0 ? outcome : PairOutcome::kNone, i);

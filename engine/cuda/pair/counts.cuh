@@ -13,6 +13,27 @@ __device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
   if (lane == 0) first = atomicAdd(count, __popc(all));
   return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
 }
+// The same with one atomic operation per block. All threads of the block call it.
+// \tparam kThreads of the block
+template <std::uint32_t kThreads>
+__device__ inline std::uint32_t take_place_of_block(std::uint32_t* count, bool wanted) {
+  __shared__ std::uint32_t places[kThreads / 32];
+  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+  if (lane == 0) places[warp] = __popc(all);
+  __syncthreads();
+  if (threadIdx.x == 0) {
+    std::uint32_t sum = 0;
+    for (std::uint32_t i = 0; i < kThreads / 32; ++i) sum += places[i];
+    std::uint32_t next = sum > 0 ? atomicAdd(count, sum) : 0;
+    for (std::uint32_t i = 0; i < kThreads / 32; ++i) {
+      const std::uint32_t of_warp = places[i];
+      places[i] = next;
+      next += of_warp;
+    }
+  }
+  __syncthreads();
+  return places[warp] + __popc(all & ((1u << lane) - 1));
+}
 __device__ inline void add_count(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted);
   if (all != 0 && threadIdx.x % 32 == 0) atomicAdd(count, __popc(all));

@@ -166,6 +166,25 @@ __device__ inline Hull<SceneFloats> scene_hull_f32(const HullsView& hulls, const
   return {{reinterpret_cast<const float4*>(hulls.f32) + head->first}, hulls.words + head->first_word, head};
 }
 
+// A hull in the scene's arrays, by 32-bit indices, for kernels with few registers: pointers take twice as many.
+struct IndexedWords {
+  const HullsView& hulls;
+  std::uint32_t first;
+  __device__ std::uint16_t operator[](std::uint32_t i) const { return __ldg(hulls.words + (first + i)); }
+};
+struct IndexedVertices {
+  using Scalar = double;
+  using Words = IndexedWords;
+  const HullsView& hulls;
+  std::uint32_t first;
+  __device__ Vec3d operator[](std::uint32_t i) const {
+    return {__ldg(hulls.x + (first + i)), __ldg(hulls.y + (first + i)), __ldg(hulls.z + (first + i))};
+  }
+};
+__device__ inline Hull<IndexedVertices> indexed_hull(const HullsView& hulls, const HullHead* head) {
+  return {{hulls, head->first}, {hulls, head->first_word}, head};
+}
+
 // Whether a body of the pair has several convex parts.
 __device__ inline bool has_several(const HullsView& hulls, std::uint32_t body_a, std::uint32_t body_b) {
   return hulls.of_body[body_a] == kSeveral || hulls.of_body[body_b] == kSeveral;

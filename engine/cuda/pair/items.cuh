@@ -18,6 +18,8 @@ struct Item {
 
   __device__ Item(const ReducedView& r, std::uint32_t row)
       : k(row / r.chunk.pair_count), p(row - k * r.chunk.pair_count), ref(r.chunk.pairs[p]) {}
+  __device__ Item(const ReducedView& r, std::uint32_t configuration, std::uint32_t pair)
+      : k(configuration), p(pair), ref(r.chunk.pairs[pair]) {}
   __device__ explicit Item(PairRef of_table) : k(0), p(0), ref(of_table) {}
 };
 
@@ -159,6 +161,20 @@ __device__ inline void report_item(const ReducedView& r, PairOutcome outcome, st
   add_count(r.chunk.counts + kConvergedRows, outcome == PairOutcome::kConverged);
 }
 
+// Leaves an item to a later kernel. All threads of the warp call it.
+__device__ inline void list_later(const ReducedView& r, std::uint32_t i, bool is_later) {
+  const std::uint32_t place = take_place(r.chunk.counts + kLaterItems, is_later);
+  if (is_later) r.later[place] = i;
+}
+
+// Lists an item whose simplex encloses the origin. All threads of the warp call it.
+__device__ inline void list_enclosed(const ChunkView& c, std::uint32_t i, Enclosed& enclosed, bool encloses) {
+  const std::uint32_t place = take_place(c.counts + kEnclosedPairs, encloses);
+  if (!encloses) return;
+  enclosed.pair = i;
+  c.enclosed[place] = enclosed;
+}
+
 // Margin of a pair, for Reduce::kAny.
 __device__ inline double margin_of(const ReducedView& r, std::uint32_t p) {
   return r.margins ? r.margins[p] : r.margin;
@@ -169,6 +185,15 @@ __device__ inline std::uint64_t place_key(const Item& item, std::uint32_t i) {
 // Whether a pair within its margin precedes an item.
 __device__ inline bool is_decided_before(const ReducedView& r, const Item& item) {
   return __ldcg(r.winner + item.k) < place_key(item, 0);
+}
+
+// Whether a pair that is probably within its margin precedes an item.
+__device__ inline bool is_probably_decided_before(const ReducedView& r, const Item& item) {
+  return __ldcg(r.upper + item.k) < place_key(item, 0);
+}
+// Lists an item of Reduce::kAny that no kernel resolves.
+__device__ inline void list_unresolved(const ReducedView& r, std::uint32_t i) {
+  r.unresolved[atomicAdd(r.chunk.counts + kUnresolved, 1)] = i;
 }
 
 // Offers an answer to its configuration.

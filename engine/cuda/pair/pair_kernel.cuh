@@ -153,6 +153,19 @@ struct PairHulls {
   const Hull &a, &b;
 };
 
+// Sets the status, bounds and distance of a run with converged bounds.
+// \param slack of the pair: a Slack, or NoSlack
+template <class T, class S>
+__device__ inline void take_bounds(const PairLimits& q, const T& lower, const T& upper, const S& slack,
+                                   PairAnswer& answer) {
+  bool decided = false;
+  if constexpr (kHasSlack<S>) {
+    decided = slack.any();
+    if (decided) decide(limits_of(q), lower, upper, [] { return 0.0; }, answer, slack);
+  }
+  if (!decided) decide_apart(q.max_distance, lower, upper, true, answer);
+}
+
 // Writes the answer of a run with converged bounds.
 // \param slack of the pair: a Slack, or NoSlack
 // \tparam kLean only kLeanFields are requested: no flags, no normal, and points for points32 alone
@@ -160,12 +173,7 @@ template <bool kLean, class T, class Hull, class S = NoSlack>
 __device__ inline void take_converged(const PairLimits& q, const PairHulls<Hull>& hulls, const BodyPoseRef& at_a,
                                       const BodyPoseRef& at_b, const Gjk<T>& g, const RunBounds<T>& bounds,
                                       PairAnswer& answer, const S& slack = S()) {
-  bool decided = false;
-  if constexpr (kHasSlack<S>) {
-    decided = slack.any();
-    if (decided) decide(limits_of(q), bounds.lower, bounds.upper, [] { return 0.0; }, answer, slack);
-  }
-  if (!decided) decide_apart(q.max_distance, bounds.lower, bounds.upper, true, answer);
+  take_bounds(q, bounds.lower, bounds.upper, slack, answer);
   if (!q.want_points) return;
   const LaneWitness w = witness_of(g, bounds, at_a.rotation());
   if (!kLean) {

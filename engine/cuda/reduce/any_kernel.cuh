@@ -4,57 +4,49 @@
 //
 // Boxes exclude pairs beyond their margins. The other pairs are evaluated in no order, and atomicMin(), which is
 // order-independent, finds the first of each kind: ReducedView::winner, `lowest` and `unusable`. A pair after one
-// within its margin changes nothing, and is skipped if that is known in time.
+// within its margin changes nothing, and is skipped if that is known in time. near_hulls.cuh evaluates most
+// of them.
 #pragma once
 
 #include "engine/cuda/pair/margin_pair.cuh"
-#include "engine/cuda/reduce/reduce_kernel.cuh"
+#include "engine/cuda/reduce/near_hulls.cuh"
 
 namespace clearance::cuda {
 
-// Lists the pairs whose boxes are within their margins, in no order, and finds pairs without usable poses.
+// Lists the pairs whose boxes are within their margins, and finds pairs without usable poses.
 __global__ void __launch_bounds__(kScanThreads) find_near_pairs(const __grid_constant__ ReducedView r) {
-  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
-  bool wanted = false;
-  if (row < r.rows) {
-    const Item item(r, static_cast<std::uint32_t>(row));
-    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
-    if (is_empty(a) || is_empty(b)) {
-      take_least(r.unusable + item.k, item.p);
-    } else {
-      wanted = !(gap_below(a, b) > margin_of(r, item.p));
-    }
-  }
-  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
-  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+  list_by_boxes(r, [&](const Item& item, const OuterBox& a, const OuterBox& b) {
+    const bool usable = !is_empty(a) && !is_empty(b);
+    if (!usable) take_least(r.unusable + item.k, item.p);
+    return usable && !(gap_below(a, b) > margin_of(r, item.p));
+  });
 }
 
-// Evaluates the listed pairs of hulls up to their margins. Pairs of PairKind::kLeft become unresolved, and those of the
-// other kinds have kernels of their own (element_kernel.cuh).
+// Evaluates the pairs of hulls that evaluate_near_hulls() leaves, up to their margins. Pairs of PairKind::kLeft become
+// unresolved, and those of the other kinds have kernels of their own (element_kernel.cuh).
 template <class S>
 __global__ void __launch_bounds__(kItemThreads) evaluate_near_pairs(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
-  const std::uint32_t count = item_count(r);
+  const std::uint32_t count = c.counts[kLaterItems];
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
-    const std::uint32_t i = first + threadIdx.x;
+    const std::uint32_t at = first + threadIdx.x, i = at < count ? r.later[at] : 0;
     PairOutcome outcome = PairOutcome::kNone;
-    const PairKind kind = i < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
-    if (kind == PairKind::kHulls || kind == PairKind::kLeft) {
+    const PairKind kind = at < count ? kind_of(r, Item(r, r.items[i])) : PairKind::kMeshes;
+    if ((kind == PairKind::kHulls || kind == PairKind::kLeft) && !is_decided_before(r, Item(r, r.items[i]))) {
       const Item item(r, r.items[i]);
-      PairAnswer answer = beyond_answer(0);  // for skipped pairs
-      if (!is_decided_before(r, item)) {
-        const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
-        PairLimits q = c.pair_limits;
-        q.max_distance = margin_of(r, item.p);
-        outcome = kind == PairKind::kLeft
-                      ? PairOutcome::kUnresolved
-                      : evaluate_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
-        if (outcome == PairOutcome::kUnresolved)
-          answer = no_answer(Status::kOk);  // the mark that list_open_pairs() tests
-        else
-          offer_to_decision(r, item, i, answer);
+      const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
+      PairLimits q = c.pair_limits;
+      q.max_distance = margin_of(r, item.p);
+      PairAnswer answer;
+      outcome = kind == PairKind::kLeft
+                    ? PairOutcome::kUnresolved
+                    : evaluate_at_margin<S>(c, q, q.max_distance, item.ref, item.k, at_a, at_b, answer);
+      if (outcome == PairOutcome::kUnresolved) {
+        list_unresolved(r, i);
+      } else {
+        r.answers[i] = answer;
+        offer_to_decision(r, item, i, answer);
       }
-      r.answers[i] = answer;
     }
     add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
   }
@@ -62,14 +54,10 @@ __global__ void __launch_bounds__(kItemThreads) evaluate_near_pairs(const __grid
 
 // Lists unresolved pairs for the CPU, unless an earlier pair has decided.
 __global__ void __launch_bounds__(kItemThreads) list_open_pairs(const __grid_constant__ ReducedView r) {
-  const std::uint32_t count = item_count(r);
+  const std::uint32_t count = r.chunk.counts[kUnresolved];
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
-    const std::uint32_t i = first + threadIdx.x;
-    bool is_open = false;
-    if (i < count) {
-      const PairAnswer& answer = r.answers[i];
-      is_open = isnan(answer.distance) && answer.status == Status::kOk && !is_decided_before(r, Item(r, r.items[i]));
-    }
+    const std::uint32_t at = first + threadIdx.x, i = at < count ? r.unresolved[at] : 0;
+    const bool is_open = at < count && !is_decided_before(r, Item(r, r.items[i]));
     const std::uint32_t rest = take_place(r.chunk.counts + kRest, is_open);
     if (!is_open) continue;
     r.chunk.rest[rest] = i;

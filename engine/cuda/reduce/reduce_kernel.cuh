@@ -19,6 +19,7 @@ namespace clearance::cuda {
 inline constexpr std::uint32_t kScanThreads = 256;  // rows per block when comparing boxes
 // Blocks on a multiprocessor, for lists whose length is unknown at launch.
 inline constexpr std::uint32_t kSeedBlocks = 4, kSolveBlocks = 4, kItemBlocks = 1;
+inline constexpr int kLeanItemBlocks = 6;      // the same for kernels that only iterate, which share its registers
 inline constexpr std::int32_t kSeedSteps = 2;  // GJK steps for a bound that excludes other pairs
 
 __device__ inline void clear_counts(const ReducedView& r) {
@@ -95,21 +96,35 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
       });
 }
 
-// Lists the candidates, in no order.
-__global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_constant__ ReducedView r) {
-  const std::uint64_t row = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
+// Lists the items that the boxes of their bodies do not exclude. Consecutive threads have one pair in consecutive
+// configurations, so neighbours in the list mostly share both hulls. All threads of a block call it.
+// \param is_wanted called as `is_wanted(item, box_a, box_b)`
+template <class IsWanted>
+__device__ inline void list_by_boxes(const ReducedView& r, const IsWanted& is_wanted) {
+  const std::uint64_t i = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
   bool wanted = false;
-  if (row < r.rows) {
-    const Item item(r, static_cast<std::uint32_t>(row));
+  std::uint32_t row = 0;
+  if (i < r.rows) {
+    const std::uint32_t p = static_cast<std::uint32_t>(i) / r.chunk.configurations;
+    const Item item(r, static_cast<std::uint32_t>(i) - p * r.chunk.configurations, p);
     const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
-    if (!is_empty(a) && !is_empty(b)) {
-      const double gap = gap_below(a, b);
-      for_groups(r, item,
-                 [&](std::size_t g) { wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g]))); });
-    }
+    wanted = is_wanted(item, a, b);
+    row = item.k * r.chunk.pair_count + p;
   }
-  const std::uint32_t at = take_place(r.chunk.counts + kCandidates, wanted);
-  if (wanted && at < r.capacity) r.items[at] = static_cast<std::uint32_t>(row);
+  const std::uint32_t at = take_place_of_block<kScanThreads>(r.chunk.counts + kCandidates, wanted);
+  if (wanted && at < r.capacity) r.items[at] = row;
+}
+
+// Lists the candidates.
+__global__ void __launch_bounds__(kScanThreads) find_candidates(const __grid_constant__ ReducedView r) {
+  list_by_boxes(r, [&](const Item& item, const OuterBox& a, const OuterBox& b) {
+    bool wanted = false;
+    if (is_empty(a) || is_empty(b)) return wanted;
+    const double gap = gap_below(a, b);
+    for_groups(r, item,
+               [&](std::size_t g) { wanted |= !(gap > __longlong_as_double(static_cast<long long>(r.cutoff[g]))); });
+    return wanted;
+  });
 }
 
 // Marks the candidates of Reduce::kWithin, so that rows can be written in order. Includes pairs without usable poses.
@@ -141,27 +156,28 @@ __device__ inline PairOutcome solve_candidate(const ChunkView& c, const Item& it
                                               const BodyPoseRef& at_b, PairAnswer& answer, Enclosed& enclosed,
                                               const S& slack) {
   const HullHead *head_a = head_of(c, item.ref.a), *head_b = head_of(c, item.ref.b);
-  const Hull<SceneVertices> a = scene_hull(c.hulls, head_a), b = scene_hull(c.hulls, head_b);
-  const PairHulls<Hull<SceneVertices>> hulls{a, b};
+  const Hull<IndexedVertices> a = indexed_hull(c.hulls, head_a), b = indexed_hull(c.hulls, head_b);
+  const PairHulls<Hull<IndexedVertices>> hulls{a, b};
   const PairFrame<double> at = place_pair<double>(at_a, *head_a, at_b, *head_b);
   return solve_item<false>(c, a, b, hulls, at_a, at_b, at, answer, enclosed, slack);
 }
 
+// Evaluates the candidates. Pairs with a body of several convex parts are left to solve_several().
 // \tparam S Slack for uncertain pairs, else NoSlack
-template <class S>
-__global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_constant__ ReducedView r) {
+// \tparam kProves overlaps are proved at once; if not, they are left to prove_items()
+template <class S, bool kProves>
+__global__ void __launch_bounds__(kItemThreads, kProves ? 1 : kLeanItemBlocks)
+    solve_candidates(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
-  const std::uint32_t count = item_count(r);
-  for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
-    const std::uint32_t i = first + threadIdx.x;
+  const SpreadList list(item_count(r), gridDim.x * kItemThreads / 32);
+  for (std::uint32_t first = 0; first < list.count; first += list.step) {
+    const std::uint32_t i = list.at(first);
     PairOutcome outcome = PairOutcome::kNone;
     Enclosed enclosed;
     bool several = false;
-    if (i < count) {
+    if (i < list.count) {
       const Item item = listed_item(r, i);
       const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
-      enclosed.pair = item.p;
-      enclosed.configuration = item.k;
       const PairKind kind = kind_of(r, item);
       const bool hulls = kind == PairKind::kHulls;
       several = hulls && has_several(c.hulls, at_a.body, at_b.body);
@@ -169,28 +185,69 @@ __global__ void __launch_bounds__(kItemThreads) solve_candidates(const __grid_co
       const S slack = known_slack<S>(c, item.ref, item.k);
       if (!several && hulls) outcome = solve_candidate(c, item, at_a, at_b, answer, enclosed, slack);
       if (kind == PairKind::kLeft) outcome = PairOutcome::kUnresolved;
-      if (outcome == PairOutcome::kEnclosed)
-        outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
+      if constexpr (kProves)
+        if (outcome == PairOutcome::kEnclosed)
+          outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
       if (outcome == PairOutcome::kWithoutParts || outcome == PairOutcome::kConverged) {
         r.answers[i] = answer;
         offer(r, item, i, answer, at_a, at_b);
       }
     }
-    const std::uint32_t place = take_place(r.chunk.counts + kSeveralPairs, several);
-    if (several) r.several[place] = i;
+    list_later(r, i, several);
+    if constexpr (!kProves) list_enclosed(c, i, enclosed, outcome == PairOutcome::kEnclosed);
     report_item(r, outcome, i);
+  }
+}
+
+// Proves the overlaps of listed items. In a configuration of Reduce::kAny, or of kMin without uncertainty, the first one
+// decides, so later ones are skipped if that is known in time.
+// \param most_warps at a time
+template <bool kAny>
+__global__ void __launch_bounds__(kItemThreads)
+    prove_items(const __grid_constant__ ReducedView r, std::uint32_t most_warps) {
+  const ChunkView& c = r.chunk;
+  const SpreadList list(c.counts[kEnclosedPairs], most_warps);
+  for (std::uint32_t first = 0; first < list.count; first += list.step) {
+    const std::uint32_t at = list.at(first);
+    PairOutcome outcome = PairOutcome::kNone;
+    std::uint32_t i = 0;
+    if (at < list.count) {
+      const Enclosed enclosed = c.enclosed[at];
+      i = enclosed.pair;
+      const Item item = listed_item(r, i);
+      const bool first_decides = kAny || (r.reduce == Reduce::kMin && !has_uncertainties(c));
+      if (first_decides && is_decided_before(r, item)) {
+        if constexpr (!kAny) r.answers[i] = no_answer(Status::kOk);
+      } else {
+        const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
+        PairAnswer answer;
+        answer.flags = flags_of(at_a, at_b);
+        outcome = proved(c, enclosed, at_a, at_b, slack_of_pair(c, item.ref, item.k).outer, answer);
+        if (outcome == PairOutcome::kConverged) {
+          r.answers[i] = answer;
+          if (first_decides) take_least(r.winner + item.k, place_key(item, i));
+          if constexpr (!kAny) offer(r, item, i, answer, at_a, at_b);
+        }
+      }
+    }
+    if constexpr (kAny) {
+      if (outcome == PairOutcome::kUnresolved) list_unresolved(r, i);
+      add_count(c.counts + kConvergedRows, outcome == PairOutcome::kConverged);
+    } else {
+      report_item(r, outcome, i);
+    }
   }
 }
 
 // Evaluates the candidates with a body of several convex parts, listed by solve_candidates().
 __global__ void __launch_bounds__(kItemThreads) solve_several(const __grid_constant__ ReducedView r) {
   const ChunkView& c = r.chunk;
-  const std::uint32_t count = c.counts[kSeveralPairs];
+  const std::uint32_t count = c.counts[kLaterItems];
   for (std::uint32_t first = blockIdx.x * kItemThreads; first < count; first += gridDim.x * kItemThreads) {
     PairOutcome outcome = PairOutcome::kNone;
     std::uint32_t i = 0;
     if (first + threadIdx.x < count) {
-      i = r.several[first + threadIdx.x];
+      i = r.later[first + threadIdx.x];
       const Item item = listed_item(r, i);
       const auto [at_a, at_b] = poses_of(c, item.ref, item.k);
       PairAnswer answer;

@@ -11,7 +11,8 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kTeam = 16;  // threads that decide a configuration
+inline constexpr std::uint32_t kTeam = 16;             // threads that decide a configuration
+inline constexpr std::uint32_t kShortList = 1u << 21;  // capacity of a list that is not worth a kernel for overlaps
 
 /// Settings of a reduced query that apply to all its chunks.
 struct ReducedSettings {
@@ -82,9 +83,8 @@ inline void clear_counts(std::uint32_t* counts, cudaStream_t stream) {
 
 /// Memory for the candidates.
 /// \param capacity number of pairs
-/// \param several whether a body of the scene has several convex parts
-inline std::size_t item_bytes(std::uint32_t capacity, bool several) {
-  return std::size_t{(capacity + 3) / 4 * 4} * (sizeof(PairAnswer) + (several ? 4 : 3) * sizeof(std::uint32_t));
+inline std::size_t item_bytes(std::uint32_t capacity) {
+  return std::size_t{(capacity + 3) / 4 * 4} * (sizeof(PairAnswer) + 5 * sizeof(std::uint32_t) + sizeof(Enclosed));
 }
 inline void take_item_memory(ReducedView& r, std::byte* memory, std::uint32_t capacity) {
   const std::size_t words = (capacity + 3) / 4 * 4;
@@ -93,7 +93,9 @@ inline void take_item_memory(ReducedView& r, std::byte* memory, std::uint32_t ca
   r.items = reinterpret_cast<std::uint32_t*>(r.answers + words);
   r.chunk.rest = r.items + words;
   r.rest_rows = r.chunk.rest + words;
-  r.several = r.rest_rows + words;  // unused if no body has several convex parts
+  r.later = r.rest_rows + words;
+  r.unresolved = r.later + words;
+  r.chunk.enclosed = reinterpret_cast<Enclosed*>(r.unresolved + words);
 }
 
 inline unsigned item_blocks(const ReducedView& r, std::uint32_t on_multiprocessor = kItemBlocks) {
@@ -111,20 +113,41 @@ inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
 inline void start_candidates(const ReducedView& r, cudaStream_t stream) {
   find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
 }
-/// Evaluates the listed pairs.
+/// Proves the overlaps that a kernel has listed.
+template <bool kAny>
+void start_proofs(const ReducedView& r, cudaStream_t stream) {
+  const unsigned blocks = item_blocks(r, kSolveBlocks);
+  prove_items<kAny><<<blocks, kItemThreads, 0, stream>>>(r, blocks * kItemThreads / 32);
+}
+/// Evaluates the listed pairs. Overlaps get a kernel of their own only where lists may be long.
 inline void start_items(const ReducedView& r, bool several, cudaStream_t stream) {
-  const auto kernel = r.chunk.bodies.uncertainties.fixed ? solve_candidates<Slack> : solve_candidates<NoSlack>;
-  kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
+  const bool uncertain = r.chunk.bodies.uncertainties.fixed;
+  if (r.capacity <= kShortList) {
+    const auto kernel = uncertain ? solve_candidates<Slack, true> : solve_candidates<NoSlack, true>;
+    kernel<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
+  } else {
+    const auto kernel = uncertain ? solve_candidates<Slack, false> : solve_candidates<NoSlack, false>;
+    kernel<<<item_blocks(r, kLeanItemBlocks), kItemThreads, 0, stream>>>(r);
+    start_proofs<false>(r, stream);
+  }
   if (several) solve_several<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
-/// Reduce::kAny: evaluates the pairs whose boxes are within their margins, and lists the unresolved ones.
+/// Reduce::kAny: evaluates the pairs whose boxes are within their margins.
 inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
   find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
-  const auto evaluate = r.chunk.bodies.uncertainties.fixed ? evaluate_near_pairs<Slack> : evaluate_near_pairs<NoSlack>;
+  const bool uncertain = r.chunk.bodies.uncertainties.fixed;
+  const auto iterate = uncertain ? evaluate_near_hulls<Slack> : evaluate_near_hulls<NoSlack>;
+  iterate<<<item_blocks(r, kLeanItemBlocks), kItemThreads, 0, stream>>>(r);
+  start_proofs<true>(r, stream);
+  const auto evaluate = uncertain ? evaluate_near_pairs<Slack> : evaluate_near_pairs<NoSlack>;
   evaluate<<<item_blocks(r, kSolveBlocks), kItemThreads, 0, stream>>>(r);
   if (r.elements.count > 0) start_elements(r, stream);
+  check(cudaGetLastError(), "starting a kernel");
+}
+/// Lists the unresolved pairs for the CPU.
+inline void start_open_pairs(const ReducedView& r, cudaStream_t stream) {
   list_open_pairs<<<item_blocks(r), kItemThreads, 0, stream>>>(r);
   check(cudaGetLastError(), "starting a kernel");
 }

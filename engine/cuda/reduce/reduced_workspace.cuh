@@ -160,7 +160,7 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
 
   void reserve_items(ReducedSlot& slot, std::uint32_t capacity) {
     ReducedView& r = slot.view;
-    take_item_memory(r, slot.device_items.reserve(item_bytes(capacity, hulls_.has_several())), capacity);
+    take_item_memory(r, slot.device_items.reserve(item_bytes(capacity)), capacity);
     if (!table_) return;
     slot.table.reserve(r, *table_, slot.stream);
     if (r.hit_ranks) slot.reserve_ranks();
@@ -219,7 +219,10 @@ class ReducedCudaWorkspace final : public QuerySide<LentReduced, ReducedSlot> {
 
   void solve(ReducedSlot& slot) {
     const ReducedView& r = slot.view;
-    if (any()) return start_decisions(r, slot.stream);
+    if (any()) {
+      start_decisions(r, slot.stream);
+      return start_open_pairs(r, slot.stream);
+    }
     if (table_)
       slot.table.run(r, slot.stream);
     else if (within())

@@ -52,7 +52,7 @@ class ResidentReduced final : public ResidentSide<ResidentReducedSlot> {
     return static_cast<std::uint32_t>(std::max<std::uint64_t>(rows, configurations));
   }
   void reserve_rows(std::uint64_t rows, std::uint32_t configurations) override {
-    slot().items.reserve(item_bytes(capacity_of(rows, configurations), hulls_.has_several()));
+    slot().items.reserve(item_bytes(capacity_of(rows, configurations)));
     ReducedView r{};
     r.chunk.configurations = configurations;
     r.groups = settings_.groups;

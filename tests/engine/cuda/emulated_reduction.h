@@ -95,7 +95,8 @@ class HostReduction {
     keys_.assign(6 * groups, kNoKey);
     unusable_.assign(groups, kNoPair);
     words_.assign(4 * words, 0);
-    items_.resize(4 * r_.rows);
+    items_.resize(5 * r_.rows);
+    enclosed_.resize(r_.rows);
     answers_.resize(r_.rows);
     std::uint64_t** const keys[] = {&r_.upper, &r_.lower, &r_.winner, &r_.lowest, &r_.seed, &r_.cutoff};
     for (std::size_t i = 0; i < 6; ++i) *keys[i] = keys_.data() + i * groups;
@@ -105,7 +106,9 @@ class HostReduction {
     r_.items = items_.data();
     r_.chunk.rest = items_.data() + r_.rows;
     r_.rest_rows = items_.data() + 2 * r_.rows;
-    r_.several = items_.data() + 3 * r_.rows;
+    r_.later = items_.data() + 3 * r_.rows;
+    r_.unresolved = items_.data() + 4 * r_.rows;
+    r_.chunk.enclosed = enclosed_.data();
     r_.answers = answers_.data();
     r_.elements = elements_.view();
     const std::size_t n = cpu.scene().bodies().size();
@@ -117,6 +120,8 @@ class HostReduction {
                       [&] { box_moved_elements(r_.elements, bodies_.view, K); });
   }
   HostReduction(const HostReduction&) = delete;
+
+  bool proves_at_once = false;  ///< overlaps of candidates, as for short lists
 
   /// Expects the rows of the CPU.
   /// \returns number of pairs left to the CPU
@@ -171,6 +176,7 @@ class HostReduction {
     return left;
   }
   std::uint64_t others() const { return others_; }  ///< rows of compare_alone() that differ from the CPU's
+  std::uint32_t counted(std::uint32_t which) const { return counts_[which]; }  ///< an index such as kRest
   const ReplyView& rows() const { return rows_.view; }
   std::uint64_t row_count() const { return rows_.info.rows; }
 
@@ -193,7 +199,8 @@ class HostReduction {
     ChunkView& c = r_.chunk;
     c.hulls = hulls_.view();
     c.bodies = bodies_.view;
-    c.pair_limits = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, true, true, true,
+    const bool points = (q_.fields & (kFieldPoints | kFieldPoints32 | kFieldFlags)) != 0;
+    c.pair_limits = {q_.max_distance, q_.abs_tol, default_rel_tol(q_.precision), 256, true, points, points, true,
                      false,           false};
     c.pairs = pairs_.data();
     c.pair_count = P;
@@ -239,8 +246,12 @@ class HostReduction {
     r_.margin = plan.margins.most();
     r_.beyond = beyond_all_margins(plan);
     launch(r_.rows, kScanThreads, [&] { find_near_pairs(r_); });
+    const bool uncertain = bodies_.uncertain;
     launch(r_.rows / 4, kItemThreads,
-           [&] { bodies_.uncertain ? evaluate_near_pairs<Slack>(r_) : evaluate_near_pairs<NoSlack>(r_); });
+           [&] { uncertain ? evaluate_near_hulls<Slack>(r_) : evaluate_near_hulls<NoSlack>(r_); });
+    launch(r_.rows / 4, kItemThreads, [&] { prove_items<true>(r_, 5); });
+    launch(r_.rows / 4, kItemThreads,
+           [&] { uncertain ? evaluate_near_pairs<Slack>(r_) : evaluate_near_pairs<NoSlack>(r_); });
     evaluate_elements_of<true>();
     launch(r_.rows / 4, kItemThreads, [&] { list_open_pairs(r_); });
   }
@@ -265,7 +276,12 @@ class HostReduction {
   }
   template <class S>
   void solve() {
-    launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<S>(r_); });
+    if (proves_at_once) {
+      launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<S, true>(r_); });
+    } else {
+      launch(r_.rows / 4, kItemThreads, [&] { solve_candidates<S, false>(r_); });
+      launch(r_.rows / 4, kItemThreads, [&] { prove_items<false>(r_, 5); });
+    }
     launch(r_.rows / 4, kItemThreads, [&] { solve_several(r_); });
     evaluate_elements_of<false>();
   }
@@ -321,6 +337,7 @@ class HostReduction {
   std::vector<std::uint32_t> unusable_;
   std::vector<std::uint32_t> words_, items_;
   std::vector<PairAnswer> answers_;
+  std::vector<Enclosed> enclosed_;
   std::uint64_t others_ = 0;
 };
 

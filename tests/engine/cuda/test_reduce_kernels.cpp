@@ -10,6 +10,7 @@ namespace {
 constexpr double kInf = std::numeric_limits<double>::infinity();
 
 TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
+  std::uint64_t enclosed = 0;
   for (const double room : {1.0, 2.5, 8.0}) {
     EmulatedCase c(20, 13, room, 3,
                    [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
@@ -22,10 +23,16 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpu) {
       for (const double distance : {kInf, 0.3}) {
         c.q.reduce = reduce;
         c.q.max_distance = distance;
-        HostReduction(cpu, c.q).compare("reduce " + std::to_string(static_cast<int>(reduce)) + " room " +
-                                        std::to_string(room) + " within " + std::to_string(distance));
+        for (const bool proves_at_once : {false, true}) {
+          HostReduction reduction(cpu, c.q);
+          reduction.proves_at_once = proves_at_once;
+          reduction.compare("reduce " + std::to_string(static_cast<int>(reduce)) + " room " + std::to_string(room) +
+                            " within " + std::to_string(distance));
+          enclosed += reduction.counted(kEnclosedPairs);
+        }
       }
   }
+  EXPECT_GT(enclosed, 50u) << "listed overlaps";
 }
 
 TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
@@ -40,6 +47,7 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
         c.q.reduce = reduce;
         c.q.max_distance = distance;
         HostReduction reduction(cpu, c.q);
+        reduction.proves_at_once = distance == 0.02;
         left += reduction.compare("reduce " + std::to_string(static_cast<int>(reduce)) + " within " +
                                   std::to_string(distance));
         for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
@@ -56,8 +64,11 @@ TEST(ReduceKernels, GiveTheBitsOfTheCpuForUncertainBodies) {
 // Counts of the results in rows of Reduce::kAny.
 struct MarginCounts {
   std::uint64_t near = 0, overlap = 0, touching = 0, open = 0, beyond = 0, unusable = 0, incomplete = 0, left = 0;
+  std::uint64_t enclosed = 0, later = 0;  // pairs listed by evaluate_near_hulls()
 
   void add(const HostReduction& reduction) {
+    enclosed += reduction.counted(kEnclosedPairs);
+    later += reduction.counted(kLaterItems);
     for (std::uint64_t i = 0; i < reduction.row_count(); ++i) {
       const auto status = static_cast<Status>(reduction.rows().status[i]);
       near += status == Status::kOk;
@@ -66,7 +77,7 @@ struct MarginCounts {
       open += status == Status::kUnconverged;
       beyond += status == Status::kBeyond;
       unusable += status == Status::kBadPose;
-      incomplete += (reduction.rows().flags[i] & kFlagIncomplete) != 0;
+      incomplete += reduction.rows().flags && (reduction.rows().flags[i] & kFlagIncomplete) != 0;
     }
   }
 };
@@ -95,7 +106,7 @@ void compare_margins(const engine::Engine& cpu, QueryView q, const std::string& 
 
 TEST(ReduceKernels, DecideAsTheCpuDoes) {
   for (const Precision precision : {Precision::kF64, Precision::kF32}) {
-    MarginCounts outcomes;
+    MarginCounts outcomes, bounds;
     for (const double room : {1.0, 4.0, 12.0}) {
       EmulatedCase c(20, 29, room, 3,
                      [](engine::Scene& to, const std::string& name, const engine::Scene::BodyOptions& options) {
@@ -107,13 +118,18 @@ TEST(ReduceKernels, DecideAsTheCpuDoes) {
       for (std::size_t i = 0; i < c.bodies.size(); ++i) c.poses[5 * c.bodies.size() + i].qw = kInf;
       const engine::Engine cpu(std::move(c.scene), {.backend = "cpu", .covers = engine::Covers::kOff});
       compare_margins(cpu, c.q, "room " + std::to_string(room), outcomes);
+      c.q.fields = kFieldStatus | kFieldLower | kFieldUpper | kFieldPair;  // without points
+      compare_margins(cpu, c.q, "bounds, room " + std::to_string(room), bounds);
     }
+    EXPECT_GT(bounds.later, 100u) << "pairs after one that probably overlaps";
+    EXPECT_GT(bounds.near, 20u);
     EXPECT_GT(outcomes.near, 20u);
     EXPECT_GT(outcomes.overlap, 100u);
     EXPECT_GT(outcomes.beyond, 50u);
     EXPECT_GT(outcomes.unusable, 5u);
     EXPECT_GT(outcomes.incomplete, outcomes.unusable) << "some are decided all the same";
     EXPECT_GT(outcomes.left, 20u) << "capsules that overlap by less than their radii";
+    EXPECT_GT(outcomes.enclosed, 100u);
   }
 }
 
