@@ -8,15 +8,19 @@
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
 
+# What the adapters to other libraries consist of and import.
+adapters="client/python/clearance/_adapters client/python/clearance/_arguments.py client/python/clearance/_engine_front.py"
+adapters+=" client/python/clearance/_front.py client/python/clearance/_poses.py client/python/clearance/_scene client/python/clearance/_words.py client/python/clearance/_coal.py"
+
 # Name, minutes on two cores (after `make build`, without ccache), and the paths that it depends on.
 extras=(
   "client_install   3  pyproject.toml CMakeLists.txt cmake client planner wire cli lcmtypes"
   "wheels          60  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
   "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
-  "coal             2  client/python/clearance tests/install/try_coal.py tests/install/try_pinocchio.py tests/install/try_placo.py"
-  "mujoco           2  client/python/clearance tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
-  "drake            2  client/python/clearance tests/install/try_drake.py"
+  "coal             2  $adapters client/python/clearance/pinocchio.py client/python/clearance/pink.py client/python/clearance/placo.py tests/install/try_coal.py tests/install/try_pinocchio.py tests/install/try_placo.py"
+  "mujoco           2  $adapters client/python/clearance/mink.py tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"
+  "drake            2  $adapters client/python/clearance/drake.py tests/install/try_drake.py"
   "ompl             2  client/python/clearance engine/motion engine/certificate tests/install/try_ompl.py"
   "ros              2  ros client/python/clearance scenes/cell tests/install/try_ros.py tests/python/ros/ros_messages.py"
   "jax              2  client/python/clearance/jax.py client/python/clearance/_device/xla_ffi.py client/python/clearance/_device/plan.py client/python/clearance/_device/pose_gradient.py tests/python/engine/test_jax.py client/python/clearance/_device/host_rows.py tests/python/engine/test_second_order.py"

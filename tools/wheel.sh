@@ -8,6 +8,9 @@
 #   abi3     the same for every Python from 3.12 on: built with Debian 13's Python
 #   client   the client alone, of Python alone: Python 3.9 and later, shared memory and ZeroMQ
 #
+# All are built in build-wheel, where only the extension modules are compiled for each Python: compiler, CMake, ninja and LCM
+# are those of this machine and .venv, so that the commands for other objects stay the same.
+#
 # A wheel asks for glibc 2.35 at most (Ubuntu 22.04), and takes at most 60 MB; anything else is an error here. The kernels
 # come with it, in a library that is opened where a GPU is asked for; CLEARANCE_CUDA=OFF leaves them out.
 set -euo pipefail
@@ -43,30 +46,33 @@ build_elsewhere() {
   mkdir -p "$root/usr/include/python$version/$triplet"
   ln -sfnr "$root/usr/include/$triplet/python$version" "$root/usr/include/python$version/$triplet/python$version"
   # pip adds the dependencies of its own Python; those of Python 3.10 alone are named (exceptiongroup, tomli).
-  # Python::SABIModule, which builds a module for the stable ABI, was added in CMake 3.26.
-  [ -d "$packages/cmake" ] || step "wheel-$suite" "Install what builds for Python $version" .venv/bin/python -m pip install \
+  [ -d "$packages/nanobind" ] || step "wheel-$suite" "Install what builds for Python $version" .venv/bin/python -m pip install \
     --disable-pip-version-check --progress-bar off --target "$packages" --python-version "$version" --implementation cp \
     --only-binary=:all: --platform "$platform" --platform "manylinux_2_28_$(uname -m)" --platform "manylinux_2_17_$(uname -m)" \
     --platform "manylinux2014_$(uname -m)" --platform "manylinux_2_12_$(uname -m)" \
-    pip scikit-build-core exceptiongroup tomli nanobind==2.9.2 lcm==1.5.3 "cmake>=3.26,<4" ninja
+    pip scikit-build-core exceptiongroup tomli nanobind==2.9.2
   cat >"$python" <<SCRIPT
 #!/bin/sh
 exec env PYTHONHOME=$root/usr PYTHONPATH=$packages $(echo "$root/usr/lib/$triplet"/ld-linux-*.so.2) --argv0 "\$0" \\
   --library-path $root/usr/lib/$triplet $root/usr/bin/python$version "\$@"
 SCRIPT
   chmod +x "$python"
-  PATH="$packages/bin:$PATH" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" build "$python" "$@"
+  build "$python" "$@"
 }
 
 # build PYTHON OPTION...: a wheel with its libraries.
 build() {
-  local python=$1 raw=out/wheel/raw
+  local python=$1 raw=out/wheel/raw packages
   shift
-  "$python" -c 'import lcm, nanobind, scikit_build_core' || die "$python lacks what the build needs (requirements.txt)"
-  rm -rf "$raw"
-  step wheel-build "Build the wheel for $("$python" --version)" "$python" -m pip wheel --disable-pip-version-check --no-deps \
-    --no-build-isolation -v -C build-dir="build-wheel-{cache_tag}" -C cmake.define.CLEARANCE_STATIC_GLIB=ON -C cmake.define.CLEARANCE_CUDA="${CLEARANCE_CUDA:-ON}" "$@" -w "$raw" .
   tools_in_venv
+  packages=$(.venv/bin/python -c 'import sysconfig; print(sysconfig.get_path("platlib"))')
+  "$python" -c 'import nanobind, scikit_build_core' || die "$python lacks what the build needs (requirements.txt)"
+  rm -rf "$raw"
+  step wheel-build "Build the wheel for $("$python" --version)" \
+    env CC="${CC:-cc}" CXX="${CXX:-c++}" CMAKE_EXECUTABLE="$packages/cmake/data/bin/cmake" \
+    "$python" -m pip wheel --disable-pip-version-check --no-deps --no-build-isolation -v -C build-dir=build-wheel \
+    -C cmake.define.lcm_DIR="$packages/lib/lcm/cmake" -C cmake.define.CLEARANCE_STATIC_GLIB=ON \
+    -C cmake.define.CLEARANCE_CUDA="${CLEARANCE_CUDA:-ON}" "$@" -w "$raw" .
   step wheel-repair "Put the libraries into it" env PATH="$PWD/.venv/bin:$PATH" \
     .venv/bin/python -m auditwheel repair --plat "$platform" --only-plat -w out/wheel "$raw"/*.whl
   keep out/wheel/clearance-*.whl

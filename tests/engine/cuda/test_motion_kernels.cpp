@@ -286,7 +286,9 @@ MotionDecision decision_of(const engine::Scene& scene, const QueryView& q) {
 class CheckedMotionKernels : public ::testing::TestWithParam<int> {};
 
 TEST_P(CheckedMotionKernels, SayNothingThatIsUntrue) {
-  const MotionFindings found = check_decisions(21, 32, GetParam(), decision_of);
+  const MotionFindings found = check_decisions(21, 32, GetParam(), [](const engine::Scene& scene) {
+    return [&scene](const QueryView& query) { return decision_of(scene, query); };
+  });
   std::printf("%s\n", found.text().c_str());
   EXPECT_EQ(found.wrong(), 0) << found.text();
   EXPECT_GE(found.motions, 32);

@@ -62,7 +62,8 @@ class MotionOracle {
   }
 
   // Checks the decisions of another implementation.
-  void check_decisions(const MotionDecider& decide) {
+  void check_decisions(const MakeMotionDecider& make) {
+    const MotionDecider decide = make(engine_.scene());
     Motions all = case_.motions;
     all.pairs = pairs_;
     const Answer min = evaluate(engine_, all.view(Reduce::kMin));
@@ -185,7 +186,7 @@ class MotionOracle {
     query.max_evaluations = 512;
     query.margin = random_.below(2) ? margin_beside_least(random_) : 0;
     if (!when) query.fields &= ~kFieldFirstContact;
-    const MotionDecision found = decide(engine_.scene(), query);
+    const MotionDecision found = decide(query);
     findings_.undecided += found.kind == MotionDecision::kOpen;
     if (found.kind == MotionDecision::kOpen) return;
     ++findings_.least_on_device;
@@ -205,7 +206,7 @@ class MotionOracle {
     QueryView query = one.view(Reduce::kAny, 512);
     query.margin = margin_beside_least(random_);
     if (!when) query.fields &= ~kFieldFirstContact;
-    const MotionDecision found = decide(engine_.scene(), query);
+    const MotionDecision found = decide(query);
     findings_.free += found.kind == MotionDecision::kFree;
     findings_.undecided += found.kind == MotionDecision::kOpen;
     if (found.kind == MotionDecision::kHit) {
@@ -343,11 +344,11 @@ void for_cases(std::uint64_t seed, int only, const CheckCase& check) {
 
 }  // namespace
 
-MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide) {
+MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MakeMotionDecider& make) {
   MotionFindings findings;
   for_cases(seed, only, [&](const MotionCase& c, Random& random, std::uint64_t) {
     if (c.motions.bodies.empty() || only >= kStraightKinds)
-      if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) oracle.check_decisions(decide);
+      if (MotionOracle oracle(c, random, findings, "cpu"); oracle.has_pairs()) oracle.check_decisions(make);
     return findings.motions < motions;
   });
   return findings;

@@ -55,9 +55,11 @@ struct MotionDecision {
   double contact = 0;     ///< if requested: the time at which a pair is within its margin, or inf
   bool by_slack = false;  ///< the interval exceeds the tolerance because of uncertain bodies
 };
-using MotionDecider = std::function<MotionDecision(const engine::Scene&, const QueryView&)>;
+using MotionDecider = std::function<MotionDecision(const QueryView&)>;
+/// Makes the decider of the motions of a scene, which outlives it.
+using MakeMotionDecider = std::function<MotionDecider(const engine::Scene&)>;
 /// Checks only decisions and least distances of motions of joints, with and without first contact, for the cases of
 /// check_many(). Unresolved motions count as undecided.
-MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MotionDecider& decide);
+MotionFindings check_decisions(std::uint64_t seed, int motions, int only, const MakeMotionDecider& make);
 
 }  // namespace clearance::test

@@ -1,7 +1,9 @@
 // A seeded sample of the motions that make certify checks, of every kind.
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <cstdio>
+#include <memory>
 
 #include "tests/engine/motion/motion_oracle.h"
 
@@ -34,20 +36,23 @@ TEST(MotionOracle, TrajectoriesAreDecidedRightWithAnyNumberOfSteps) {
   EXPECT_GT(found.by_covers, 20);
 }
 
-// By an engine with covers: motions that it proves free alone, as it does for verdicts.
+// By an engine with covers for each scene: motions that it proves free alone, as it does for verdicts.
 TEST(MotionOracleOfCovers, FreeMotionsOfJointsAndBodiesAreFree) {
   int by_covers = 0;
-  const MotionDecider decide = [&](const engine::Scene& scene, QueryView query) -> MotionDecision {
-    if (query.reduce != Reduce::kAny) return {};
-    query.fields = kFieldVerdict;
-    const engine::Engine engine(engine::Scene(scene), {.backend = "cpu", .threads = 1});
-    engine.wait_covers(std::chrono::seconds(60));
-    const Answer answer = evaluate(engine, query);
-    by_covers += answer.info.pairs_evaluated == 0;
-    return {.kind = static_cast<Status>(answer.view.verdict[0]) == Status::kBeyond ? MotionDecision::kFree
-                                                                                   : MotionDecision::kOpen};
+  const MakeMotionDecider make = [&](const engine::Scene& scene) -> MotionDecider {
+    const auto engine =
+        std::make_shared<engine::Engine>(engine::Scene(scene), engine::Engine::Options{.backend = "cpu", .threads = 1});
+    engine->wait_covers(std::chrono::seconds(60));
+    return [&by_covers, engine](QueryView query) -> MotionDecision {
+      if (query.reduce != Reduce::kAny) return {};
+      query.fields = kFieldVerdict;
+      const Answer answer = evaluate(*engine, query);
+      by_covers += answer.info.pairs_evaluated == 0;
+      return {.kind = static_cast<Status>(answer.view.verdict[0]) == Status::kBeyond ? MotionDecision::kFree
+                                                                                     : MotionDecision::kOpen};
+    };
   };
-  const MotionFindings found = check_decisions(5, 60, static_cast<int>(MotionKind::kMeanwhile), decide);
+  const MotionFindings found = check_decisions(5, 60, static_cast<int>(MotionKind::kMeanwhile), make);
   std::printf("%s; %d by covers alone\n", found.text().c_str(), by_covers);
   EXPECT_EQ(found.wrong(), 0) << found.text();
   EXPECT_GT(found.free, 20);

@@ -1,5 +1,7 @@
 """tools/extras.sh runs the extended checks, and with --changed only those that a change affects."""
 
+import ast
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -146,3 +148,27 @@ def test_names(checkout):
     assert (done.returncode, calls) == (0, "tools/build.sh gpus kernels\n"), done.stderr
     done, _ = extras(checkout, "kernel")
     assert done.returncode == 1 and "no extra 'kernel'; there are " + " ".join(NAMES) in done.stderr
+
+
+def imported(file):
+    """The modules of its package that a Python file imports, as paths without suffix."""
+    for node in ast.walk(ast.parse(file.read_text())):
+        if isinstance(node, ast.ImportFrom) and node.level:
+            folder = file.parents[node.level - 1]
+            names = [node.module.replace(".", "/")] if node.module else [alias.name for alias in node.names]
+            yield from (folder / name for name in names)
+
+
+@pytest.mark.parametrize("extra", ["coal", "mujoco", "drake"])
+def test_adapters_depend_on_what_they_import(extra):
+    script = (ROOT / "tools/extras.sh").read_text()
+    shared = " ".join(re.findall(r'^adapters\+?="(.*)"$', script, re.M)).split()
+    (line,) = re.findall(rf'^  "{extra} +\d+  \$adapters (.*)"$', script, re.M)
+    paths = [ROOT / path for path in shared + line.split()]
+    assert all(path.exists() for path in paths)
+    package = ROOT / "client/python/clearance"
+    own = [ROOT / path for path in line.split() if path.startswith("client/")] + [*(package / "_adapters").glob("*.py")]
+    modules = {module for file in own for module in imported(file)}
+    assert len(modules) > 5
+    for module in modules:
+        assert any(path.with_suffix("") in (module, *module.parents) for path in paths), f"{extra}: {module}"
