@@ -17,7 +17,7 @@
 #include <utility>
 #include <vector>
 
-#include "scenes.h"
+#include "tests/install/moveit/scenes.h"
 
 // MoveIt's logger makes a node, and clocks that sleep wait for a context: both need all of rclcpp, and neither is used.
 namespace moveit {
