@@ -18,13 +18,14 @@ constexpr double kTimeRounding = 14 * 0x1p-53;  // of q(t) for each degree of it
 constexpr double kGivenRounding = 0x1p-46;  // of a given body's translation at a time, relative to the largest one
 
 double greatest_travel(const SceneRobot& robot) {
-  const auto farthest = [&](std::uint32_t column) { return most_travel(robot.model.columns[column]); };
-  double most = 0;
-  for (const KinematicStep& step : robot.kinematics.steps()) {
-    most = std::max(most, travel_of(step, farthest));
-    most = std::max(most, travel_of(step, [&](std::uint32_t column) { return -farthest(column); }));
-  }
-  return most;
+  using Kind = KinematicStep::Kind;
+  const auto slides = [](const KinematicStep& s) { return s.kind == Kind::kSliding || s.kind == Kind::kPlanar; };
+  if (std::ranges::none_of(robot.kinematics.steps(), slides)) return 0;
+  std::vector<double> limits;
+  for (const RobotColumn& column : robot.model.columns) limits.push_back(most_travel(column));
+  double most = robot.kinematics.travel(limits);
+  for (double& limit : limits) limit = -limit;
+  return std::max(most, robot.kinematics.travel(limits));
 }
 
 }  // namespace

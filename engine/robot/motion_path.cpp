@@ -28,7 +28,6 @@ class MotionPathBuilder {
  public:
   MotionPathBuilder(const Kinematics& robot, std::uint32_t link, const LinkBall& points)
       : robot_(robot), next_(points.centre), beyond_(points.radius) {
-    movers_.reserve(kFew);
     frame_ = frame_of(link);
     // A link on a fixed joint moves with its parent.
     while (const KinematicStep* step = step_of(frame_)) {
@@ -40,9 +39,11 @@ class MotionPathBuilder {
 
   std::uint32_t frame_of(std::uint32_t link) const {
     const auto& roots = robot_.roots();
-    if (const KinematicStep* const step = robot_.step_of(link))
-      return static_cast<std::uint32_t>(roots.size()) + static_cast<std::uint32_t>(step - robot_.steps().data());
-    return static_cast<std::uint32_t>(std::find(roots.begin(), roots.end(), link) - roots.begin());
+    if (const auto at = std::find(roots.begin(), roots.end(), link); at != roots.end())
+      return static_cast<std::uint32_t>(at - roots.begin());
+    const auto& steps = robot_.steps();
+    const auto at = std::find_if(steps.begin(), steps.end(), [&](const KinematicStep& s) { return s.link == link; });
+    return static_cast<std::uint32_t>(roots.size() + (at - steps.begin()));
   }
   // Returns null for a root.
   const KinematicStep* step_of(std::uint32_t frame) const {
@@ -51,9 +52,7 @@ class MotionPathBuilder {
   }
   // Frames from a root to the one that a link moves with.
   std::vector<std::uint32_t> frames_to(std::uint32_t link) const {
-    std::vector<std::uint32_t> frames;
-    frames.reserve(kFew);
-    frames.push_back(frame_of(link));
+    std::vector<std::uint32_t> frames = {frame_of(link)};
     while (const KinematicStep* step = step_of(frames.back())) {
       if (step->kind == Kind::kFixed) frames.pop_back();
       frames.push_back(step->from);
@@ -93,8 +92,6 @@ class MotionPathBuilder {
   }
 
  private:
-  static constexpr std::size_t kFew = 16;  // frames and movers of most paths
-
   static double travel_of(const KinematicStep& step) { return length_of(step.along[0]) + length_of(step.along[1]); }
 
   void add_turn(const KinematicStep& step, const Vec3d& axis) {
@@ -133,7 +130,7 @@ class MotionPathBuilder {
 
 MotionPath::MotionPath(const Kinematics& robot, std::uint32_t link, const LinkBall& points) {
   MotionPathBuilder path(robot, link, points);
-  path.descend(path.frame_of(robot.root_of(link)));
+  path.descend(path.frames_to(link).front());
   movers_ = path.take();
 }
 
