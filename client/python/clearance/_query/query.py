@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Mapping
 from typing import Any, Callable, Optional, Protocol
 
@@ -268,9 +269,7 @@ class Run:
 
     def at_speeds(self, velocities: Optional[np.ndarray], twists: Optional[np.ndarray]) -> Run:
         """Returns the query at these velocities of joints and twists of bodies."""
-        run = object.__new__(Run)  # copy.copy() takes several times as long
-        for name in Run.__slots__:
-            setattr(run, name, getattr(self, name))
+        run = copy.copy(self)
         run.speeds = velocities, twists
         run.raw = self.raw.at_velocities(velocities, twists)
         return run
