@@ -1,4 +1,4 @@
-"""Requirements of docs/certificates.md on a document in addition to its proofs: the checker and the oracle each reject
+"""Requirements of docs/certificate_format.md on a document in addition to its proofs: the checker and the oracle each reject
 violations by themselves."""
 
 import copy
