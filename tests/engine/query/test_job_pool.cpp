@@ -410,7 +410,7 @@ TEST(JobPool, KeepsLargeJobsWithinALimitForAll) {
   EXPECT_FALSE(runs_again(3 * kSmall / 2));
   EXPECT_TRUE(runs_again(kSmall / 2));  // both fit
   EXPECT_TRUE(runs_again(3 * kSmall / 2));
-  EXPECT_FALSE(runs_again(kSmall));     // replaces the oldest
+  EXPECT_FALSE(runs_again(kSmall));  // replaces the oldest
   EXPECT_TRUE(runs_again(kSmall));
   EXPECT_FALSE(runs_again(2 * kSmall));  // replaces all
   EXPECT_TRUE(runs_again(2 * kSmall));
