@@ -28,6 +28,10 @@ Engine::Impl::Route Engine::Impl::route_of(const Plan& plan, bool keep_on_cpu) c
   return route;
 }
 
+bool Engine::Impl::keeps(const JobPool& pool, const QuerySize& size) const {
+  return JobPool::allows(size, device ? JobPool::kSmall : pool.most_rows());
+}
+
 std::vector<std::string> Engine::instruction_sets() {
   std::vector<std::string> names;
   for (const SelfTest& test : self_tests())
@@ -185,7 +189,7 @@ void Engine::plan_ahead(const QueryView& query, const std::shared_ptr<JobPool>& 
   WorkMeter unlimited;
   planner->advance(unlimited);
   units_of_this_thread += unlimited.spent();
-  if (pool && JobPool::allows(planner->plan().size)) pool->keep_plan(std::move(planner));
+  if (pool && impl_->keeps(*pool, planner->plan().size)) pool->keep_plan(std::move(planner));
 }
 
 bool Engine::has_job(const QueryView& query, const std::shared_ptr<JobPool>& pool) const {
@@ -244,7 +248,7 @@ Job Engine::start(PreparedQuery query, const ReplyView& reply) const {
   }
   Plan plan = std::move(query.planner_->plan());
   const JobContext context = impl_->context(*plan.snapshot->scene);
-  const bool keeps = query.pool_ && JobPool::allows(plan.size);
+  const bool keeps = query.pool_ && impl_->keeps(*query.pool_, plan.size);
   const Impl::Route route = impl_->route_of(plan, query.keep_on_cpu_ || keeps);
   std::unique_ptr<Job::State> state;
   if (route.to_device) state = cuda::make_device_job(context, plan, reply);

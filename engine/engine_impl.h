@@ -80,6 +80,8 @@ struct Engine::Impl {
   };
   // Throws QueryError if the device does not support the query and the CPU may not replace it.
   Route route_of(const Plan& plan, bool keep_on_cpu) const;
+  // Whether a pool keeps a job, which then stays on the CPU: a device may answer large ones sooner.
+  bool keeps(const JobPool& pool, const QuerySize& size) const;
 
   // OpenMP's threads do not survive a fork, so a child that used them would hang.
   void check_process() const {

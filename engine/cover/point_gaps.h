@@ -20,7 +20,7 @@ struct GapLanes {
   alignas(32) float at[8];
 };
 
-CLEARANCE_INLINE float greater(float a, float b) {
+CLEARANCE_INLINE float larger(float a, float b) {
   return a > b ? a : b;
 }
 CLEARANCE_INLINE float lesser(float a, float b) {
@@ -34,18 +34,20 @@ CLEARANCE_INLINE float root(float a) {
 }
 
 /// Signed distance of a point, in the core's axes, from the core.
-CLEARANCE_INLINE float core_gap(Obstacle::Kind kind, const float (&half)[3], float x, float y, float z) {
+/// \tparam T a number, or numbers side by side
+template <class T>
+CLEARANCE_INLINE T core_gap(Obstacle::Kind kind, const float (&half)[3], const T& x, const T& y, const T& z) {
   if (kind == Obstacle::Kind::kHalfSpace) return z;
-  const float beyond_z = magnitude(z) - half[2], out_z = greater(beyond_z, 0.0f);
+  const T zero(0.0f), beyond_z = magnitude(z) - T(half[2]), out_z = larger(beyond_z, zero);
   if (kind == Obstacle::Kind::kSegment) return root(x * x + y * y + out_z * out_z);
   if (kind == Obstacle::Kind::kCylinder) {
-    const float beyond = root(x * x + y * y) - half[0], out = greater(beyond, 0.0f);
-    return root(out * out + out_z * out_z) + lesser(greater(beyond, beyond_z), 0.0f);
+    const T beyond = root(x * x + y * y) - T(half[0]), out = larger(beyond, zero);
+    return root(out * out + out_z * out_z) + lesser(larger(beyond, beyond_z), zero);
   }
-  const float beyond_x = magnitude(x) - half[0], out_x = greater(beyond_x, 0.0f);
-  const float beyond_y = magnitude(y) - half[1], out_y = greater(beyond_y, 0.0f);
+  const T beyond_x = magnitude(x) - T(half[0]), out_x = larger(beyond_x, zero);
+  const T beyond_y = magnitude(y) - T(half[1]), out_y = larger(beyond_y, zero);
   return root(out_x * out_x + out_y * out_y + out_z * out_z) +
-         lesser(greater(greater(beyond_x, beyond_y), beyond_z), 0.0f);
+         lesser(larger(larger(beyond_x, beyond_y), beyond_z), zero);
 }
 
 template <Obstacle::Kind kKind>
@@ -83,17 +85,17 @@ CLEARANCE_INLINE void gaps_of_planes(const Obstacle& o, const float (&x)[8], con
     CLEARANCE_LANES
     for (int k = 0; k < 8; ++k) {
       const float height = nx * x[k] + ny * y[k] + nz * z[k];
-      low.at[k] = greater(height - outer, low.at[k]);
-      above.at[k] = greater(height - inner, above.at[k]);
+      low.at[k] = larger(height - outer, low.at[k]);
+      above.at[k] = larger(height - inner, above.at[k]);
     }
   }
   const float at[3] = {o.at[0], o.at[1], o.at[2]}, radius = o.radius;
   const float inner_radius = o.inner_radius, outer_radius = o.outer_radius;
   CLEARANCE_LANES
   for (int k = 0; k < 8; ++k) {
-    const float dx = x[k] - at[0], dy = y[k] - at[1], dz = z[k] - at[2], up = greater(above.at[k], 0.0f);
+    const float dx = x[k] - at[0], dy = y[k] - at[1], dz = z[k] - at[2], up = larger(above.at[k], 0.0f);
     const float way = root(dx * dx + dy * dy + dz * dz);
-    low.at[k] = greater(low.at[k], way - outer_radius) - radius;
+    low.at[k] = larger(low.at[k], way - outer_radius) - radius;
     high.at[k] = way * up / (up + inner_radius) + lesser(above.at[k], 0.0f) - radius;
   }
   CLEARANCE_LANES

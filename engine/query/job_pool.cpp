@@ -8,9 +8,13 @@ namespace clearance {
 
 namespace {
 
-// Limits of one kept job, some MB at most.
-constexpr std::uint64_t kMostPairs = 4096;  // pair-configurations, and pairs and margins in the query
+// Limits of a pool, some MB at most.
+constexpr std::uint64_t kMostPairs = 4096;  // pairs and margins in the query
 constexpr std::size_t kMostBodies = 4096;   // of the scene, since a job has a pose of each
+
+std::uint64_t rows_of(const QuerySize& size) {
+  return size.configurations * size.pairs;
+}
 
 }  // namespace
 
@@ -41,8 +45,8 @@ bool JobPool::allows(const QueryView& query) {
          std::max({query.pairs.size(), query.margins.size(), query.pair_margins.size()}) <= kMostPairs;
 }
 
-bool JobPool::allows(const QuerySize& size) {
-  return size.pairs <= kMostPairs && size.configurations * size.pairs <= kMostPairs;
+bool JobPool::allows(const QuerySize& size, std::uint64_t most) {
+  return size.pairs <= kMostPairs && rows_of(size) <= most;
 }
 
 namespace {
@@ -102,7 +106,12 @@ void JobPool::put_back(std::unique_ptr<Job::State> job) {
   const std::lock_guard lock(mutex_);
   std::erase_if(jobs_, [](const std::unique_ptr<Job::State>& kept) { return kept->kept_for.expired(); });
   if (planned_for_.expired()) planned_.reset();
-  if (jobs_.size() == most_) jobs_.erase(jobs_.begin());
+  std::uint64_t rows = rows_of(job->size());
+  for (const std::unique_ptr<Job::State>& kept : jobs_) rows += rows_of(kept->size());
+  while (!jobs_.empty() && (jobs_.size() == most_ || rows > most_rows())) {
+    rows -= rows_of(jobs_.front()->size());
+    jobs_.erase(jobs_.begin());
+  }
   try {
     jobs_.push_back(std::move(job));
   } catch (const std::bad_alloc&) {

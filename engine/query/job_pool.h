@@ -19,14 +19,22 @@ namespace clearance {
 /// time. May outlive the engine. Shared with its jobs while they run.
 class JobPool {
  public:
-  /// \param most jobs kept: of concurrent runs, and of different numbers of configurations
+  /// Pair-configurations of a small job.
+  static constexpr std::uint64_t kSmall = 4096;
+
+  /// \param most jobs kept: of concurrent runs, and of different numbers of configurations; together they have up to
+  ///     kSmall pair-configurations for each
   explicit JobPool(std::size_t most = 8) : most_(most) {}
 
   /// Whether jobs may be kept: they are small, and their answers depend only on the query and the snapshot, but not on
   /// the clock.
   static bool allows(const engine::Scene& scene);
   static bool allows(const QueryView& query);
-  static bool allows(const QuerySize& size);
+  /// The same of a job.
+  /// \param most pair-configurations
+  static bool allows(const QuerySize& size, std::uint64_t most = kSmall);
+  /// Pair-configurations of all jobs kept.
+  std::uint64_t most_rows() const { return most_ * kSmall; }
 
   /// A job of as many configurations on the same snapshot, with the configurations of `query`, or null. It returns to
   /// its Job::State::pool. Throws QueryError for configurations that do not fit the query's bodies and joints.

@@ -35,7 +35,8 @@ Reduction::Reduction(const engine::Scene& scene, const Plan& plan, const Evaluat
       groups_(plan.query.reduce == Reduce::kNearest ? scene.bodies().size() : 1),
       near_pairs_(boxes.near_pairs),
       have_boxes_(!boxes.all.empty()),
-      by_tree_(boxes.near_pairs.by_tree()) {
+      by_tree_(boxes.near_pairs.by_tree()),
+      most_seeds_(scene.has_surfaces() ? 1 : kMostSeeds) {
   for (int i = 0; i < workers; ++i) workers_.emplace_back(scene, plan, options, boxes);
 }
 

@@ -144,7 +144,7 @@ class Reduction {
   void widen(Row& row, double lower, const BodyPoses& placement) const;
 
   static constexpr std::uint64_t kBlock = 4096;                 // pairs whose boxes one unit compares
-  static constexpr std::size_t kMostSeeds = 4;                  // pairs of a minimum that are all evaluated at first
+  static constexpr std::size_t kMostSeeds = 4;                  // pairs of hulls that are all evaluated at first
   static constexpr std::uint64_t kUnitsPerScan = kBlock / 128;  // of work: boxes are compared eight at a time
   static constexpr std::uint64_t kProbes = 64;                  // bodies whose pairs one unit finds in a tree
   static constexpr std::uint64_t kTreeBlocks = 8;               // or blocks of a tree in one unit
@@ -156,6 +156,7 @@ class Reduction {
   std::size_t groups_;
   const NearPairs& near_pairs_;
   bool have_boxes_, by_tree_;
+  std::size_t most_seeds_;  // positions of a minimum that are all evaluated at first, side by side
   Stage stage_ = kDone;
   std::uint64_t decided_by_ = kNoPair;  // first unit that decided the stage; written concurrently
   std::vector<WorkerState> workers_;

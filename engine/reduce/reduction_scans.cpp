@@ -44,7 +44,7 @@ void Reduction::scan(std::span<const double> gaps, const BodyPoses& placement) {
 }
 
 void Reduction::scan(std::span<const std::uint64_t> positions, const BodyPoses& placement) {
-  if (stage_ == kSeedScan && positions.size() <= kMostSeeds) {
+  if (stage_ == kSeedScan && positions.size() <= most_seeds_) {
     seeds_.assign(positions.begin(), positions.end());
     return;
   }

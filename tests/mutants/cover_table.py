@@ -108,9 +108,9 @@ COVER_MUTANTS = [
         ),
         ("obstacle_face", "cover/obstacle_shape.cpp", "@std::min({dot(n, a), dot(n, b), dot(n, c)})@ -", "reach(n)"),
         ("obstacle_flat", "cover/obstacle.cpp", "if (@!(o.inner_radius > 0)@)", "false"),
-        ("gap_depth", "cover/point_gaps.h", "greater(@greater(beyond_x, beyond_y)@, beyond_z)", "beyond_x"),
-        ("gap_side", "cover/point_gaps.h", "@magnitude(y)@ - half[1]", "y"),
-        ("gap_end", "cover/point_gaps.h", "out_z = @greater(beyond_z, 0.0f)@", "0.0f"),
+        ("gap_depth", "cover/point_gaps.h", "larger(@larger(beyond_x, beyond_y)@, beyond_z)", "beyond_x"),
+        ("gap_side", "cover/point_gaps.h", "@magnitude(y)@ - T(half[1])", "y"),
+        ("gap_end", "cover/point_gaps.h", "out_z = @larger(beyond_z, zero)@", "zero"),
         ("gap_planes", "cover/point_gaps.h", "(up + @inner_radius@)", "1.5f * inner_radius"),
     ),
     # Joint tables.

@@ -13,23 +13,28 @@
 namespace clearance {
 namespace CLEARANCE_ISA {
 
-/// The cell with the least lower bound above a limit.
+/// The cell with the least bound above a limit.
 class LeastCell {
  public:
   static constexpr std::size_t kNoCell = ~std::size_t{0};
 
   /// \param first of kColumns cells
-  HWY_INLINE void take(const Sixteen& lows, float above, std::size_t first) {
-    const Sixteen taken = if_greater(lows, Sixteen(above), lows, Sixteen(LeastBounds::kFar));
+  HWY_INLINE void take(const Sixteen& bounds, float above, std::size_t first) {
+    const Sixteen taken = if_greater(bounds, Sixteen(above), bounds, Sixteen(LeastBounds::kFar));
     first_ = if_greater(least_, taken, Sixteen(static_cast<float>(first / kColumns)), first_);
     least_ = lesser(least_, taken);
   }
+  float bound() const {
+    alignas(64) float bounds[kColumns];
+    least_.store(bounds);
+    return *std::min_element(bounds, bounds + kColumns);
+  }
   /// kNoCell if there is none.
   std::size_t at() const {
-    alignas(64) float lows[kColumns], first[kColumns];
-    least_.store(lows), first_.store(first);
-    const auto lane = static_cast<std::size_t>(std::min_element(lows, lows + kColumns) - lows);
-    if (!(lows[lane] < LeastBounds::kFar)) return kNoCell;
+    alignas(64) float bounds[kColumns], first[kColumns];
+    least_.store(bounds), first_.store(first);
+    const auto lane = static_cast<std::size_t>(std::min_element(bounds, bounds + kColumns) - bounds);
+    if (!(bounds[lane] < LeastBounds::kFar)) return kNoCell;
     return kColumns * static_cast<std::size_t>(first[lane]) + lane;
   }
 
@@ -65,36 +70,59 @@ class CellBounds {
     float* const highs = room_.highs + obstacle_cells();
     for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls) bound_moved(placed, k).store(highs + k);
     take_tables();
-    for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
-      if (has_table(cell) && table_high_[table_of(cell)] < room_.highs[cell])
-        room_.highs[cell] = table_high_[table_of(cell)];
+    for (const auto [cell, table] : batch_.tabled)
+      if (float& high = room_.highs[cell]; table_high_[table] < high) high = table_high_[table];
     for (std::size_t k = 0; k < batch_.still.size(); ++k) {
       room_.lows[first_still() + k] = batch_.still[k].lower;
       room_.highs[first_still() + k] = batch_.still[k].upper;
     }
   }
-  /// Bounds of all roots for their least distance: of the nearest, for an upper bound, and then of those that are not
-  /// beyond the threshold by their boxes.
-  void bound_least(const PlacedBalls& placed, LeastBounds& least) {
-    const std::size_t cell = bound_by_boxes(placed), nearest = cell / kBalls * kBalls;
-    if (cell != LeastCell::kNoCell) bound_near(placed, nearest, least);
-    for (std::size_t first = 0; first < obstacle_cells(); first += kColumns) {
-      const Sixteen low = Sixteen::load(room_.lows + first);
-      std::size_t at = first;
-      for (Bits near = ~greater(low, Sixteen(least.threshold())) & 0xffff; near; near >>= kBalls, at += kBalls)
-        if ((near & 0xff) && at != nearest) bound_near(placed, at, least);
-    }
+  /// Bounds of the roots of moved pairs, for their least distance.
+  void bound_moved(const PlacedBalls& placed, LeastBounds& least) const {
     for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls)
       least.take_upper(bound_moved(placed, k), 0xff,
                        [&](int i) { return v_.moved_pairs[k + static_cast<std::uint32_t>(i)].position; });
-    take_tables();
+  }
+  /// Bounds of all roots of bodies and obstacles, for their least distance: those of obstacles whose gaps take long have
+  /// lower bounds by boxes. Returns the nearest cell of these that has one, or LeastCell::kNoCell.
+  std::size_t bound_roots(const PlacedBalls& placed, LeastBounds& least) const {
+    LeastCell nearest, high;
+    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
+      for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
+        const std::size_t first = std::size_t{o} * v_.columns + begin;
+        if (takes_long(v_.obstacles[o])) {
+          const Sixteen low = placed.distances_by_box(o, begin);
+          low.store(room_.lows + first);
+          nearest.take(low, -LeastBounds::kFar, first);
+        } else {
+          const Sixteen gap = placed.gaps_of_roots(v_.obstacles[o], begin);
+          (gap - Sixteen::load(v_.root_outer + first)).store(room_.lows + first);
+          high.take(gap - Sixteen::load(v_.root_inner + first), -LeastBounds::kFar, first);
+        }
+      }
+    if (const std::size_t cell = high.at(); cell != LeastCell::kNoCell)
+      least.take_upper(high.bound(), v_.position[cell]);
+    return nearest.at();
+  }
+  static bool takes_long(const Obstacle& obstacle) {
+    return obstacle.kind == Obstacle::Kind::kPlanes || obstacle.kind == Obstacle::Kind::kCloud;
+  }
+  /// Bounds of eight cells from `at` on, besides those by boxes and tables.
+  void bound_near(const PlacedBalls& placed, std::size_t at, LeastBounds& least) const {
+    const auto o = static_cast<std::uint32_t>(at / v_.columns), begin = static_cast<std::uint32_t>(at % v_.columns);
+    const GapLimits limits = least.gap_limits(Eight::load(v_.root_outer + at));
+    const Eight known = Eight::load(room_.lows + at);
+    least.take_upper(bound_eight(placed, o, begin, limits), 0xff,
+                     [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
+    larger(Eight::load(room_.lows + at), known).store(room_.lows + at);
   }
   /// Raises the lower bounds of pairs that have tables.
   void take_tables() {
-    for (std::size_t cell = 0; v_.tabled_count > 0 && cell < cells(); ++cell)
-      if (has_table(cell) && table_low_[table_of(cell)] > room_.lows[cell])
-        room_.lows[cell] = table_low_[table_of(cell)];
+    for (const auto [cell, table] : batch_.tabled)
+      if (float& low = room_.lows[cell]; table_low_[table] > low) low = table_low_[table];
   }
+  // Cells of bodies and obstacles, which come before those of moved pairs.
+  std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }
   float* moved_lows() const { return room_.lows + obstacle_cells(); }
   bool has_table(std::size_t cell) const { return table_of(cell) != kNoTable; }
   /// Whether a table bounds a pair from both sides, so that balls need not.
@@ -137,10 +165,10 @@ class CellBounds {
       if (greater(low, Eight(most)) == 0xff) return;
     }
     const Eight beyond = Eight(most < 0.1f * LeastBounds::kFar ? most : 0.1f * LeastBounds::kFar) + outer;
-    bound_roots(placed, o, begin, {beyond, never, never}).store(room_.highs + at);
+    bound_eight(placed, o, begin, {beyond, never, never}).store(room_.highs + at);
   }
   // Stores the lower bounds of eight roots and an obstacle, and returns the upper ones.
-  HWY_INLINE Eight bound_roots(const PlacedBalls& placed, std::uint32_t o, std::uint32_t begin,
+  HWY_INLINE Eight bound_eight(const PlacedBalls& placed, std::uint32_t o, std::uint32_t begin,
                                const GapLimits& limits) const {
     const std::size_t at = std::size_t{o} * v_.columns + begin;
     const Eight outer = Eight::load(v_.root_outer + at);
@@ -155,29 +183,7 @@ class CellBounds {
     (d - Eight::load(v_.moved_reach + k)).store(moved_lows() + k);
     return d - Eight::load(batch_.moved_inner + k);
   }
-  // Bounds all roots by the boxes of the obstacles. Returns the nearest cell of those that have one.
-  std::size_t bound_by_boxes(const PlacedBalls& placed) const {
-    LeastCell least;
-    for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
-      for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
-        const std::size_t first = std::size_t{o} * v_.columns + begin;
-        const Sixteen low = placed.distances_by_box(o, begin);
-        low.store(room_.lows + first);
-        least.take(low, -LeastBounds::kFar, first);
-      }
-    return least.at();
-  }
-  // Bounds eight cells from `at` on.
-  void bound_near(const PlacedBalls& placed, std::size_t at, LeastBounds& least) const {
-    const auto o = static_cast<std::uint32_t>(at / v_.columns), begin = static_cast<std::uint32_t>(at % v_.columns);
-    const GapLimits limits = least.gap_limits(Eight::load(v_.root_outer + at));
-    least.take_upper(bound_roots(placed, o, begin, limits), 0xff,
-                     [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
-  }
-  // Cells of bodies and obstacles, which come before those of moved pairs.
-  std::size_t obstacle_cells() const { return std::size_t{v_.obstacle_count} * v_.columns; }
   std::size_t first_still() const { return obstacle_cells() + (v_.moved_pair_count + kBalls - 1) / kBalls * kBalls; }
-  std::size_t cells() const { return obstacle_cells() + v_.moved_pair_count; }
   std::uint8_t table_of(std::size_t cell) const {
     return cell < obstacle_cells() ? v_.table[cell] : v_.moved_pairs[cell - obstacle_cells()].table;
   }

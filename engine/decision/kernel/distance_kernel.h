@@ -39,8 +39,13 @@ class DistanceBounder {
     cells_.look_up(k);
     for (std::uint32_t t = 0; t < v_.tabled_count; ++t) least_.take_upper(cells_.table_high(t), v_.tabled[t].position);
     for (const StillCell& pair : batch_.still) least_.take_upper(pair.upper, pair.position);
-    cells_.bound_least(placed_, least_);
-    open_roots();
+    cells_.bound_moved(placed_, least_);
+    std::size_t nearest = cells_.bound_roots(placed_, least_);
+    cells_.take_tables();
+    if (nearest != LeastCell::kNoCell) cells_.bound_near(placed_, nearest = nearest / kBalls * kBalls, least_);
+    open_still_pairs();
+    open_obstacle_roots(nearest);
+    open_moved_roots();
     finish(result);
     return result;
   }
@@ -102,16 +107,17 @@ class DistanceBounder {
         push_root(cells_.item_of(*cell, low), *cell, cells_.is_in_table(*cell));
     }
   }
-  /// Opens the pairs whose roots are not beyond the threshold.
-  void open_roots() {
+  void open_still_pairs() {
     for (const StillCell& pair : batch_.still)
       if (pair.lower > least_.threshold())
         least_.lay_aside(pair.lower, pair.position);
       else
         least_.leave(pair.position, pair.lower);
-    open_obstacle_roots();
+  }
+  /// Opens the moved pairs whose roots are not beyond the threshold.
+  void open_moved_roots() {
     alignas(32) float values[kBalls];
-    const std::size_t first_moved = std::size_t{v_.obstacle_count} * v_.columns;
+    const std::size_t first_moved = cells_.obstacle_cells();
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
       const auto position = [&](int i) { return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)].position; };
       for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
@@ -121,21 +127,32 @@ class DistanceBounder {
       }
     }
   }
-
-  void open_obstacle_roots() {
+  /// Opens the pairs of bodies and obstacles whose roots are not beyond the threshold.
+  /// \param bounded first of eight cells whose roots have bounds although their obstacle takes long
+  void open_obstacle_roots(std::size_t bounded) {
     LeastCell aside;
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
-        const std::size_t first = std::size_t{o} * v_.columns + begin;
-        const Sixteen lows = Sixteen::load(room_.lows + first);
-        aside.take(lows, least_.threshold(), first);
-        for (Bits open = ~greater(lows, Sixteen(least_.threshold())) & 0xffff; open; open &= open - 1) {
-          const auto i = static_cast<std::uint32_t>(lowest(open));
-          push_root({room_.lows[first + i], o, begin + i, 0, 0}, first + i, cells_.has_table(first + i));
+        std::size_t at = std::size_t{o} * v_.columns + begin;
+        const Sixteen lows = Sixteen::load(room_.lows + at);
+        aside.take(lows, least_.threshold(), at);
+        for (Bits near = ~greater(lows, Sixteen(least_.threshold())) & 0xffff; near; near >>= kBalls, at += kBalls) {
+          if (!(near & 0xff)) continue;
+          if (CellBounds::takes_long(v_.obstacles[o]) && at != bounded) cells_.bound_near(placed_, at, least_);
+          open_roots(at, near & 0xff);
         }
       }
     if (const std::size_t cell = aside.at(); cell != LeastCell::kNoCell)
-      least_.lay_aside(room_.lows[cell], v_.position[cell]);
+      least_.lay_aside(aside.bound(), v_.position[cell]);  // bound_near() may have raised the cell's
+  }
+  void open_roots(std::size_t at, Bits near) {
+    alignas(32) float lows[kBalls];
+    const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
+    for (Bits b = least_.sift(Eight::load(room_.lows + at), near, lows, position); b; b &= b - 1) {
+      const int i = lowest(b);
+      const std::size_t cell = at + static_cast<std::size_t>(i);
+      push_root(cells_.item_of(static_cast<std::uint32_t>(cell), lows[i]), cell, cells_.has_table(cell));
+    }
   }
 
   std::uint64_t position_of(const DistanceItem& item) const {

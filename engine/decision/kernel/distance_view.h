@@ -29,6 +29,11 @@ struct StillCell {
   std::uint64_t position;
 };
 
+/// A cell (DistanceGroups) whose pair has a joint table.
+struct TabledCell {
+  std::uint32_t cell, table;  ///< index in DecisionView::tabled
+};
+
 /// Groups of pairs, each of which has a least distance. A cell is obstacle * columns + body, or, from
 /// obstacle_count * columns on, a moved pair, or, from the next multiple of 8 on, a pair that stays.
 struct DistanceGroups {
@@ -50,6 +55,7 @@ struct DistanceBatch {
   std::size_t position_stride;
   const DistanceGroups* groups = nullptr;  ///< null for one group of all pairs
   std::span<const StillCell> still{};
+  std::span<const TabledCell> tabled{};
   const double* const* frames = nullptr;    ///< of up to 8 states, as in DecisionBatch; null to use `poses`
   const TableCell* const* cells = nullptr;  ///< as in DecisionBatch; null to find them here
 };

@@ -125,6 +125,29 @@ class PlacedBalls {
     return root(squares_to_box(obstacle, begin)) -
            Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
   }
+  /// Signed distances of kColumns roots from an obstacle of a kind that point_gaps() finds without planes or points, with
+  /// the same operations.
+  HWY_INLINE Sixteen gaps_of_roots(const Obstacle& obstacle, std::uint32_t begin) const {
+    const Sixteen x = Sixteen::load(root_.x + begin) - Sixteen(obstacle.at[0]),
+                  y = Sixteen::load(root_.y + begin) - Sixteen(obstacle.at[1]),
+                  z = Sixteen::load(root_.z + begin) - Sixteen(obstacle.at[2]);
+    const float half[3] = {obstacle.half[0], obstacle.half[1], obstacle.half[2]};
+    const auto gap = [&](const Sixteen& along_x, const Sixteen& along_y, const Sixteen& along_z) {
+      using Kind = Obstacle::Kind;
+      const auto of = [&](Kind kind) {
+        return point_gaps_detail::core_gap(kind, half, along_x, along_y, along_z) - Sixteen(obstacle.radius);
+      };
+      if (obstacle.kind == Kind::kBox) return of(Kind::kBox);
+      if (obstacle.kind == Kind::kSegment) return of(Kind::kSegment);
+      return obstacle.kind == Kind::kCylinder ? of(Kind::kCylinder) : of(Kind::kHalfSpace);
+    };
+    if (obstacle.is_aligned) return gap(x, y, z);
+    const auto along = [&](std::size_t row) {
+      const auto m = [&](std::size_t k) { return Sixteen(obstacle.axes[3 * row + k]); };
+      return m(0) * x + m(1) * y + m(2) * z;
+    };
+    return gap(along(0), along(1), along(2));
+  }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
     return greater(distances_to_roots(begin, centre), bound) == 0xff;
@@ -209,10 +232,10 @@ class PlacedBalls {
   /// The children of a body's root, computed once for a state.
   template <bool kMoves>
   const Centres* children_of_root(std::uint32_t body) {
-    if (!has_children_[body])
+    if (!(has_children_ >> body & 1))
       for (std::uint32_t p = 0; p < v_.bodies[body].root_packets; ++p)
         centres<kMoves>(v_.bodies[body].packets[p], body, children_[body][p]);
-    has_children_[body] = true;
+    has_children_ |= std::uint64_t{1} << body;
     return children_[body];
   }
   HWY_INLINE Eight distances_to_root(const Centres& c, std::uint32_t other) const {
@@ -237,25 +260,23 @@ class PlacedBalls {
   HWY_INLINE float part(std::size_t k, std::uint32_t body) const { return frames_[k * by_part_ + body * by_body_]; }
   /// R row by row, then t.
   HWY_INLINE const float* frame(std::uint32_t body) const {
-    if (!has_frame_[body])
+    if (!(has_frame_ >> body & 1))
       for (std::size_t k = 0; k < 12; ++k) frame_[body][k] = part(k, body);
-    has_frame_[body] = true;
+    has_frame_ |= std::uint64_t{1} << body;
     return frame_[body];
   }
   HWY_INLINE const SpanBody& span_of(std::uint32_t body) const {
     if (spans_) return spans_[body];
-    if (!has_span_[body]) {
+    if (!(has_span_ >> body & 1)) {
       const auto part = [&](int i) { return of_spans_[body][i][number_]; };
       span_[body] = {{{part(0), part(1), part(2)}, {part(3), part(4), part(5)}},
                      spans_in_lanes_[body].way,
                      spans_in_lanes_[body].bend};
     }
-    has_span_[body] = true;
+    has_span_ |= std::uint64_t{1} << body;
     return span_[body];
   }
-  void forget() {
-    for (std::uint32_t b = 0; b < v_.body_count; ++b) has_children_[b] = has_frame_[b] = has_span_[b] = false;
-  }
+  void forget() { has_children_ = has_frame_ = has_span_ = 0; }
   /// \param move called with each body and its root's centres
   template <bool kMoves, class Move>
   HWY_INLINE Bits place_in_lanes(const double* const* frames, std::size_t states, const Move& move) {
@@ -329,10 +350,10 @@ class PlacedBalls {
   std::size_t number_ = 0;                         // of the span in lanes
   float of_spans_[kMostDecidedBodies][6][kBalls];  // twists within half of each span
   mutable SpanBody span_[kMostDecidedBodies];      // of one of them, once needed
-  mutable bool has_span_[kMostDecidedBodies];
-  mutable float frame_[kMostDecidedBodies][12];  // side by side, once needed
-  mutable bool has_frame_[kMostDecidedBodies];
-  bool has_children_[kMostDecidedBodies];
+  mutable std::uint64_t has_span_ = 0;             // bit b of body b
+  mutable float frame_[kMostDecidedBodies][12];    // side by side, once needed
+  mutable std::uint64_t has_frame_ = 0;
+  std::uint64_t has_children_ = 0;
   Centres children_[kMostDecidedBodies][2];
 };
 

@@ -111,8 +111,13 @@ void CoverBounds::take(const CoverPlan& covers, std::span<const StillBounds> sti
   const DecisionView& view = covers.view();
   moved_inner_.assign((view.moved_pair_count + BallPacket::kBalls - 1) / BallPacket::kBalls * BallPacket::kBalls,
                       BallPacket::kNoRadius);
+  tabled_.clear();
+  const std::uint32_t of_obstacles = view.obstacle_count * view.columns;
+  for (std::uint32_t cell = 0; cell < of_obstacles; ++cell)
+    if (view.table[cell] != kNoTable) tabled_.push_back({cell, view.table[cell]});
   for (std::uint32_t k = 0; k < view.moved_pair_count; ++k) {
     const MovedPair& pair = view.moved_pairs[k];
+    if (pair.table != kNoTable) tabled_.push_back({of_obstacles + k, pair.table});
     const double inner = double{view.moved_root_inner[pair.a]} + view.moved_root_inner[pair.b] + pair.shrink;
     moved_inner_[k] = static_cast<float>(inner - std::abs(inner) * 0x1p-23);
   }
@@ -125,6 +130,7 @@ std::span<const DistanceBounds> CoverBounds::bound(DistanceBatch batch, Room& ro
   batch.limits = limits_;
   batch.groups = groups_.is_one() ? nullptr : &groups_.view();
   batch.still = still_;
+  batch.tabled = tabled_;
   room.bounds.resize(batch.states * groups_.count());
   // A pair is in two groups or fewer.
   room.left.resize(batch.states * (groups_.is_one() ? kMostLeft : 2 * plan_.pairs.size()));

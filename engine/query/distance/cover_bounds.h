@@ -80,6 +80,7 @@ class CoverBounds {
   DistanceLimits limits_;
   std::vector<float> moved_inner_;
   std::vector<StillCell> still_;
+  std::vector<TabledCell> tabled_;
 };
 
 }  // namespace clearance

@@ -88,20 +88,13 @@ class DistanceJob final : public CoveredJob {
 
   void answer_by_covers(const States& states, int worker, LeftStates& left) override {
     Room& room = rooms_[static_cast<std::size_t>(worker)];
-    const std::span<const DistanceBounds> all = bounds_.bound({&covers().view(),
-                                                               nullptr,
-                                                               {},
-                                                               states.poses,
-                                                               states.stride,
-                                                               states.count,
-                                                               states.usable,
-                                                               states.positions,
-                                                               states.position_stride,
-                                                               nullptr,
-                                                               {},
-                                                               states.frames,
-                                                               states.cells},
-                                                              room.bounds);
+    DistanceBatch batch{};
+    batch.view = &covers().view();
+    batch.poses = states.poses, batch.stride = states.stride, batch.states = states.count;
+    batch.usable = states.usable;
+    batch.positions = states.positions, batch.position_stride = states.position_stride;
+    batch.frames = states.frames, batch.cells = states.cells;
+    const std::span<const DistanceBounds> all = bounds_.bound(batch, room.bounds);
     states.meter.count(work_of(all));
     if (left.configurations().empty()) room.groups.clear();
     for (std::uint64_t k = 0; k < states.count; ++k) {

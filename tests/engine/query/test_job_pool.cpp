@@ -382,6 +382,43 @@ TEST(JobPool, KeepsJobsOfSeveralNumbersOfConfigurations) {
   EXPECT_TRUE(ask(3));
 }
 
+// Jobs beyond the small ones are kept as long as all jobs of the pool are within its limit.
+TEST(JobPool, KeepsLargeJobsWithinALimitForAll) {
+  const engine::Scene scene = decomposed_scene(30, 1.5, 7);
+  const engine::Engine engine(scene, {.backend = "cpu", .threads = 1, .covers = engine::Covers::kOff});
+  const auto pool = std::make_shared<JobPool>(2);
+  const std::vector<std::uint32_t> bodies{0, 3};
+  Random random(5);
+  std::vector<Pose> poses(2 * 2048);
+  for (Pose& pose : poses) pose = random.pose(1.5);
+  QueryView q;
+  q.reduce = Reduce::kMin;
+  q.bodies = bodies;
+  q.configuration_count = 1;
+  q.configurations = std::span(poses).first(2);
+  const std::uint64_t pairs = engine.prepare(q).size().pairs;
+  const auto runs_again = [&](std::uint64_t rows) {
+    q.configuration_count = static_cast<std::uint32_t>(rows / pairs);
+    q.configurations = std::span(poses).first(2 * q.configuration_count);
+    const bool has = engine.has_job(q, pool);
+    expect_same(repeat(engine, q, pool), repeat(engine, q, std::make_shared<JobPool>()));
+    return has;
+  };
+  constexpr std::uint64_t kSmall = JobPool::kSmall;
+  ASSERT_GT(pairs, 4u);
+  EXPECT_FALSE(runs_again(kSmall / 2));
+  EXPECT_FALSE(runs_again(3 * kSmall / 2));
+  EXPECT_TRUE(runs_again(kSmall / 2));  // both fit
+  EXPECT_TRUE(runs_again(3 * kSmall / 2));
+  EXPECT_FALSE(runs_again(kSmall));  // replaces the oldest
+  EXPECT_TRUE(runs_again(kSmall));
+  EXPECT_FALSE(runs_again(2 * kSmall));  // replaces all
+  EXPECT_TRUE(runs_again(2 * kSmall));
+  EXPECT_FALSE(runs_again(kSmall));
+  EXPECT_FALSE(runs_again(3 * kSmall));  // is too large
+  EXPECT_FALSE(runs_again(3 * kSmall));
+}
+
 // A change of the scene replaces the engine, while a prepared query keeps its pool.
 TEST(JobPool, OutlivesTheEngine) {
   for (const engine::Scene& scene : {decomposed_scene(30, 1.5, 7), mixed_scene(80, 6, 3)}) {  // the second by a tree

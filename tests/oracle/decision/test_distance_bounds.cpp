@@ -73,6 +73,7 @@ Least expect_least(const State& state, PairQuery& query, double abs_tol) {
     return {bounds, {left.begin(), left.end()}};
   }
   EXPECT_GE(bounds.upper, least);
+  EXPECT_GE(bounds.upper, state.distance.at(bounds.upper_at));
   for (std::size_t p = 0; p < state.pairs.size(); ++p)
     if (std::none_of(left.begin(), left.end(), [&](const LeftPair& pair) { return pair.position == p; })) {
       EXPECT_LE(bounds.lower, state.most(p)) << p;
