@@ -163,23 +163,24 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         mine, his = self.at(id, time)[1], self.at(seer, time)[1] if seer is not None else []
         shared = sum(x is y for x, y in zip(mine, his))
         return [(times(-1, axis), *more) for axis, *more in reversed(his[shared:])] + mine[shared:]
-    def rates(self, seer, id, time, begin, end):  # bounds on speed and acceleration before the seer, in a span
-        (centre, rest), (o, R, _), speeds, angles, bent = self.bodies[id].ball, self.at(id, time)[0], [], [], 0
+    def rates(self, seer, id, time, begin, end):  # bounds on a point's way from its place and acceleration, in a span
+        (centre, rest), (o, R, _), speeds, angles, way, bent = self.bodies[id].ball, self.at(id, time)[0], [], [], 0, 0
         arms, slid = [plus(o, turned(R, centre))], []  # less the point of the next turn: wherever sliding joints lead
         for axis, point, turns, curve in [*reversed(self.path(seer, id, time)), (ZERO, ZERO, True, (0,))]:
-            reach, (ends, fast, bend) = size(axis), extent(curve, begin, end)
+            reach, now, (ends, fast, bend) = size(axis), place(curve, time), extent(curve, begin, end)
             if not turns:
-                arms = [plus(v, axis, x - place(curve, time)) for v in arms for x in ends]
-                slid.append([[times(x, axis) for x in hull] for hull in hulls(curve, begin, end)[1:]])
+                arms = [plus(v, axis, x - now) for v in arms for x in ends]
+                way_and_rates = zip(hulls(curve, begin, end), (now, 0, 0))
+                slid.append([[times(x - y, axis) for x in hull] for hull, y in way_and_rates])
                 require(len(arms) <= 4096 and [*map(len, slid[0])] == [*map(len, slid[-1])], "too many joints slide")
                 continue
-            both = [max(size(tuple(map(sum, zip(*v)))) for v in zip(*hull)) for hull in zip(*slid)] or [0, 0]
+            both = [max(size(tuple(map(sum, zip(*v)))) for v in zip(*hull)) for hull in zip(*slid)] or [0, 0, 0]
             arms, slid, angles = [plus(v, point, -1) for v in arms], [], [*angles, 0, reach * fast]
             reach = reach and reach * rest + max(size(cross(axis, v)) for v in arms)  # its rest may be infinite
             rest += max(map(size, arms))
-            arms, speeds = [point], [*speeds, both[0], reach * fast]  # slides without a turn between are one
-            bent += both[1] + reach * bend
-        return sum(speeds), bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
+            arms, speeds = [point], [*speeds, both[1], reach * fast]  # slides without a turn between are one
+            way, bent = way + both[0] + reach * max(abs(x - now) for x in ends), bent + both[2] + reach * bend
+        return way, bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
     def growth(self, id, time, begin, end):  # metres: at a time, its rate then, and bounds on its rates in a span
         curve = tuple(length(pose[7]) for pose in self.poses.get(str(id), ()) if len(pose) == 8) or (Fraction(0),)
         return place(curve, time), place(slopes(curve), time), *extent(curve, begin, end)[1:]
@@ -196,8 +197,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             along = size(plus(self.at(next_, time)[0][0], self.at(frame, time)[0][0], -1))
         known = body.inner + body.moved + shift + (body.chord and body.chord * body.reach)
         known += turn and turn * (along + body.moved + body.reach)
-        half = max(end - time, time - begin)
-        return known, known + (turn and turn * half * self.rates(None, id, time, begin, end)[0])
+        return known, known + (turn and turn * self.rates(None, id, time, begin, end)[0])
     def check_span(self, ids, span, bound):
         begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
         half, rates = max(end - middle, middle - begin), {}
@@ -214,9 +214,9 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             named, seer, moves = claim["direction"], claim["seer"], {1: False, 2: True}[claim["order"]]
             n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
             rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, begin, end) for id in ids]
-            speed, bend = map(sum, zip(*rates[seer]))
+            way, bend = map(sum, zip(*rates[seer]))
             for s in (begin - middle, end - middle) if moves else (0,):  # the proved gap is concave between these
-                need = s * grows + (bend + swells) * s * s / 2 if moves else (speed + fast) * half
+                need = s * grows + (bend + swells) * s * s / 2 if moves else way + fast * half
                 need += bound + inner + grown + blur_a + blur_b
                 (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a

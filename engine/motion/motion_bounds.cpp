@@ -261,12 +261,14 @@ PairGrowth MotionBounds::growth(BodyPair pair, const MovingBodies& moving, doubl
 
 PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving,
                               const BodyPoses& placed) const {
-  static constexpr MotionRates kAtRest;
-  const auto of = [&](std::uint32_t chain) -> const MotionRates& {
-    return chain == kStill ? kAtRest : moving.chains[chain];
+  const auto of = [&](std::uint32_t chain) {
+    if (chain == kStill) return MotionRates();
+    MotionRates rates = moving.chains[chain];
+    if (!moving.chain_ways.empty()) rates.speed = moving.chain_ways[chain];
+    return rates;
   };
   const std::uint32_t chain_a = chain_of_body_[pair.a], chain_b = chain_of_body_[pair.b];
-  const MotionRates &a = of(chain_a), &b = of(chain_b);
+  const MotionRates a = of(chain_a), b = of(chain_b);
   PairRates rates{a.speed + b.speed, a.acceleration + b.acceleration};
   if (const auto views = views_.find(position); views != views_.end()) {
     for (std::uint32_t v = 0; v < views->second.count; ++v) {

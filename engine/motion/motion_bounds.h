@@ -34,11 +34,14 @@ struct MovingBodies {
   std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
   std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of control points
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
-  std::vector<double> chain_errors;           ///< likewise: bound on the error of the points' places in at()
-  std::vector<double> chain_turns;            ///< likewise: bound on the carrier's rotation error, in radians
-  std::vector<double> errors;                 ///< for each of Plan::moved: ConfigurationPoses::PoseBlock::errors
-  bool half_turn = false;                     ///< one of `given` is_half_turn()
-  std::vector<std::uint8_t> end_facts;        ///< LinkFact bits of the motion, for links in Plan::bodies; empty if 0
+  /// Likewise: bound on the distance of the points from their places in the middle of the span, for each unit of time
+  /// until its ends; only after MotionBounds::take_derivatives().
+  std::vector<double> chain_ways;
+  std::vector<double> chain_errors;     ///< likewise: bound on the error of the points' places in at()
+  std::vector<double> chain_turns;      ///< likewise: bound on the carrier's rotation error, in radians
+  std::vector<double> errors;           ///< for each of Plan::moved: ConfigurationPoses::PoseBlock::errors
+  bool half_turn = false;               ///< one of `given` is_half_turn()
+  std::vector<std::uint8_t> end_facts;  ///< LinkFact bits of the motion, for links in Plan::bodies; empty if 0
 };
 
 /// How much both bodies of a pair are grown in a span, in metres: together, as JointSpan. Rounded outward.
@@ -118,6 +121,9 @@ class MotionBounds {
   void take_given(MovingBodies& moving) const;
   void take_curves(MovingBodies& moving) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
+  /// \param span_of JointSpan of a JointCurve
+  template <class SpanOf>
+  void take_spans(MovingBodies& moving, const SpanOf& span_of) const;
   void take_rates(MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
   double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;

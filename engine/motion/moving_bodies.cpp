@@ -108,6 +108,7 @@ void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
 
 void MotionBounds::take_span(double begin, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
+  moving.chain_ways.clear();
   moving.span.take(moving.curves, begin, end);
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
@@ -129,10 +130,21 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
 void MotionBounds::take_derivatives(double begin, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
   const double middle = 0.5 * begin + 0.5 * end, half = std::max(end - middle, middle - begin);
-  const auto span_of = [&](const JointCurve& curve) {
+  take_spans(moving, [&](const JointCurve& curve) {
+    const JointDerivatives span = curve.derivatives(begin, end);
+    return JointSpan{0, span.slope, span.way / half * kMotionSlack, 0};
+  });
+  moving.chain_ways.clear();
+  for (const MotionRates& rates : moving.chains) moving.chain_ways.push_back(rates.speed);
+  take_spans(moving, [&](const JointCurve& curve) {
     const JointDerivatives span = curve.derivatives(begin, end);
     return JointSpan{0, span.slope, span.change, (span.bend + 2 * span.error / half) * kMotionSlack};
-  };
+  });
+}
+
+// Takes the rates of all curves, and those of the chains.
+template <class SpanOf>
+void MotionBounds::take_spans(MovingBodies& moving, const SpanOf& span_of) const {
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
       const JointSpan span = span_of(moving.curves[joint.at]);

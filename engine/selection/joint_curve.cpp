@@ -43,10 +43,11 @@ double polar(const double* points, std::uint32_t degree, double begin, double en
   return p[0];
 }
 
-// Greatest length of the control points in a span.
-double greatest_in(const double* points, std::uint32_t degree, double begin, double end) {
+// Greatest distance of the control points in a span from a place.
+double greatest_in(const double* points, std::uint32_t degree, double begin, double end, double from = 0) {
   double most = 0;
-  for (std::uint32_t i = 0; i <= degree; ++i) most = std::max(most, std::abs(polar(points, degree, begin, end, i)));
+  for (std::uint32_t i = 0; i <= degree; ++i)
+    most = std::max(most, std::abs(polar(points, degree, begin, end, i) - from));
   return most;
 }
 
@@ -112,6 +113,8 @@ JointDerivatives JointCurve::derivatives(double begin, double end) const {
   found.error = unit;
   found.slope = polar(first, degree_ - 1, middle, middle, 0);
   found.change = (greatest_in(first, degree_ - 1, begin, end) + unit) * kCurveSlack;
+  const double middle_place = polar(points_, degree_, middle, middle, 0);
+  found.way = (greatest_in(points_, degree_, begin, end, middle_place) + unit) * kCurveSlack;
   if (degree_ > 1) found.bend = (greatest_in(second, degree_ - 2, begin, end) + 2 * d * unit) * kCurveSlack;
   return found;
 }

@@ -9,12 +9,13 @@
 
 namespace clearance {
 
-/// Bounds on a curve's derivatives in a span of time, and the first one at its middle. Rounded up.
+/// Bounds on a curve and its derivatives in a span of time, and the first derivative at its middle. Rounded up.
 struct JointDerivatives {
   double slope = 0;   ///< q'(m), rounded
   double change = 0;  ///< bound on |q'|
   double bend = 0;    ///< bound on |q''|
   double error = 0;   ///< bound on the error of `slope`
+  double way = 0;     ///< bound on |q - q(m)|
 };
 
 /// A joint in a span of time [m - h, m + h], as a part of a straight motion and a remainder. For |s| <= h, q(m + s) is

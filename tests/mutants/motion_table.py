@@ -103,6 +103,14 @@ MOTION_MUTANTS = [
             "(0.9 * begin + 0.1 * end)",
         ),
         ("derivative_error", "selection/joint_curve.cpp", "found.error = @unit@", "1e-3 * unit"),
+        (
+            "derivative_way",
+            "selection/joint_curve.cpp",
+            "(greatest_in(points_, degree_, begin, @end@, middle_place) + unit)",
+            "(0.9 * end + 0.1 * begin)",
+        ),
+        ("derivative_way_from", "selection/joint_curve.cpp", "= polar(points_, degree_, @middle@, middle, 0)", "begin"),
+        ("derivative_way_error", "selection/joint_curve.cpp", "middle_place) + @unit@)", "0.0"),
     ),
     # Bodies that move or grow meanwhile.
     *mutants_of(

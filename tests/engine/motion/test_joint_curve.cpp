@@ -218,7 +218,7 @@ Real derivative_at(const std::vector<double>& points, int order, const Real& t) 
 
 TEST(JointCurve, DerivativesAreBoundedInSpans) {
   RobotRandom random(17);
-  Real worst = 0, loosest = 0;
+  Real worst = 0, loosest = 0, loosest_way = 0;
   int close = 0;
   for (int i = 0; i < 3000; ++i) {
     const std::vector<double> points = random_points(random);
@@ -230,22 +230,28 @@ TEST(JointCurve, DerivativesAreBoundedInSpans) {
     const Real off = abs(Real(found.slope) - derivative_at(points, 1, middle));
     EXPECT_LE(off, Real(found.error)) << i;
     if (found.error > 0) worst = std::max<Real>(worst, off / found.error);
-    Real fastest = 0;
+    Real fastest = 0, farthest = 0;
     for (int k = 0; k <= 16; ++k) {
       const Real t = Real(begin) + (Real(end) - Real(begin)) * k / 16, rate = abs(derivative_at(points, 1, t));
       EXPECT_LE(rate, Real(found.change)) << i;
+      const Real way = abs(derivative_at(points, 0, t) - derivative_at(points, 0, middle));
+      EXPECT_LE(way, Real(found.way)) << i;
+      farthest = std::max(farthest, way);
       EXPECT_LE(abs(derivative_at(points, 2, t)), Real(found.bend)) << i;
       fastest = std::max(fastest, rate);
     }
     if (end - begin > 1e-3 || !(fastest > 100 * found.error)) continue;
     ++close;
     loosest = std::max<Real>(loosest, Real(found.change) / fastest);
+    if (farthest > 100 * found.error) loosest_way = std::max<Real>(loosest_way, Real(found.way) / farthest);
   }
   std::printf("error of a velocity up to %.2f of its bound; bounds up to %.3f of the speed in short spans\n",
               static_cast<double>(worst), static_cast<double>(loosest));
   EXPECT_GT(worst, 0.001);
   EXPECT_GT(close, 500);
   EXPECT_LT(loosest, 1.3);
+  EXPECT_GT(loosest_way, 1);
+  EXPECT_LT(loosest_way, 1.3);
 }
 
 }  // namespace

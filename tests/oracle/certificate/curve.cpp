@@ -51,15 +51,14 @@ std::vector<Dyadic> Curve::points_between(double begin, double end) const {
 }
 
 CurveExtent Curve::extent(double begin, double end) const {
-  const std::vector<Dyadic> places = points_between(begin, end);
-  const auto [first, second] = derivatives(begin, end);
+  const auto [places, first, second] = hulls(begin, end);
   return {*std::min_element(places.begin(), places.end()), *std::max_element(places.begin(), places.end()),
           longest(first), longest(second)};
 }
 
-std::array<std::vector<Dyadic>, 2> Curve::derivatives(double begin, double end) const {
+std::array<std::vector<Dyadic>, 3> Curve::hulls(double begin, double end) const {
   const Curve first = derivative();
-  return {first.points_between(begin, end), first.derivative().points_between(begin, end)};
+  return {points_between(begin, end), first.points_between(begin, end), first.derivative().points_between(begin, end)};
 }
 
 }  // namespace clearance::certificate_oracle

@@ -26,8 +26,8 @@ class Curve {
   /// First derivative.
   Dyadic rate(double time) const;
   CurveExtent extent(double begin, double end) const;
-  /// Control points of the first and the second derivative in a span.
-  std::array<std::vector<Dyadic>, 2> derivatives(double begin, double end) const;
+  /// Control points in a span: of the curve, and of its first and second derivative.
+  std::array<std::vector<Dyadic>, 3> hulls(double begin, double end) const;
 
  private:
   Curve derivative() const;

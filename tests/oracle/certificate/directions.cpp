@@ -20,7 +20,7 @@ struct Look {
 
   Rates rates(Frame seer) const {
     const Rates of_a = motion.rates(seer, ids[0], span), of_b = motion.rates(seer, ids[1], span);
-    return {of_a.speed + of_b.speed + growth.speed, of_a.bend + of_b.bend + growth.bend};
+    return {of_a.way + of_b.way + growth.way, of_a.bend + of_b.bend + growth.bend};
   }
 };
 
@@ -96,7 +96,7 @@ void check_direction(const Look& look, const Value& claim, const Rates& rates, c
   const std::int64_t order = claim["order"].integer();
   require(!is_zero(n), "a direction is 0");
   require(order == 1 || order == 2, "a proof is of no known order");
-  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.speed * look.span.half(), runs);
+  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.way, runs);
   for (const double end : {look.span.begin, look.span.end}) {
     const Dyadic s = Dyadic(end) - look.span.at;
     check_gap(look, seer, n, s, look.target + s * look.growing + Dyadic(0.5) * rates.bend * s * s, runs);
@@ -203,7 +203,7 @@ ProvedTime check_span(const Motion& motion, const IdPair& ids, const Value& clai
                   span,
                   bound + inner + of_a.size + of_b.size + blur_of(X_wa, X_wb),
                   of_a.rate + of_b.rate,
-                  {of_a.most.speed + of_b.most.speed, of_a.most.bend + of_b.most.bend}};
+                  {of_a.most.way + of_b.most.way, of_a.most.bend + of_b.most.bend}};
   std::vector<RunPair> covered;
   std::map<Frame, Rates> rates;
   for (const Value& claim : claims["lower"].list()) {

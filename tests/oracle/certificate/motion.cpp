@@ -98,14 +98,15 @@ namespace {
 class Slides {
  public:
   void add(const Mover& mover, const Span& span) {
-    const auto derivatives = mover.curve.derivatives(span.begin, span.end);
-    for (std::size_t k = 0; k < derivatives.size(); ++k) {
-      if (sums_[k].empty()) sums_[k].resize(derivatives[k].size());
-      require(sums_[k].size() == derivatives[k].size(), "curves have different degrees");
-      for (std::size_t i = 0; i < sums_[k].size(); ++i) sums_[k][i] = sums_[k][i] + derivatives[k][i] * mover.axis;
+    auto hulls = mover.curve.hulls(span.begin, span.end);
+    for (Dyadic& place : hulls[0]) place -= mover.curve.at(span.at);
+    for (std::size_t k = 0; k < hulls.size(); ++k) {
+      if (sums_[k].empty()) sums_[k].resize(hulls[k].size());
+      require(sums_[k].size() == hulls[k].size(), "curves have different degrees");
+      for (std::size_t i = 0; i < sums_[k].size(); ++i) sums_[k][i] = sums_[k][i] + hulls[k][i] * mover.axis;
     }
   }
-  // Bound on the length of the first derivative, or of the second.
+  // Bound on the length of the way from the place at the span's time, or of the derivative of order k.
   Dyadic longest(std::size_t k) const {
     Dyadic most;
     for (const Vector& control : sums_[k]) most = std::max(most, length_above(control));
@@ -113,7 +114,7 @@ class Slides {
   }
 
  private:
-  std::array<std::vector<Vector>, 2> sums_;  // control points of both derivatives
+  std::array<std::vector<Vector>, 3> sums_;  // control points of the way and of both derivatives
 };
 
 }  // namespace
@@ -268,17 +269,18 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
   std::vector<Dyadic> speeds, turns;
   Slides slides;
   const auto end_slides = [&] {
-    speeds.push_back(slides.longest(0));
+    rates.way += slides.longest(0);
+    speeds.push_back(slides.longest(1));
     turns.emplace_back();
-    rates.bend += slides.longest(1);
+    rates.bend += slides.longest(2);
     slides = {};
   };
   for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {
     const CurveExtent extent = mover->curve.extent(span.begin, span.end);
-    const Dyadic length = length_above(mover->axis);
+    const Dyadic length = length_above(mover->axis), now = mover->curve.at(span.at);
     if (!mover->turns) {
       slides.add(*mover, span);
-      nexts = slid(nexts, *mover, extent, mover->curve.at(span.at));
+      nexts = slid(nexts, *mover, extent, now);
       continue;
     }
     end_slides();
@@ -288,6 +290,7 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
       farthest = std::max(farthest, length_above(next - mover->point));
     }
     const Dyadic reach = length * beyond + across;
+    rates.way += reach * std::max(extent.greatest - now, now - extent.least);
     speeds.push_back(reach * extent.change);
     turns.push_back(length * extent.change);
     rates.bend += reach * extent.bend;
@@ -296,7 +299,6 @@ Rates Motion::rates(Frame seer, Id id, const Span& span) const {
   }
   end_slides();
   for (std::size_t k = speeds.size(); k-- > 0;) {  // from the observer on: nearer movers rotate farther ones
-    rates.speed += speeds[k];
     rates.bend += speeds[k] * (turns[k] + nearer_turns + nearer_turns);
     nearer_turns += turns[k];
   }
@@ -314,7 +316,7 @@ Growth Motion::growth(Id id, const Span& span) const {
   for (const Value& pose : found->second) points.emplace_back(pose.at(7).length());
   const Curve curve(std::move(points));
   const CurveExtent extent = curve.extent(span.begin, span.end);
-  return {curve.at(span.at), curve.rate(span.at), {extent.change, extent.bend}};
+  return {curve.at(span.at), curve.rate(span.at), {extent.change * span.half(), extent.bend}};
 }
 
 std::vector<Id> Motion::frames(Id id) const {
@@ -350,7 +352,7 @@ MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, cons
   if (turn.sign() != 0) uncertainty.in_the_middle += turn * (along + body.moved + body.reach());
   uncertainty.all_along = uncertainty.in_the_middle;
   const Dyadic half = span.half();
-  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * half * rates({}, id, span).speed;
+  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * rates({}, id, span).way;
   return uncertainty;
 }
 

@@ -68,9 +68,9 @@ struct Span {
   Dyadic half() const { return std::max(Dyadic(end) - at, Dyadic(at) - begin); }
 };
 
-/// Bounds on the speed and acceleration of a body's points.
+/// Bounds in a span: on the way of a body's points from their places at its time `at`, and on their acceleration.
 struct Rates {
-  Dyadic speed, bend;
+  Dyadic way, bend;
 };
 
 /// How much a body is grown in the middle of a span, in metres, its rate there, and bounds on its rates in the span.

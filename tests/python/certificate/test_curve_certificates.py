@@ -154,11 +154,13 @@ def test_bounds_of_parabolas_are_tight(checker, slide, points, place):
     assert checker.each_rejects(slide(points, place, 2, nearest + 2**-40)) == [True, True]
 
 
-def test_bounds_by_speed_are_those_of_the_hull(checker, slide):
-    points = (0.0, -0.5, 0.25)  # the speed is 1 at first, -0.125 in the middle, and 1.5 at last
-    apart = 0.75 - (-0.1875) - 0.5 * 1.5
-    assert checker.each_rejects(slide(points, 0.5, 1, apart - 2**-40)) == [False, False]
-    assert checker.each_rejects(slide(points, 0.5, 1, apart + 2**-40)) == [True, True]
+@pytest.mark.parametrize("place", [0.0, 0.25, 0.5, 1.0])
+def test_bounds_by_speed_are_those_of_the_hull(checker, slide, place):
+    points = (0.0, -0.25, 0.125)
+    middle = 2 * place * (1 - place) * points[1] + place**2 * points[2]
+    apart = 0.75 - middle - max(abs(p - middle) for p in points)
+    assert checker.each_rejects(slide(points, place, 1, apart - 2**-40)) == [False, False]
+    assert checker.each_rejects(slide(points, place, 1, apart + 2**-40)) == [True, True]
 
 
 # ---- tampering -------------------------------------------------------------------------------------------------------

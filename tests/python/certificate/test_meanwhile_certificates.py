@@ -54,21 +54,38 @@ def test_curves_without_growth(checker, engine):  # noqa: F811
         assert {len(pose) for each in poses for pose in each} == {7}
 
 
-def test_coordinates_count_as_one_curve(checker, tmp_path):
-    """Bounds on the speeds of a body's three coordinates, added up, took 44 spans."""
+@pytest.fixture
+def walk(checker, tmp_path):
+    """Numbers of spans that prove a walk past some posts, balls of 0.1 m, at rest at both ends."""
     urdf = tmp_path / "slider.urdf"
     urdf.write_text(SLIDER)
     scene = clearance.Scene()
     scene.add_robot("r", urdf, home={}, base=at(0, 0, -9))
-    scene.add_sphere("post", 0.1, static=True, pose=at(0))
+    for name, place in (("post", at(0)), ("nearer", at(1.7))):
+        scene.add_sphere(name, 0.1, static=True, pose=place)
     scene.add_sphere("walker", 0.1, pose=at(3))
-    yard = clearance.Engine(scene, backend="cpu")
+    yard = clearance.Engine(scene, backend="cpu", covers="off")
+
+    def spans_of(middle, step, margin, posts=("post",)):
+        line = [[[*(middle + (share - 0.5) * step), 1, 0, 0, 0] for share in (0, 0, 0, 1, 1, 1)]]
+        document = check(checker, yard, set(), joints="r", start=[[[0.0]] * 6], reduce="any", margin=margin,
+                         pairs=[("walker", post) for post in posts], meanwhile={"walker": BodyPath(line)})  # fmt: skip
+        return [len(pair["spans"]) for pair in document["rows"][0]["pairs"]]
+
+    return spans_of
+
+
+def test_coordinates_count_as_one_curve(walk):
+    """Bounds on the speeds of a body's three coordinates, added up, took 44 spans."""
     nearest, step = np.array([0.3, -0.3, 0]), np.ones(3) * 0.3 / 3**0.5
-    line = [[[*(nearest + (share - 0.5) * step), 1, 0, 0, 0] for share in (0, 0, 0, 1, 1, 1)]]
-    margin = float(np.linalg.norm(nearest)) - 0.203
-    document = check(checker, yard, set(), joints="r", start=[[[0.0]] * 6], reduce="any", margin=margin,
-                     pairs=[("walker", "post")], meanwhile={"walker": BodyPath(line)})  # fmt: skip
-    assert sum(len(pair["spans"]) for row in document["rows"] for pair in row["pairs"]) < 43
+    assert sum(walk(nearest, step, float(np.linalg.norm(nearest)) - 0.203)) < 43
+
+
+def test_far_bodies_take_one_span(walk):
+    """As along a straight motion: 0.8 m less 0.25 is more than 0.5. The greatest speed would lead 0.47 m away."""
+    for step in ([0, 0.5, 0], [0, 0.3, 0.4]):
+        spans = walk(np.array([1, 0, 0]), np.array(step), 0.0, posts=("post", "nearer"))
+        assert min(spans) == 1 and len(spans) == 2
 
 
 def test_bodies_that_turn_and_grow(checker, engine):  # noqa: F811
@@ -154,7 +171,8 @@ SMALL = 2**-40
 @pytest.mark.parametrize("place", [0.0, 0.25, 1.0])
 def test_growth_and_curves_are_bounded_tightly(checker, hall, growths, place):
     """Positions, rates and accelerations of parabolas are exact: a span along the normal proves the least gap at its
-    ends, by as much as the body bends between them and the middle.
+    ends, by as much as the body bends between them and the middle. By speed it proves the gap less the way to the
+    farthest control point.
     """
     places = (2.0, 1.875, 1.625)
 
@@ -174,8 +192,8 @@ def test_growth_and_curves_are_bounded_tightly(checker, hall, growths, place):
     assert least > SMALL
     assert checker.each_rejects(hall(places, growths, place, 2, least - SMALL)) == [False, False]
     assert checker.each_rejects(hall(places, growths, place, 2, least + SMALL)) == [True, True]
-    fastest = max(abs(slope(places, t)) for t in (0, 1)) + max(abs(slope(growths, t)) for t in (0, 1))
-    by_speed = gap - fastest * max(place, 1 - place)
+    way = max(abs(p - quadratic(places, place)) for p in places)
+    by_speed = gap - way - max(abs(slope(growths, t)) for t in (0, 1)) * max(place, 1 - place)
     if by_speed > SMALL:
         assert checker.each_rejects(hall(places, growths, place, 1, by_speed - SMALL)) == [False, False]
         assert checker.each_rejects(hall(places, growths, place, 1, by_speed + SMALL)) == [True, True]
