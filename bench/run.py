@@ -48,6 +48,9 @@ SUITES = {
     "calls": Suite(
         "Time that C++, Python and shared memory add to the engine: prepared and one-off calls.",
         "bench/latency/bench_calls.py", "calls", "--seconds 0.05", targets="product clearance_prepared"),
+    "columns": Suite(
+        "Rows of a QP with each optional column, in process and over shared memory.",
+        "bench/latency/bench_columns.py", "columns", "--seconds 0.05", pages="docs/control.md"),
     "peers": Suite(
         "Pairs of hulls, compared with Coal, FCL and Bullet: times, and wrong answers in hard cases.",
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",

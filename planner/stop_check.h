@@ -232,6 +232,51 @@ double greatest_scale(IsFree&& is_free) {
   return proved;
 }
 
+/// The queries of one state: whether its braking paths are free. Keeps references to its arguments.
+template <class Queried>
+class StopQueries {
+ public:
+  StopQueries(Queried& engine, const Query& state, const Braking& law)
+      : engine_(engine), state_(state), law_(law), query_(state) {
+    check_input(state, law);
+    if (!law.others.empty()) movers_ = movers_of(engine, law.others);
+    query_.velocities = {};
+  }
+
+  /// The path at full speed. `speed_scale` is 1, or 0 if that path is not free: slower ones are not tried.
+  StopCheck at_full_speed() {
+    take(1);
+    PathCheck check = engine_.check_path(query_);
+    const double scale = check.free ? 1 : 0;
+    return {std::move(check), scale, path_.seconds, path_.points, path_.control_points};
+  }
+
+  /// The greatest speed that is proved, for a path that is not free at full speed.
+  double greatest_scale() {
+    return stop_check::greatest_scale([&](double scale) {
+      take(scale);
+      return engine_.distances(path_check::as_motions_of_path(query_, kFieldVerdict)).all_free();
+    });
+  }
+
+ private:
+  void take(double scale) {
+    path_ = law_.together ? line_of(state_, law_, scale) : curves_of(state_, law_, scale);
+    query_.positions = path_.points;
+    query_.control_points = path_.control_points;
+    if (movers_) margins_ = movers_->margins(state_.margin, path_.seconds);
+    query_.margins = margins_;
+  }
+
+  Queried& engine_;
+  const Query& state_;
+  const Braking& law_;
+  std::optional<Movers> movers_;
+  BrakingPath path_;
+  std::vector<MarginEntry> margins_;
+  Query query_;  // its spans are of path_ and margins_
+};
+
 }  // namespace stop_check
 
 /// Returns whether a robot that brakes stops before any contact, and the greatest speed for which it does.
@@ -243,30 +288,9 @@ double greatest_scale(IsFree&& is_free) {
 /// \param state (J,) positions and velocities of `joints` now; its pairs, and a margin that is kept from everything
 template <class Queried>
 StopCheck check_stop(Queried& engine, const Query& state, const Braking& law) {
-  stop_check::check_input(state, law);
-  std::optional<stop_check::Movers> movers;
-  if (!law.others.empty()) movers = stop_check::movers_of(engine, law.others);
-  Query query = state;
-  query.velocities = {};
-  std::vector<MarginEntry> margins;
-  const auto take = [&](const stop_check::BrakingPath& path) {
-    query.positions = path.points;
-    query.control_points = path.control_points;
-    if (movers) margins = movers->margins(state.margin, path.seconds);
-    query.margins = margins;
-  };
-  const auto path_at = [&](double scale) {
-    return law.together ? stop_check::line_of(state, law, scale) : stop_check::curves_of(state, law, scale);
-  };
-  const stop_check::BrakingPath full = path_at(1);
-  take(full);
-  StopCheck stop{engine.check_path(query), 1, full.seconds, full.points, full.control_points};
-  if (stop.check.free) return stop;
-  stop.speed_scale = stop_check::greatest_scale([&](double scale) {
-    const stop_check::BrakingPath path = path_at(scale);
-    take(path);
-    return engine.distances(path_check::as_motions_of_path(query, kFieldVerdict)).all_free();
-  });
+  stop_check::StopQueries queries(engine, state, law);
+  StopCheck stop = queries.at_full_speed();
+  if (!stop.check.free) stop.speed_scale = queries.greatest_scale();
   return stop;
 }
 

@@ -87,9 +87,10 @@ def calls(front):
 
 def rows_of_qp(front, joints, at, columns):
     """The 20 nearest pairs of a moving arm, as a prepared call and as one that is parsed each time."""
-    speeds, options = np.full_like(at, 0.1), {"joints": joints, "reduce": "nearest", "k": 20, "fields": columns}
+    options = {"joints": joints, "reduce": "nearest", "k": 20, "fields": columns}
+    inputs = (at, np.full_like(at, 0.1)) if {"rate", "rate_bounds", "curvature"} & set(columns) else (at,)
     rows = front.prepare(**options)
-    return lambda: rows.run(at, speeds), lambda: front.prepare(**options).run(at, speeds)
+    return lambda: rows.run(*inputs), lambda: front.prepare(**options).run(*inputs)
 
 
 def calls_of_pairs(front):

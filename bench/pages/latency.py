@@ -1,4 +1,4 @@
-"""Tables of docs/latency.md, docs/notes/latency.md and docs/examples.md."""
+"""Tables of docs/latency.md, docs/notes/latency.md, docs/control.md and docs/examples.md."""
 
 from harness import grouped
 from pages import markdown, results
@@ -110,10 +110,34 @@ def view():
     return markdown(["daemon", "load", "p50", "p99.9", "p99.9, range", "max"], lines, words=2)
 
 
+def qp_columns():
+    """Times of 20 rows of a QP by their columns."""
+    _, rows = results("columns")
+    keys = ("engine_us", "process_p50_us", "shm_p50_us", "process_p99.9_us", "shm_p99.9_us")
+    names = {"lower": "`lower`", "lower normal gradient_joints": "the same, `normal`, `gradient_joints`"}
+    first_order = "lower normal gradient_joints rate"
+
+    def name_of(columns):
+        if columns in names:
+            return names[columns]
+        added = columns.removeprefix(first_order).split()
+        if len(added) > 1:
+            return "all of these"
+        return f"first order and `{added[0]}`" if added else "the same and `rate`: first order"
+
+    lines = [
+        [name_of(row["columns"]), *(f"{float(row[key]):,.0f}" for key in keys), f"{float(row['idle_p99.9_us']):,.1f}"]
+        for row in rows
+    ]
+    header = ["columns", "engine", "Python", "shared memory", "p99.9: Python", "shared memory", "bare loop"]
+    return markdown(header, lines)
+
+
 TABLES = {
     "latency_bars": latency_bars,
     "latency_doorbell": latency_doorbell,
     "throughput": throughput,
     "classes": classes,
     "view": view,
+    "qp_columns": qp_columns,
 }

@@ -4,6 +4,7 @@
 #include <cmath>
 #include <limits>
 
+#include "engine/evaluate/part_gap.h"
 #include "engine/hull/primitive.h"
 #include "engine/hull/support.h"
 
@@ -22,14 +23,6 @@ constexpr std::uint64_t kPairsPerUnit = 16;
 
 double core_size(const ConvexPart& part) {
   return is_half_space(part) ? 0 : part.rho;
-}
-
-// Lower bound on the distance of two placed parts from balls around their vertices.
-double gap_of_balls(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
-  if (a.primitive || b.primitive) return -kInfinite;
-  const Vec3d gap = pose_b.R_wb * b.centre + pose_b.t_w - (pose_a.R_wb * a.centre + pose_a.t_w);
-  const double error = kRounding * (norm(pose_a.t_w) + norm(pose_b.t_w) + a.rho + b.rho + a.radius + b.radius);
-  return norm(gap) - a.spread - b.spread - a.radius - b.radius - error;
 }
 
 // Upper bound on the speed of a point up to `size` from the body's origin.
@@ -153,7 +146,7 @@ void RateBounds::take_parts(const PairAnswer& answer, const std::optional<Featur
   for (std::uint32_t i = 0; i < a_.parts.size(); ++i)
     for (std::uint32_t j = 0; j < b_.parts.size(); ++j) {
       if (i == answer.part_a && j == answer.part_b) continue;
-      if (gap_of_balls(*a_.parts[i], pose_a_, *b_.parts[j], pose_b_) > slack.cut_off(upper)) continue;
+      if (part_gap(*a_.parts[i], pose_a_, *b_.parts[j], pose_b_) > slack.cut_off(upper)) continue;
       if (parts_.size() >= kMostParts || narrow.spent() > kMostUnits) {
         parts_.clear();
         meter.count(narrow.spent());

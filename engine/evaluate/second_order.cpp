@@ -8,6 +8,7 @@
 #include <utility>
 
 #include "engine/evaluate/feature_pair.h"
+#include "engine/evaluate/part_gap.h"
 #include "engine/evaluate/rate_bounds.h"
 #include "engine/narrow/narrow_phase.h"
 
@@ -36,25 +37,18 @@ namespace {
 constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
 
 // For units of work.
-constexpr std::uint64_t kTermsPerUnit = 64, kBallsPerUnit = 16;
-
-// Lower bound on the distance of two placed parts from balls around their vertices.
-double ball_gap(const ConvexPart& a, const PoseMatrix& pose_a, const ConvexPart& b, const PoseMatrix& pose_b) {
-  if (a.primitive || b.primitive) return 0;
-  const Vec3d gap = pose_b.R_wb * b.centre + pose_b.t_w - (pose_a.R_wb * a.centre + pose_a.t_w);
-  return norm(gap) - a.spread - b.spread - a.radius - b.radius;
-}
+constexpr std::uint64_t kTermsPerUnit = 64, kPairsPerUnit = 16;
 
 // Lowers the radius to that over which no other two parts of the bodies become the nearest.
 double radius_among_parts(const Body& a, const PoseMatrix& pose_a, const Body& b, const PoseMatrix& pose_b,
                           const PairAnswer& answer, double distance, double radius, WorkMeter& meter) {
   NarrowLimits limits;
   WorkMeter narrow;
-  meter.count(std::uint64_t{a.parts.size()} * b.parts.size() / kBallsPerUnit);
+  meter.count(std::uint64_t{a.parts.size()} * b.parts.size() / kPairsPerUnit);
   for (std::uint32_t i = 0; i < a.parts.size(); ++i)
     for (std::uint32_t j = 0; j < b.parts.size(); ++j) {
       if (i == answer.part_a && j == answer.part_b) continue;
-      if (ball_gap(*a.parts[i], pose_a, *b.parts[j], pose_b) - distance >= 2 * radius) continue;
+      if (part_gap(*a.parts[i], pose_a, *b.parts[j], pose_b) - distance >= 2 * radius) continue;
       limits.max_distance = distance + 2 * radius;
       const NarrowAnswer other = narrow_phase(*a.parts[i], pose_a, *b.parts[j], pose_b, limits, nullptr, &narrow);
       if (!other.beyond) radius = std::clamp((other.bounds.lower - distance) / 2, 0.0, radius);

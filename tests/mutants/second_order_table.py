@@ -5,6 +5,7 @@ from __future__ import annotations
 from mutant import mutants_of
 
 _PAIR, _ORDER, _RATE = "evaluate/feature_pair.cpp", "evaluate/second_order.cpp", "evaluate/rate_bounds.cpp"
+_GAP = "evaluate/part_gap.h"
 _KINEMATIC = "dot(features.normal(), @cross(carrier.spin, carried.shift)@)"
 
 SECOND_ORDER_MUTANTS = [
@@ -45,6 +46,8 @@ SECOND_ORDER_MUTANTS = [
         ("rate_lean", _RATE, "lean.normal = @features_->lean(lean.a, lean.b, begin_with_a)@", "Vec3d{0, 0, 0}"),
         ("rate_upper", _RATE, "longest = norm(normal_ + lean.normal * t) * @upper_@", "0.999 * upper_"),
         ("rate_inner", _RATE, "difference_below(gap, error), @longest * inner_ * kUp@)", "0.0"),
+        ("rate_part_gap", _GAP, "apart = boxes > 0 ? @boxes@", "1.001 * boxes"),
+        ("rate_part_overlap", _GAP, "? boxes : @-std::numeric_limits<double>::infinity()@", "0.0"),
         ("rate_parts", _RATE, "if (@other.beyond@) continue", "true"),
         ("radius_parts", _ORDER, "radius = @std::clamp((other.bounds.lower - distance) / 2, 0.0, radius)@", "radius"),
         ("rate_turn_errors", _ORDER, "sum += @errors[0]@ * (away", "0.0"),

@@ -214,18 +214,22 @@ TEST(RateBounds, OfHalfSpacesAndRoundCores) {
   EXPECT_LT(above - below, 1e-4);
 }
 
-// A body of two balls, one of which is as near as the other.
-TEST(RateBounds, OfBodiesOfSeveralPartsHoldThoseOfAllNearestParts) {
+// A ball, and a body of two balls at some distance from it on either side.
+engine::Scene ball_between_two(double distance, double radius) {
   engine::Scene scene;
   scene.add_sphere("a", 0.1, {});
   Body two;
   two.name = "b";
-  for (const double x : {-1.0, 1.0}) {
+  for (const double x : {-distance, distance}) {
     const Vec3d centre{x, 0, 0};
-    two.parts.push_back(make_convex_part({centre}, 0.1));
+    two.parts.push_back(make_convex_part({centre}, radius));
   }
   scene.add_body(std::move(two));
-  const MovingPair pair(std::move(scene));
+  return scene;
+}
+
+TEST(RateBounds, OfBodiesOfSeveralPartsHoldThoseOfAllNearestParts) {
+  const MovingPair pair(ball_between_two(1, 0.1));
   const Twists twists = twists_of({0, 0, 0}, {1, 0, 0});
   const auto middle = pair.at(Pose{}, Pose{}, twists);
   EXPECT_TRUE(middle.hold(-1) && middle.hold(1));
@@ -234,6 +238,14 @@ TEST(RateBounds, OfBodiesOfSeveralPartsHoldThoseOfAllNearestParts) {
   EXPECT_TRUE(right.hold(-1));
   EXPECT_LT(right.width(), 1e-4) << "the other part is not the nearest";
   EXPECT_NEAR(right.smooth_radius, 0.01, 1e-6) << "it is 0.02 m farther";
+}
+
+TEST(RateBounds, OfPartsThatOverlapEquallyHoldThoseOfBoth) {
+  const MovingPair pair(ball_between_two(0.1, 0.15), true);
+  const auto middle = pair.at(Pose{}, Pose{}, twists_of({0, 0, 0}, {1, 0, 0}));
+  EXPECT_NEAR(middle.distance, -0.15, 1e-12);
+  EXPECT_TRUE(middle.hold(-1) && middle.hold(1));
+  EXPECT_LT(middle.width(), 2 + 1e-4);
 }
 
 // So many pairs of parts at one place that keeping them all could exhaust the memory.

@@ -173,7 +173,8 @@ Approach make(const ExactArm& arm, const std::array<double, 2>& radii, Random& r
 }
 
 /// \param age set to a bound on the age of the poses, in seconds, as the engine counts it
-StopCheck check(World& world, const Approach& a, double& age) {
+/// \param compares whether `speed_scale` is searched if full speed is not proved, which takes ten queries
+StopCheck check(World& world, const Approach& a, bool compares, double& age) {
   const auto begun = std::chrono::steady_clock::now();
   std::array<std::pair<std::uint32_t, Pose7>, 2> poses;
   std::array<Mover, 2> others;
@@ -184,7 +185,9 @@ StopCheck check(World& world, const Approach& a, double& age) {
   }
   world.engine.set_poses(poses);
   const Query state{.joints = world.joints.ids, .positions = a.q, .margin = a.margin, .velocities = a.v};
-  StopCheck stop = check_stop(world.engine, state, a.law(others));
+  const Braking law = a.law(others);
+  StopCheck stop = compares ? check_stop(world.engine, state, law)
+                            : stop_check::StopQueries(world.engine, state, law).at_full_speed();
   age = std::chrono::duration<double>(std::chrono::steady_clock::now() - begun).count();
   return stop;
 }
@@ -206,9 +209,10 @@ void run(World& world, Approach a, Findings& findings) {
   std::optional<Approach> proved;
   for (int k = 0; k < kMoments; ++k) {
     double age = 0;
-    const StopCheck stop = check(world, a, age);
+    const bool compares = proved && findings.approaches % kCompareEach == 0 && a.together;
+    const StopCheck stop = check(world, a, compares, age);
     if (!stop.check.free) {
-      if (proved && findings.approaches % kCompareEach == 0 && a.together) compare(world.arm, a, age, stop, findings);
+      if (compares) compare(world.arm, a, age, stop, findings);
       break;
     }
     proved = a;
