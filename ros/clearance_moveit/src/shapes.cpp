@@ -46,7 +46,7 @@ void add_octree(clearance::Engine& engine, const clearance::NewBody& body, const
   }
   for (const auto& [edge, points] : centres) {
     clearance::NewBody cells = body;
-    cells.name += "." + std::to_string(names.size());
+    cells.name = body.name + "." + std::to_string(names.size());
     cells.points = points;
     cells.voxel = edge;
     cells.padding += reach * 0x1p-22;  // rounding of the centres to float
