@@ -24,5 +24,5 @@ cmake -S "$root/tests/install/moveit" -B $out/build -DCMAKE_BUILD_TYPE=Release -
 cmake --build $out/build
 # The wheels' libraries name neither the folders of the others nor Python's library.
 python=$($out/ros/bin/python -c 'import sysconfig as s; print(s.get_config_var("LIBDIR"), s.get_config_var("LDLIBRARY"), sep="/")')
-LD_PRELOAD=$python LD_LIBRARY_PATH=$(printf '%s:' $out/ros/lib $out/ros/lib/python3*/site-packages/ros_*.libs) \
+LD_PRELOAD=$python LD_LIBRARY_PATH=$(printf '%s:' $out/ros/lib $out/ros/lib/python3*/site-packages/ros_*.libs)${LD_LIBRARY_PATH:-} \
   $out/build/try_moveit "$root/scenes/cell/arm.urdf"

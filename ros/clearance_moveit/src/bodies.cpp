@@ -3,12 +3,7 @@
 #include <clearance/eigen.h>
 
 #include <algorithm>
-#include <limits>
 #include <rclcpp/logging.hpp>
-#include <stdexcept>
-#include <utility>
-
-#include "shapes.h"
 
 namespace clearance_moveit {
 namespace {
@@ -17,27 +12,26 @@ using namespace collision_detection;
 
 constexpr std::size_t kMostPlans = 16;
 
-bool same_poses(const EigenSTL::vector_Isometry3d& a, const EigenSTL::vector_Isometry3d& b) {
-  return std::ranges::equal(a, b, [](const auto& x, const auto& y) { return x.matrix() == y.matrix(); });
+bool have_same_shapes(const Item& a, const Item& b) {
+  return a.type == b.type && a.link == b.link && a.padding == b.padding && a.scale == b.scale && a.shapes == b.shapes &&
+         a.name == b.name && a.cells == b.cells;
 }
 
-/// A pose of NaN for a matrix that is not rigid: a query then has no proof for the body.
-clearance::Pose7 pose_of(const Eigen::Isometry3d& X) {
-  try {
-    return clearance::eigen::pose(X);
-  } catch (const std::invalid_argument&) {
-    clearance::Pose7 bad;
-    bad.fill(std::numeric_limits<double>::quiet_NaN());
-    return bad;
-  }
+bool are_same(const Item& a, const Item& b) {
+  const auto same = [](const auto& X, const auto& Y) { return X.matrix() == Y.matrix(); };
+  return have_same_shapes(a, b) && a.touch_links == b.touch_links && std::ranges::equal(a.poses, b.poses, same);
 }
 
 bool is_of_world(const Item& item) {
   return item.type == BodyTypes::WORLD_OBJECT;
 }
 
-bool has_octree(const Item& item) {
-  return std::ranges::any_of(item.shapes, [](const auto& shape) { return shape->type == shapes::OCTREE; });
+const auto& shapes_of(const Item& item) {
+  return item.type == BodyTypes::ROBOT_LINK ? item.link->getShapes() : item.shapes;
+}
+
+const auto& poses_of(const Item& item) {
+  return item.type == BodyTypes::ROBOT_LINK ? item.link->getCollisionOriginTransforms() : item.poses;
 }
 
 /// Whether a pair is never checked: bodies attached to one link, and touch links.
@@ -47,86 +41,56 @@ bool may_touch(const Item& a, const Item& b) {
   return a.touch_links.contains(b.name) || b.touch_links.contains(a.name);
 }
 
-bool is_active(const Item& item, const ActiveLinks& active) {
-  return item.link && active.contains(item.link);
-}
-
 }  // namespace
 
-Item::Item(const ItemView& view)
-    : name(view.name),
-      type(view.type),
-      link(view.link),
-      shapes(view.shapes),
-      poses(view.poses),
-      padding(view.padding),
-      scale(view.scale) {
-  if (view.touch_links) touch_links = *view.touch_links;
-}
-
-bool Item::has_shapes_of(const ItemView& view) const {
-  return type == view.type && link == view.link && padding == view.padding && scale == view.scale &&
-         shapes == view.shapes && name == view.name;
-}
-
-bool Item::is(const ItemView& view) const {
-  return has_shapes_of(view) && same_poses(poses, view.poses) &&
-         (view.touch_links ? touch_links == *view.touch_links : touch_links.empty());
-}
-
-bool is_allowed(const Matrix* matrix, const Item& a, const Item& b) {
+bool is_allowed(const Matrix* matrix, const ItemPair& pair) {
   AllowedCollision::Type type{};
-  return matrix && matrix->getAllowedCollision(a.name, b.name, type) && type == AllowedCollision::ALWAYS;
+  return matrix && matrix->getAllowedCollision(pair.first->name, pair.second->name, type) &&
+         type == AllowedCollision::ALWAYS;
 }
 
 Bodies::Bodies(const RobotFrames& frames)
-    : engine_(frames.make_engine()), joints_(frames.joints(engine_)), movers_(frames.bodies(engine_)) {}
+    : engine_(frames.make_engine()), joints_(frames.joints(engine_)), movers_(frames.movers(engine_)) {}
 
-bool Bodies::are(const std::vector<ItemView>& views) const {
-  return std::ranges::equal(items_, views, [](const auto& item, const ItemView& view) { return item->is(view); });
+bool Bodies::are(const std::vector<Item>& items) const {
+  return std::ranges::equal(items_, items, are_same);
 }
 
-void Bodies::become(const std::vector<ItemView>& views) {
+void Bodies::become(std::vector<Item> items) {
   plans_.clear();
-  std::vector<std::unique_ptr<Item>> kept(views.size());
-  for (auto& item : items_) {
-    const auto view = std::ranges::find_if(views, [&](const ItemView& v) { return item->has_shapes_of(v); });
-    if (view != views.end() && !kept[view - views.begin()]) {
-      kept[view - views.begin()] = std::move(item);
-    } else {
-      for (const auto& names : item->bodies)
-        for (const std::string& name : names) engine_.remove_body(name);
-      item->bodies.clear();
-    }
+  items_.swap(items);  // `items` are the old ones
+  for (Item& item : items_) {
+    const auto old = std::ranges::find_if(items, [&](const Item& o) { return have_same_shapes(o, item); });
+    if (old == items.end()) continue;
+    item.bodies = std::move(old->bodies);
+    item.is_whole = old->is_whole;
+    items.erase(old);
   }
-  items_ = std::move(kept);
-  for (std::size_t i = 0; i < views.size(); ++i) {
-    const bool is_new = !items_[i];
-    auto item = std::make_unique<Item>(views[i]);
-    if (is_new) {
-      add(*item);
-    } else {
-      item->bodies = std::move(items_[i]->bodies);
-      item->is_whole = items_[i]->is_whole;
-    }
-    items_[i] = std::move(item);
-  }
+  for (const Item& item : items)
+    for (const auto& names : item.bodies)
+      for (const std::string& name : names) engine_.remove_body(name);
+  for (Item& item : items_)
+    if (item.bodies.empty()) add(item);
   items_by_id_.assign(engine_.scene().bodies.size(), nullptr);
-  for (auto& item : items_) {
-    for (const auto& names : item->bodies)
-      for (const std::string& name : names) items_by_id_[item->ids.emplace_back(engine_.body(name))] = item.get();
-    place(*item);
-  }
+  std::vector<std::pair<std::uint32_t, clearance::Pose7>> poses;
+  for (Item& item : items_)
+    for (std::size_t i = 0; i < item.bodies.size(); ++i)
+      for (const std::string& name : item.bodies[i]) {
+        items_by_id_[item.ids.emplace_back(engine_.body(name))] = &item;
+        poses.emplace_back(item.ids.back(), clearance::eigen::pose(poses_of(item)[i]));
+      }
+  engine_.set_poses(poses);
 }
 
 void Bodies::add(Item& item) {
-  for (std::size_t i = 0; i < item.shapes.size(); ++i) {
+  for (std::size_t i = 0; i < shapes_of(item).size(); ++i) {
     item.bodies.emplace_back();
     try {
-      Placement placement{.scale = item.scale, .padding = item.padding};
-      placement.pose = pose_of(item.poses[i]);
-      if (item.link) placement.parent = engine_.body(RobotFrames::frame(*item.link));
-      item.bodies.back() = add_shape(engine_, "shape" + std::to_string(made_++), *item.shapes[i], placement);
+      clearance::NewBody body{.name = "shape" + std::to_string(made_++)};
+      body.pose = clearance::eigen::pose(poses_of(item)[i]);
+      body.padding = item.padding;
+      if (item.link) body.parent = engine_.body(RobotFrames::frame(*item.link));
+      add_shape(engine_, body, *shapes_of(item)[i], item.scale, item.bodies.back());
     } catch (const std::exception& error) {
       item.is_whole = false;
       RCLCPP_ERROR(rclcpp::get_logger("clearance"), "%s: counts as in collision: shape %zu: %s", item.name.c_str(), i,
@@ -135,50 +99,34 @@ void Bodies::add(Item& item) {
   }
 }
 
-void Bodies::place(const Item& item) {
-  std::vector<std::pair<std::uint32_t, clearance::Pose7>> poses;
-  for (std::size_t i = 0; i < item.bodies.size(); ++i)
-    for (std::size_t b = 0; b < item.bodies[i].size(); ++b)
-      poses.emplace_back(item.ids[poses.size()], pose_of(item.poses[i]));
-  engine_.set_poses(poses);
-}
-
 std::shared_ptr<Plan> Bodies::plan(Against against, const Matrix* matrix, const ActiveLinks* active, bool is_exact) {
+  const auto allows = [&](const ItemPair& pair) { return is_allowed(matrix, pair); };
   const std::lock_guard lock(plans_mutex_);
-  const auto found = std::ranges::find_if(plans_, [&](const auto& plan) {
-    return plan->against == against && plan->has_matrix == (matrix != nullptr) &&
-           plan->active.has_value() == !!active && (!active || *plan->active == *active);
-  });
-  if (found != plans_.end()) {
-    const auto allows = [&](const ItemPair& pair) { return is_allowed(matrix, *pair.first, *pair.second); };
-    if (std::ranges::all_of((*found)->allowed, allows) && !(is_exact && std::ranges::any_of((*found)->checked, allows)))
-      return *found;
-    plans_.erase(found);
-  }
-  if (plans_.size() == kMostPlans) plans_.erase(plans_.begin());
-  return plans_.emplace_back(make_plan(against, matrix, active));
+  for (const auto& plan : plans_)
+    if (plan->against == against && plan->active.has_value() == !!active && (!active || *plan->active == *active) &&
+        std::ranges::all_of(plan->allowed, allows) && !(is_exact && std::ranges::any_of(plan->checked, allows)))
+      return plan;
+  if (plans_.size() == kMostPlans) plans_.pop_back();
+  return *plans_.insert(plans_.begin(), make_plan(against, matrix, active));
 }
 
 std::shared_ptr<Plan> Bodies::make_plan(Against against, const Matrix* matrix, const ActiveLinks* active) const {
   auto plan = std::make_shared<Plan>();
   plan->against = against;
-  plan->has_matrix = matrix != nullptr;
   if (active) plan->active = *active;
   std::vector<clearance::IdPair> without_depth;
-  for (std::size_t i = 0; i < items_.size(); ++i)
-    for (std::size_t j = 0; j < i; ++j) {
-      const Item &a = *items_[j], &b = *items_[i];
+  const auto is_active = [&](const Item& item) { return item.link && active->contains(item.link); };
+  for (const Item& b : items_)
+    for (const Item& a : std::span(items_.data(), &b)) {
       if (is_of_world(a) && is_of_world(b)) continue;
       if ((is_of_world(a) || is_of_world(b)) != (against == Against::kWorld)) continue;
-      if (active && !is_active(a, *active) && !is_active(b, *active)) continue;
+      if (active && !is_active(a) && !is_active(b)) continue;
       if (may_touch(a, b)) continue;
-      if (is_allowed(matrix, a, b)) {
-        plan->allowed.emplace_back(&a, &b);
-        continue;
-      }
-      plan->checked.emplace_back(&a, &b);
-      if (!a.is_whole || !b.is_whole) plan->unknown.emplace(&a, &b);
-      auto& pairs = has_octree(a) || has_octree(b) ? without_depth : plan->pairs;
+      const ItemPair pair(&a, &b);
+      (is_allowed(matrix, pair) ? plan->allowed : plan->checked).push_back(pair);
+      if (is_allowed(matrix, pair)) continue;
+      if (!a.is_whole || !b.is_whole) plan->unknown = pair;
+      auto& pairs = a.cells.empty() && b.cells.empty() ? plan->pairs : without_depth;
       for (const std::uint32_t id_a : a.ids)
         for (const std::uint32_t id_b : b.ids) pairs.push_back({id_a, id_b});
     }
@@ -187,16 +135,8 @@ std::shared_ptr<Plan> Bodies::make_plan(Against against, const Matrix* matrix, c
   return plan;
 }
 
-clearance::Query Bodies::query(const Plan& plan, const Rows& rows) const {
-  return {.pairs = plan.pairs,
-          .all_pairs = false,
-          .bodies = movers_,
-          .configurations = rows.poses,
-          .joints = joints_,
-          .positions = rows.positions};
-}
-
-clearance::Result Bodies::run(Plan& plan, const Rows& rows, bool is_motion) {
+clearance::Result Bodies::run(Plan& plan, const Rows& rows) const {
+  const bool is_motion = rows.positions.size() > joints_.size() || rows.poses.size() > movers_.size();
   auto& idle = is_motion ? plan.motions : plan.checks;
   std::optional<clearance::Prepared> prepared;
   {
@@ -207,7 +147,7 @@ clearance::Result Bodies::run(Plan& plan, const Rows& rows, bool is_motion) {
     }
   }
   if (!prepared) {
-    clearance::Query query = this->query(plan, {});
+    clearance::Query query{.pairs = plan.pairs, .all_pairs = false, .bodies = movers_, .joints = joints_};
     query.reduce = clearance::Reduce::kAny;
     prepared.emplace(engine_.prepare(is_motion ? clearance::as_motions(query) : clearance::as_check(query)));
   }
@@ -215,6 +155,27 @@ clearance::Result Bodies::run(Plan& plan, const Rows& rows, bool is_motion) {
   const std::lock_guard lock(plan.mutex);
   idle.push_back(std::move(*prepared));
   return result;
+}
+
+std::vector<clearance::Result> Bodies::distances(const Plan& plan, const Rows& rows, clearance::Query query) const {
+  query.all_pairs = false;
+  query.bodies = movers_;
+  query.configurations = rows.poses;
+  query.joints = joints_;
+  query.positions = rows.positions;
+  const std::span<const clearance::IdPair> pairs(plan.pairs);
+  const std::size_t with_depth = query.signed_distance ? plan.pairs_with_depth : 0;
+  std::vector<clearance::Result> results;
+  for (const bool is_signed : {true, false}) {
+    query.pairs = is_signed ? pairs.first(with_depth) : pairs.subspan(with_depth);
+    query.signed_distance = is_signed;
+    if (!query.pairs.empty()) results.push_back(engine_.distances(query));
+  }
+  return results;
+}
+
+ItemPair Bodies::items(const clearance::Result& result, std::size_t i) const {
+  return {items_by_id_.at(result.pair()[i][0]), items_by_id_.at(result.pair()[i][1])};
 }
 
 }  // namespace clearance_moveit

@@ -2,15 +2,15 @@
 #pragma once
 
 #include <clearance/engine.h>
+#include <clearance_moveit/collision_env.h>
+#include <geometric_shapes/shapes.h>
 
 #include <cstddef>
 #include <cstdint>
 #include <memory>
-#include <moveit/collision_detection/collision_env.hpp>
 #include <mutex>
 #include <optional>
 #include <set>
-#include <shared_mutex>
 #include <span>
 #include <string>
 #include <utility>
@@ -20,105 +20,85 @@
 
 namespace clearance_moveit {
 
-/// A link, an attached body or an object of the world, as MoveIt has it at present.
-struct ItemView {
-  const std::string& name;
-  collision_detection::BodyType type;
-  const moveit::core::LinkModel* link;  ///< that it follows, or null
-  const std::vector<shapes::ShapeConstPtr>& shapes;
-  const EigenSTL::vector_Isometry3d& poses;  ///< X_link_shape, or X_world_shape
-  const std::set<std::string>* touch_links;  ///< of an attached body, otherwise null
-  double padding, scale;
-};
-
-/// A copy of it, with the bodies made from it.
+/// A link, an attached body or an object of the world, and the bodies made from it.
 struct Item {
-  explicit Item(const ItemView& view);
-  bool has_shapes_of(const ItemView& view) const;  ///< the same ones, however placed
-  bool is(const ItemView& view) const;
-
   std::string name;
   collision_detection::BodyType type;
-  const moveit::core::LinkModel* link;
-  std::vector<shapes::ShapeConstPtr> shapes;
-  EigenSTL::vector_Isometry3d poses;
+  const moveit::core::LinkModel* link;        ///< that it follows, or null
+  std::vector<shapes::ShapeConstPtr> shapes;  ///< empty for a link, whose shapes do not change
+  EigenSTL::vector_Isometry3d poses;          ///< X_link_shape, or X_world_shape; empty for a link
   std::set<std::string> touch_links;
   double padding, scale;
-  std::vector<std::vector<std::string>> bodies;  ///< names in the engine, by shape
-  std::vector<std::uint32_t> ids;                ///< of all of them
-  bool is_whole = true;                          ///< whether the engine has all its shapes
+  std::string cells;  ///< of its octrees, which MoveIt changes in place
+
+  std::vector<std::vector<std::string>> bodies = {};  ///< names in the engine, by shape
+  std::vector<std::uint32_t> ids = {};                ///< of all of them
+  bool is_whole = true;                               ///< whether the engine has all its shapes
 };
 
-enum class Against { kSelf, kWorld };
+/// Cells of the octrees among shapes: equal as long as these have the same occupied ones.
+std::string cells_of(const std::vector<shapes::ShapeConstPtr>& shapes);
+/// Adds a shape to an engine: one body, or for an octree one for each size of its occupied cells. A closed mesh is the
+/// solid that it encloses, an open one its triangles. Throws for other shapes.
+/// \param body name, parent, pose and padding
+/// \param scale about the shape's centre, as in MoveIt
+/// \param names of the bodies are appended
+void add_shape(clearance::Engine& engine, clearance::NewBody body, const shapes::Shape& shape, double scale,
+               std::vector<std::string>& names);
+
 using Matrix = collision_detection::AllowedCollisionMatrix;
 using ItemPair = std::pair<const Item*, const Item*>;
 using ActiveLinks = std::set<const moveit::core::LinkModel*>;
 
-/// Pairs of items that a request includes, and queries of these pairs.
+/// Whether a matrix allows items to touch. A conditional entry does not.
+bool is_allowed(const Matrix* matrix, const ItemPair& pair);
+
+/// Pairs of items that a request includes.
 struct Plan {
   Against against;
   std::optional<ActiveLinks> active;
-  bool has_matrix;
-  std::vector<clearance::IdPair> pairs;
-  std::size_t pairs_with_depth = 0;  ///< the first ones; those behind have an octree
-  std::vector<ItemPair> checked;     ///< the same pairs, of items
-  std::vector<ItemPair> allowed;     ///< pairs left out since the matrix allows them
-  std::optional<ItemPair> unknown;   ///< a pair that cannot be checked, since an item is not whole
-  std::mutex mutex;
-  std::vector<clearance::Prepared> checks, motions;  ///< idle ones
+  std::vector<clearance::IdPair> pairs = {};
+  std::size_t pairs_with_depth = 0;      ///< the first ones; those behind have an octree
+  std::vector<ItemPair> checked = {};    ///< the same pairs, of items
+  std::vector<ItemPair> allowed = {};    ///< pairs left out since the matrix allows them
+  std::optional<ItemPair> unknown = {};  ///< a pair that cannot be checked, since an item is not whole
+  std::mutex mutex = {};                 ///< of the next
+  std::vector<clearance::Prepared> checks = {}, motions = {};  ///< idle ones
 };
 
-/// Items in an engine. Lock `mutex` for sharing to query, alone to call become().
+/// Items in an engine. Thread-safe except become().
 class Bodies {
  public:
   explicit Bodies(const RobotFrames& frames);
   Bodies(const Bodies&) = delete;
   Bodies& operator=(const Bodies&) = delete;
 
-  bool are(const std::vector<ItemView>& views) const;
+  bool are(const std::vector<Item>& items) const;
   /// Adds, moves and removes bodies. An item that the engine does not take is logged, and is not whole.
-  void become(const std::vector<ItemView>& views);
+  void become(std::vector<Item> items);
 
   /// Returns a plan that leaves out no pair which the matrix does not allow. It may check pairs that the matrix allows,
   /// unless `is_exact`.
   /// \param active links, one of which each pair has; null for all
   std::shared_ptr<Plan> plan(Against against, const Matrix* matrix, const ActiveLinks* active, bool is_exact);
-  /// A query of a plan's pairs, at a state or from one to another. Refers to both.
-  clearance::Query query(const Plan& plan, const Rows& rows) const;
-  /// Answers a query, with depths if it is signed and the pair has one, and calls f(result, row) for each row.
-  template <class F>
-  void each_row(const Plan& plan, clearance::Query query, F&& f) const {
-    const std::size_t signed_pairs = query.signed_distance ? plan.pairs_with_depth : 0;
-    for (const bool is_signed : {true, false}) {
-      const std::span<const clearance::IdPair> pairs(plan.pairs);
-      query.pairs = is_signed ? pairs.first(signed_pairs) : pairs.subspan(signed_pairs);
-      query.signed_distance = is_signed;
-      if (query.pairs.empty()) continue;
-      const clearance::Result result = engine_.distances(query);
-      for (std::size_t i = 0; i < result.rows(); ++i) f(result, i);
-    }
-  }
-  /// Verdict of Reduce::kAny, at one row or from one to another.
-  clearance::Result run(Plan& plan, const Rows& rows, bool is_motion);
-  const Item& item(std::uint32_t body) const { return *items_by_id_.at(body); }
-
-  std::shared_mutex mutex;
+  /// Verdict of Reduce::kAny on a plan's pairs, at one row or from one to another.
+  clearance::Result run(Plan& plan, const Rows& rows) const;
+  /// Answers a query of a plan's pairs at a row, with depths if it is signed and the pair has one.
+  std::vector<clearance::Result> distances(const Plan& plan, const Rows& rows, clearance::Query query) const;
+  /// Items of row `i` of a result.
+  ItemPair items(const clearance::Result& result, std::size_t i) const;
 
  private:
   void add(Item& item);
-  void place(const Item& item);
   std::shared_ptr<Plan> make_plan(Against against, const Matrix* matrix, const ActiveLinks* active) const;
 
   clearance::Engine engine_;
   std::vector<std::uint32_t> joints_, movers_;
-  std::vector<std::unique_ptr<Item>> items_;
+  std::vector<Item> items_;
   std::vector<const Item*> items_by_id_;
   std::uint64_t made_ = 0;  // for names
   std::mutex plans_mutex_;
-  std::vector<std::shared_ptr<Plan>> plans_;
+  std::vector<std::shared_ptr<Plan>> plans_;  // newest first
 };
-
-/// Whether a matrix, or the kind of the pair, allows items to touch. A conditional entry does not.
-bool is_allowed(const Matrix* matrix, const Item& a, const Item& b);
 
 }  // namespace clearance_moveit

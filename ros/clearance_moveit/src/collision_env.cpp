@@ -1,12 +1,12 @@
 #include <clearance_moveit/collision_env.h>
 
 #include <algorithm>
+#include <atomic>
 #include <cmath>
 #include <limits>
 #include <moveit/robot_state/attached_body.hpp>
-#include <optional>
 #include <rclcpp/logging.hpp>
-#include <shared_mutex>
+#include <stdexcept>
 #include <utility>
 
 #include "bodies.h"
@@ -21,88 +21,63 @@ constexpr double kInfinity = std::numeric_limits<double>::infinity();
 constexpr std::uint32_t kPairFields = clearance::kDefaultFields | clearance::kFieldFlags | clearance::kFieldPoints |
                                       clearance::kFieldNormal | clearance::kFieldPair;
 
-using Names = std::pair<std::string, std::string>;
-
-Names sorted(const Item& a, const Item& b) {
-  return a.name < b.name ? Names{a.name, b.name} : Names{b.name, a.name};
+std::pair<std::string, std::string> sorted(const std::string& a, const std::string& b) {
+  return a < b ? std::pair{a, b} : std::pair{b, a};
 }
 
-const ActiveLinks* active_links(const moveit::core::RobotModel& model, const std::string& group) {
-  return model.hasJointModelGroup(group) ? &model.getJointModelGroup(group)->getUpdatedLinkModelsSet() : nullptr;
-}
-
-Contact contact(const Item& a, const Item& b) {
-  Contact contact;
-  contact.pos.setZero();
-  contact.normal.setZero();
-  for (Eigen::Vector3d& point : contact.nearest_points) point.setZero();
-  contact.body_name_1 = a.name;
-  contact.body_type_1 = a.type;
-  contact.body_name_2 = b.name;
-  contact.body_type_2 = b.type;
-  return contact;
-}
-
-/// Stores a contact, unless the request has enough of its pair or in all.
-void store(const CollisionRequest& request, CollisionResult& result, const Item& a, const Item& b,
-           const Contact& contact) {
-  if (result.contact_count >= request.max_contacts) return;
-  std::vector<Contact>& contacts = result.contacts[sorted(a, b)];
-  if (contacts.size() >= request.max_contacts_per_pair) return;
-  contacts.push_back(contact);
-  ++result.contact_count;
-}
-
-/// A point or normal of a column; zeros where there is none.
-Eigen::Vector3d row(std::span<const double> column, std::size_t i) {
-  const Eigen::Vector3d vector = Eigen::Map<const Eigen::Vector3d>(column.data() + 3 * i);
-  return vector.allFinite() ? vector : Eigen::Vector3d::Zero();
-}
-
-/// Stores a contact of each pair of shapes that is not proved apart.
-void store_contacts(const CollisionRequest& request, CollisionResult& result, const Bodies& bodies, const Plan& plan,
-                    const Rows& rows, const AllowedCollisionMatrix* matrix) {
-  clearance::Query query = bodies.query(plan, rows);
-  query.max_distance = 0;
-  query.signed_distance = true;
-  query.reduce = clearance::Reduce::kWithin;
-  query.fields = kPairFields;
-  bodies.each_row(plan, query, [&](const clearance::Result& found, std::size_t i) {
-    const Item &a = bodies.item(found.pair()[i][0]), &b = bodies.item(found.pair()[i][1]);
-    if (is_allowed(matrix, a, b)) return;
-    Contact one = contact(a, b);
-    one.nearest_points[0] = row(found.point_a(), i);
-    one.nearest_points[1] = row(found.point_b(), i);
-    one.pos = 0.5 * (one.nearest_points[0] + one.nearest_points[1]);
-    one.normal = row(found.normal(), i);
-    one.depth = std::max(0.0, -found.distance()[i]);
-    store(request, result, a, b, one);
-  });
-}
-
-DistanceResultsData data(const DistanceRequest& request, const Item& a, const Item& b, const clearance::Result& found,
-                         std::size_t i) {
+/// A pair of which nothing is proved.
+DistanceResultsData unproved(const ItemPair& pair) {
   DistanceResultsData data;
-  const bool is_known = !(found.flags()[i] & clearance::kFlagIncomplete) && found.lower()[i] > -kInfinity;
-  data.distance = is_known ? found.lower()[i] : -kInfinity;
-  data.link_names[0] = a.name;
-  data.link_names[1] = b.name;
-  data.body_types[0] = a.type;
-  data.body_types[1] = b.type;
-  if (!request.enable_nearest_points && !request.compute_gradient) return data;
-  data.nearest_points[0] = row(found.point_a(), i);
-  data.nearest_points[1] = row(found.point_b(), i);
-  data.normal = row(found.normal(), i);
+  data.distance = -kInfinity;
+  data.link_names[0] = pair.first->name;
+  data.link_names[1] = pair.second->name;
+  data.body_types[0] = pair.first->type;
+  data.body_types[1] = pair.second->type;
   return data;
 }
 
-/// Adds a row to a result: all of a pair, or the nearest ones.
-void add(const DistanceRequest& request, DistanceResult& result, const Item& a, const Item& b,
-         const DistanceResultsData& data) {
+/// A pair with row `i` of a result; points and normal are zeros where there are none.
+DistanceResultsData data(const ItemPair& pair, const clearance::Result& found, std::size_t i) {
+  DistanceResultsData data = unproved(pair);
+  const auto row = [&](std::span<const double> column) -> Eigen::Vector3d {
+    const Eigen::Vector3d vector = Eigen::Map<const Eigen::Vector3d>(column.data() + 3 * i);
+    return vector.allFinite() ? vector : Eigen::Vector3d::Zero();
+  };
+  if (!(found.flags()[i] & clearance::kFlagIncomplete) && found.lower()[i] > -kInfinity)
+    data.distance = found.lower()[i];
+  data.nearest_points[0] = row(found.point_a());
+  data.nearest_points[1] = row(found.point_b());
+  data.normal = row(found.normal());
+  return data;
+}
+
+/// Stores a contact, unless the request has enough of its pair or in all.
+/// \param distance of the pair, or NaN
+void store(const CollisionRequest& request, CollisionResult& result, const DistanceResultsData& data, double distance,
+           double time = 0) {
+  if (!request.contacts || result.contact_count >= request.max_contacts) return;
+  std::vector<Contact>& contacts = result.contacts[sorted(data.link_names[0], data.link_names[1])];
+  if (contacts.size() >= request.max_contacts_per_pair) return;
+  Contact& contact = contacts.emplace_back();
+  contact.body_name_1 = data.link_names[0];
+  contact.body_type_1 = data.body_types[0];
+  contact.body_name_2 = data.link_names[1];
+  contact.body_type_2 = data.body_types[1];
+  contact.nearest_points[0] = data.nearest_points[0];
+  contact.nearest_points[1] = data.nearest_points[1];
+  contact.pos = 0.5 * (data.nearest_points[0] + data.nearest_points[1]);
+  contact.normal = data.normal;
+  contact.depth = std::max(0.0, -distance);
+  contact.percent_interpolation = std::isfinite(time) ? time : 0;
+  ++result.contact_count;
+}
+
+/// Adds a pair to a result: all of its rows, or the nearest ones.
+void add(const DistanceRequest& request, DistanceResult& result, const DistanceResultsData& data) {
   if (data.distance < result.minimum_distance.distance) result.minimum_distance = data;
   result.collision |= !(data.distance > 0);
   if (request.type == DistanceRequestType::GLOBAL) return;
-  std::vector<DistanceResultsData>& of_pair = result.distances[sorted(a, b)];
+  std::vector<DistanceResultsData>& of_pair = result.distances[sorted(data.link_names[0], data.link_names[1])];
   const auto is_nearer = [](const auto& x, const auto& y) { return x.distance < y.distance; };
   of_pair.insert(std::ranges::upper_bound(of_pair, data, is_nearer), data);
   const std::size_t most = request.type == DistanceRequestType::SINGLE ? 1 : request.max_contacts_per_body;
@@ -132,81 +107,56 @@ CollisionEnv::CollisionEnv(const CollisionEnv& other, const WorldPtr& world)
 
 CollisionEnv::~CollisionEnv() = default;
 
-std::vector<ItemView> CollisionEnv::items(const State& state) const {
-  std::vector<ItemView> items;
-  for (const auto* link : robot_model_->getLinkModelsWithCollisionGeometry())
-    items.push_back({link->getName(), BodyTypes::ROBOT_LINK, link, link->getShapes(),
-                     link->getCollisionOriginTransforms(), nullptr, getLinkPadding(link->getName()),
-                     getLinkScale(link->getName())});
+std::vector<Item> CollisionEnv::items(const State& state) const {
   std::vector<const moveit::core::AttachedBody*> attached;
   state.getAttachedBodies(attached);
+  const auto& links = robot_model_->getLinkModelsWithCollisionGeometry();
+  std::vector<Item> items;
+  items.reserve(links.size() + attached.size() + getWorld()->size());
+  for (const auto* link : links)
+    items.push_back({link->getName(),
+                     BodyTypes::ROBOT_LINK,
+                     link,
+                     {},
+                     {},
+                     {},
+                     getLinkPadding(link->getName()),
+                     getLinkScale(link->getName()),
+                     {}});
   for (const auto* body : attached)
     items.push_back({body->getName(), BodyTypes::ROBOT_ATTACHED, body->getAttachedLink(), body->getShapes(),
-                     body->getShapePosesInLinkFrame(), &body->getTouchLinks(),
-                     getLinkPadding(body->getAttachedLinkName()), getLinkScale(body->getAttachedLinkName())});
-  if (const WorldConstPtr& world = getWorld())
-    for (const auto& [name, object] : *world)
-      items.push_back(
-          {name, BodyTypes::WORLD_OBJECT, nullptr, object->shapes_, object->global_shape_poses_, nullptr, 0, 1});
+                     body->getShapePosesInLinkFrame(), body->getTouchLinks(),
+                     getLinkPadding(body->getAttachedLinkName()), getLinkScale(body->getAttachedLinkName()),
+                     cells_of(body->getShapes())});
+  for (const auto& [name, object] : *getWorld())
+    items.push_back({name,
+                     BodyTypes::WORLD_OBJECT,
+                     nullptr,
+                     object->shapes_,
+                     object->global_shape_poses_,
+                     {},
+                     0,
+                     1,
+                     cells_of(object->shapes_)});
   return items;
 }
 
-/// Calls `call` with the bodies of a state and of the world, which stay while it runs.
-template <class Call>
-void CollisionEnv::with_bodies(const State& state, Call&& call) const {
-  const std::vector<ItemView> items = this->items(state);
-  std::shared_ptr<Bodies> bodies;
-  {
-    const std::lock_guard lock(mutex_);
-    bodies = bodies_;
-  }
-  if (bodies) {
-    const std::shared_lock lock(bodies->mutex);
-    if (bodies->are(items)) return call(*bodies);
-  }
+/// The bodies of a state and of the world, which do not change while a copy of the pointer exists.
+std::shared_ptr<Bodies> CollisionEnv::bodies(const State& state) const {
+  std::vector<Item> items = this->items(state);
   const std::lock_guard lock(mutex_);
-  bodies = bodies_;
-  constexpr int kOwners = 2;  // this one's member and the copy above
-  if (!bodies || bodies.use_count() > kOwners) bodies = std::make_shared<Bodies>(*frames_);
-  bodies_.reset();  // so that no bodies stay that an exception has left half made
-  const std::lock_guard alone(bodies->mutex);
-  if (!bodies->are(items)) bodies->become(items);
-  bodies_ = bodies;
-  call(*bodies);
+  if (bodies_ && bodies_->are(items)) return bodies_;
+  std::shared_ptr<Bodies> next = std::move(bodies_);  // an exception leaves none half made
+  if (next.use_count() != 1) next = std::make_shared<Bodies>(*frames_);
+  std::atomic_thread_fence(std::memory_order_acquire);  // after the last use by other threads
+  next->become(std::move(items));
+  return bodies_ = next;
 }
 
 void CollisionEnv::check(Against against, const Request& request, Result& result, const State& state, const State* to,
                          const Matrix* matrix) const {
   try {
-    with_bodies(state, [&](Bodies& bodies) {
-      if (to && !bodies.are(items(*to)))
-        throw std::invalid_argument("the states of a motion have other attached bodies");
-      const Rows rows = to ? frames_->motion(state, *to) : frames_->rows(state);
-      const bool is_unknown = to && !frames_->is_straight();
-      const ActiveLinks* active = active_links(*robot_model_, request.group_name);
-      for (bool is_exact = false;; is_exact = true) {
-        const std::shared_ptr<Plan> plan = bodies.plan(against, matrix, active, is_exact);
-        if (plan->unknown) {
-          const auto& [a, b] = *plan->unknown;
-          if (is_allowed(matrix, *a, *b)) continue;
-          result.collision = true;
-          if (request.contacts) store(request, result, *a, *b, contact(*a, *b));
-          return;
-        }
-        if (plan->pairs.empty()) return;
-        if (is_unknown) throw std::invalid_argument("this robot does not move straight in its joints");
-        const clearance::Result found = bodies.run(*plan, rows, to != nullptr);
-        if (found.all_free()) return;
-        const Item &a = bodies.item(found.pair()[0][0]), &b = bodies.item(found.pair()[0][1]);
-        if (is_allowed(matrix, a, b)) continue;  // not in an exact plan
-        result.collision = true;
-        if (!request.contacts) return;
-        if (!to) return store_contacts(request, result, bodies, *plan, rows, matrix);
-        Contact one = contact(a, b);
-        one.percent_interpolation = std::isfinite(found.time()[0]) ? found.time()[0] : 0;
-        return store(request, result, a, b, one);
-      }
-    });
+    collide(against, request, result, state, to, matrix);
   } catch (const std::exception& error) {
     log(error);
     result.collision = true;
@@ -222,70 +172,65 @@ void CollisionEnv::check(Against against, const Request& request, Result& result
   if (request.detailed_distance) result.distance_result = least;
 }
 
+void CollisionEnv::collide(Against against, const Request& request, Result& result, const State& state, const State* to,
+                           const Matrix* matrix) const {
+  const std::shared_ptr<Bodies> bodies = this->bodies(state);
+  if (to && !bodies->are(items(*to))) throw std::invalid_argument("the states of a motion have other attached bodies");
+  const Rows rows = frames_->rows(state, to);
+  const auto* active = robot_model_->hasJointModelGroup(request.group_name)
+                           ? &robot_model_->getJointModelGroup(request.group_name)->getUpdatedLinkModelsSet()
+                           : nullptr;
+  for (const bool is_exact : {false, true}) {
+    const std::shared_ptr<Plan> plan = bodies->plan(against, matrix, active, is_exact);
+    if (plan->pairs.empty() && !plan->unknown) return;
+    if (to && !frames_->is_straight() && !plan->unknown)
+      throw std::invalid_argument("this robot does not move straight in its joints");
+    double time = 0;
+    ItemPair pair = plan->unknown.value_or(ItemPair{});
+    if (!plan->unknown) {
+      const clearance::Result found = bodies->run(*plan, rows);
+      if (found.all_free()) return;
+      pair = bodies->items(found, 0);
+      if (to) time = found.time()[0];
+    }
+    if (is_allowed(matrix, pair)) continue;  // not in an exact plan
+    result.collision = true;
+    if (to || plan->unknown) return store(request, result, unproved(pair), 0, time);
+    if (!request.contacts) return;
+    clearance::Query query{.max_distance = 0, .signed_distance = true, .reduce = clearance::Reduce::kWithin};
+    query.fields = kPairFields;
+    for (const clearance::Result& found : bodies->distances(*plan, rows, query))
+      for (std::size_t i = 0; i < found.rows(); ++i)
+        if (const ItemPair hit = bodies->items(found, i); !is_allowed(matrix, hit))
+          store(request, result, data(hit, found, i), found.distance()[i]);
+    return;
+  }
+}
+
 void CollisionEnv::distance(Against against, const DistanceRequest& request, DistanceResult& result,
                             const State& state) const {
   try {
-    with_bodies(state, [&](Bodies& bodies) {
-      const auto plan = bodies.plan(against, request.acm, request.active_components_only, true);
-      if (plan->unknown) {
-        const auto& [a, b] = *plan->unknown;
-        DistanceResultsData unknown;
-        unknown.distance = -kInfinity;
-        unknown.link_names[0] = a->name;
-        unknown.link_names[1] = b->name;
-        unknown.body_types[0] = a->type;
-        unknown.body_types[1] = b->type;
-        return add(request, result, *a, *b, unknown);
-      }
-      if (plan->pairs.empty()) return;
-      const Rows rows = frames_->rows(state);
-      clearance::Query query = bodies.query(*plan, rows);
-      const bool is_global = request.type == DistanceRequestType::GLOBAL;
-      const double within = request.distance_threshold;
-      query.max_distance = within < std::numeric_limits<double>::max() ? std::max(0.0, within) : kInfinity;
-      query.signed_distance = request.enable_signed_distance;
-      query.reduce = is_global ? clearance::Reduce::kMin : clearance::Reduce::kWithin;
-      query.fields = kPairFields;
-      bodies.each_row(*plan, query, [&](const clearance::Result& found, std::size_t i) {
-        if (found.status()[i] == clearance::Status::kBeyond) return;
-        const Item &a = bodies.item(found.pair()[i][0]), &b = bodies.item(found.pair()[i][1]);
-        add(request, result, a, b, data(request, a, b, found, i));
-      });
-    });
+    const std::shared_ptr<Bodies> bodies = this->bodies(state);
+    const auto plan = bodies->plan(against, request.acm, request.active_components_only, true);
+    if (plan->unknown) return add(request, result, unproved(*plan->unknown));
+    if (plan->pairs.empty()) return;
+    const bool is_global = request.type == DistanceRequestType::GLOBAL;
+    clearance::Query query;
+    query.max_distance = request.distance_threshold < std::numeric_limits<double>::max()
+                             ? std::max(0.0, request.distance_threshold)
+                             : kInfinity;
+    query.signed_distance = request.enable_signed_distance;
+    query.reduce = is_global ? clearance::Reduce::kMin : clearance::Reduce::kWithin;
+    query.fields = kPairFields;
+    for (const clearance::Result& found : bodies->distances(*plan, frames_->rows(state, nullptr), query))
+      for (std::size_t i = 0; i < found.rows(); ++i)
+        if (found.status()[i] != clearance::Status::kBeyond)
+          add(request, result, data(bodies->items(found, i), found, i));
   } catch (const std::exception& error) {
     log(error);
     result.collision = true;
     result.minimum_distance.distance = -kInfinity;
   }
-}
-
-void CollisionEnv::checkSelfCollision(const Request& request, Result& result, const State& state) const {
-  check(Against::kSelf, request, result, state, nullptr, nullptr);
-}
-void CollisionEnv::checkSelfCollision(const Request& request, Result& result, const State& state,
-                                      const Matrix& matrix) const {
-  check(Against::kSelf, request, result, state, nullptr, &matrix);
-}
-void CollisionEnv::checkRobotCollision(const Request& request, Result& result, const State& state) const {
-  check(Against::kWorld, request, result, state, nullptr, nullptr);
-}
-void CollisionEnv::checkRobotCollision(const Request& request, Result& result, const State& state,
-                                       const Matrix& matrix) const {
-  check(Against::kWorld, request, result, state, nullptr, &matrix);
-}
-void CollisionEnv::checkRobotCollision(const Request& request, Result& result, const State& from, const State& to,
-                                       const Matrix& matrix) const {
-  check(Against::kWorld, request, result, from, &to, &matrix);
-}
-void CollisionEnv::checkRobotCollision(const Request& request, Result& result, const State& from,
-                                       const State& to) const {
-  check(Against::kWorld, request, result, from, &to, nullptr);
-}
-void CollisionEnv::distanceSelf(const DistanceRequest& request, DistanceResult& result, const State& state) const {
-  distance(Against::kSelf, request, result, state);
-}
-void CollisionEnv::distanceRobot(const DistanceRequest& request, DistanceResult& result, const State& state) const {
-  distance(Against::kWorld, request, result, state);
 }
 
 }  // namespace clearance_moveit

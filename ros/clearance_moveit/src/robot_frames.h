@@ -23,17 +23,12 @@ class RobotFrames {
   /// Throws std::invalid_argument for other joints, by name.
   explicit RobotFrames(const moveit::core::RobotModel& model);
 
-  /// An engine with the frames alone.
-  clearance::Engine make_engine() const;
-  /// Name of a link's frame in the engine.
-  static std::string frame(const moveit::core::LinkModel& link);
-  /// Ids for a query's `joints` and `bodies`.
-  std::vector<std::uint32_t> joints(const clearance::Engine& engine) const;
-  std::vector<std::uint32_t> bodies(const clearance::Engine& engine) const;
-
-  Rows rows(const moveit::core::RobotState& state) const;
-  /// Two rows, between which the joints move as RobotState::interpolate() moves them if is_straight().
-  Rows motion(const moveit::core::RobotState& from, const moveit::core::RobotState& to) const;
+  clearance::Engine make_engine() const;                              ///< with the frames alone
+  static std::string frame(const moveit::core::LinkModel& link);      ///< its name in the engine
+  std::vector<std::uint32_t> joints(const clearance::Engine&) const;  ///< ids for a query
+  std::vector<std::uint32_t> movers(const clearance::Engine&) const;  ///< the root that moves, or none
+  /// One row; or two, between which the joints move as RobotState::interpolate() moves them if is_straight().
+  Rows rows(const moveit::core::RobotState& from, const moveit::core::RobotState* to) const;
   /// Whether interpolate() moves all joints straight: not a differential drive, nor a mimic joint of a continuous one.
   bool is_straight() const { return is_straight_; }
 

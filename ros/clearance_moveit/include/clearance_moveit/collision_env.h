@@ -13,8 +13,8 @@ namespace clearance_moveit {
 
 class Bodies;
 class RobotFrames;
-struct ItemView;
-enum class Against;
+struct Item;
+enum class Against { kSelf, kWorld };
 
 /// Robot and world in an engine in this process. Thread-safe as long as the world and the paddings do not change.
 ///
@@ -25,6 +25,8 @@ class CollisionEnv : public collision_detection::CollisionEnv {
   using Request = collision_detection::CollisionRequest;
   using Result = collision_detection::CollisionResult;
   using Matrix = collision_detection::AllowedCollisionMatrix;
+  using DistanceRequest = collision_detection::DistanceRequest;
+  using DistanceResult = collision_detection::DistanceResult;
   using State = moveit::core::RobotState;
 
   /// Throws std::invalid_argument for a planar or floating joint that is not the root.
@@ -37,30 +39,40 @@ class CollisionEnv : public collision_detection::CollisionEnv {
   CollisionEnv& operator=(const CollisionEnv&) = delete;
   ~CollisionEnv() override;
 
-  void checkSelfCollision(const Request& request, Result& result, const State& state) const override;
-  void checkSelfCollision(const Request& request, Result& result, const State& state,
-                          const Matrix& matrix) const override;
-  void checkRobotCollision(const Request& request, Result& result, const State& state) const override;
-  void checkRobotCollision(const Request& request, Result& result, const State& state,
-                           const Matrix& matrix) const override;
+  void checkSelfCollision(const Request& request, Result& result, const State& state) const override {
+    check(Against::kSelf, request, result, state, nullptr, nullptr);
+  }
+  void checkSelfCollision(const Request& request, Result& result, const State& state, const Matrix& m) const override {
+    check(Against::kSelf, request, result, state, nullptr, &m);
+  }
+  void checkRobotCollision(const Request& request, Result& result, const State& state) const override {
+    check(Against::kWorld, request, result, state, nullptr, nullptr);
+  }
+  void checkRobotCollision(const Request& request, Result& result, const State& state, const Matrix& m) const override {
+    check(Against::kWorld, request, result, state, nullptr, &m);
+  }
   /// The whole motion from one state to another, as RobotState::interpolate() moves the robot.
   void checkRobotCollision(const Request& request, Result& result, const State& from, const State& to,
-                           const Matrix& matrix) const override;
-  void checkRobotCollision(const Request& request, Result& result, const State& from, const State& to) const override;
-  void distanceSelf(const collision_detection::DistanceRequest& request, collision_detection::DistanceResult& result,
-                    const State& state) const override;
-  void distanceRobot(const collision_detection::DistanceRequest& request, collision_detection::DistanceResult& result,
-                     const State& state) const override;
+                           const Matrix& m) const override {
+    check(Against::kWorld, request, result, from, &to, &m);
+  }
+  void checkRobotCollision(const Request& request, Result& result, const State& from, const State& to) const override {
+    check(Against::kWorld, request, result, from, &to, nullptr);
+  }
+  void distanceSelf(const DistanceRequest& request, DistanceResult& result, const State& state) const override {
+    distance(Against::kSelf, request, result, state);
+  }
+  void distanceRobot(const DistanceRequest& request, DistanceResult& result, const State& state) const override {
+    distance(Against::kWorld, request, result, state);
+  }
 
  private:
-  template <class Call>
-  void with_bodies(const State& state, Call&& call) const;
-  std::vector<ItemView> items(const State& state) const;
+  std::vector<Item> items(const State& state) const;
+  std::shared_ptr<Bodies> bodies(const State& state) const;
   /// \param to end of a motion, or null for a state
-  void check(Against against, const Request& request, Result& result, const State& state, const State* to,
-             const Matrix* matrix) const;
-  void distance(Against against, const collision_detection::DistanceRequest& request,
-                collision_detection::DistanceResult& result, const State& state) const;
+  void check(Against, const Request&, Result&, const State&, const State* to, const Matrix*) const;
+  void collide(Against, const Request&, Result&, const State&, const State* to, const Matrix*) const;
+  void distance(Against, const DistanceRequest&, DistanceResult&, const State&) const;
 
   std::shared_ptr<const RobotFrames> frames_;
   mutable std::mutex mutex_;  // of the next
