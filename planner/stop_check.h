@@ -233,10 +233,10 @@ double greatest_scale(IsFree&& is_free) {
 }
 
 /// The queries of one state: whether its braking paths are free. Keeps references to its arguments.
-template <class Queried>
+template <class Source>
 class StopQueries {
  public:
-  StopQueries(Queried& engine, const Query& state, const Braking& law)
+  StopQueries(Source& engine, const Query& state, const Braking& law)
       : engine_(engine), state_(state), law_(law), query_(state) {
     check_input(state, law);
     if (!law.others.empty()) movers_ = movers_of(engine, law.others);
@@ -268,7 +268,7 @@ class StopQueries {
     query_.margins = margins_;
   }
 
-  Queried& engine_;
+  Source& engine_;
   const Query& state_;
   const Braking& law_;
   std::optional<Movers> movers_;
