@@ -110,4 +110,14 @@ KERNEL_MUTANTS = [
             "void(0)",
         ),
     ),
+    # Kernels that evaluate reductions.
+    *mutants_of(
+        "reduce_kernels ReduceKernels.DecideAsTheCpuDoesUncertainBodies",
+        (
+            "near_hulls_beyond",
+            "cuda/reduce/near_hulls.cuh",
+            "!(@true_lower@ > margin)",
+            "lower",
+        ),
+    ),
 ]
