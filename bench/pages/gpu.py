@@ -1,4 +1,4 @@
-"""Tables of docs/cuda.md."""
+"""Tables of docs/cuda.md and docs/cuda_measured.md."""
 
 from pages import markdown, results
 

@@ -36,6 +36,13 @@ struct SpanPair {
   std::uint32_t span, pair;
 };
 
+/// A pair apart at the middle of a span, to be divided there.
+struct ApartPair {
+  SpanPair at;
+  double lower;  ///< metres
+  Vec3d normal;
+};
+
 /// Motion bounds of a span's moved bodies, in addition to their poses. Each component is contiguous over all spans.
 enum MotionNumber : std::uint32_t {
   kOwnSpeed,
@@ -65,9 +72,10 @@ enum class MotionOutcome : std::uint8_t {
   kOpen,  ///< left to the CPU
 };
 
-/// Indices into MotionsView::counts, per level: spans, pairs left by boxes, pairs evaluated, pairs that go on, hits.
+/// Indices into MotionsView::counts, per level: spans, pairs left by boxes, pairs evaluated, pairs that go on, hits,
+/// pairs apart at the middle, pairs left by the kernel that only iterates.
 inline constexpr std::uint32_t kSpanCount = 0, kNearCount = 1, kEvaluateCount = 2, kOnCount = 3, kHitCount = 4,
-                               kCountsOfLevel = 5;
+                               kApartCount = 5, kLaterCount = 6, kCountsOfLevel = 7;
 /// Spans of level k are at most 2^-k of a motion; what remains after the last level is left to the CPU. First contact
 /// needs more levels: a span is halved until it is as short as the contact interval, and half of it is proved.
 inline constexpr std::uint32_t kMotionLevels = 8, kContactLevels = 12;
@@ -85,13 +93,14 @@ struct MotionCapacity {
   static constexpr std::uint32_t kMoreSpans = 256, kHitsOfMotion = 4;
   static constexpr std::uint64_t kMostPairs = 1u << 23;
 
-  std::uint32_t spans, pairs, hits;
+  std::uint32_t spans, pairs, hits, apart;
 
   MotionCapacity(std::uint32_t motions, std::uint32_t pairs_of_motion)
       : spans(2 * motions + kMoreSpans),
         pairs(static_cast<std::uint32_t>(
             std::min((2 * std::uint64_t{motions} + kMoreSpans) * pairs_of_motion, kMostPairs))),
-        hits(kHitsOfMotion * motions + kMoreSpans) {}
+        hits(kHitsOfMotion * motions + kMoreSpans),
+        apart(pairs / 2) {}
 };
 
 /// One chunk of motions at one level.
@@ -105,7 +114,7 @@ struct MotionsView {
   bool finds_least;    ///< the least distance is requested, with these tolerances
   double abs_tol, rel_tol;
   std::uint32_t motions, level, levels;
-  std::uint32_t span_capacity, pair_capacity, hit_capacity;
+  std::uint32_t span_capacity, pair_capacity, hit_capacity, apart_capacity;
   std::uint32_t max_evaluations;
   const double* ends;  ///< (motions, 2, joints)
   double* positions;   ///< (spans, joints) at their middles
@@ -128,7 +137,9 @@ struct MotionsView {
   std::uint32_t* shares;                    ///< (spans, 2) proved share of each half, float bits; all set if complete
   std::uint32_t *children, *next_children;  ///< (spans, 2) index of each half at the next level, or kNone
   SpanPair *on, *next_on;                   ///< pairs that go on
-  SpanPair *near, *to_evaluate;
+  SpanPair *near, *to_evaluate;             ///< `near` becomes the list of pairs left by the kernel that only iterates
+  float* ways;       ///< (pairs,) metres: approach of a pair to evaluate until the ends, rounded up
+  ApartPair* apart;  ///< up to apart_capacity
   MotionHitRow* hits;
   // Of motions that hit: the best hit so far, then these rows in no order.
   MotionHitRow *best, *hit_rows;

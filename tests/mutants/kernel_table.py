@@ -94,6 +94,7 @@ KERNEL_MUTANTS = [
             "free_no_longer(m, span.motion, @span.begin@)",
             "span.end",
         ),
+        ("motion_kernel_beyond", "cuda/motion/motion_lean.cuh", "end = @lower > required@ ?", "lower > margin"),
         ("motion_kernel_before", "cuda/motion/motion_kernel.cuh", "m.seeks_contact && pair.way > 0", "false"),
         ("motion_kernel_least_low", "cuda/motion/motion_rates.cuh", "leave_out(m, span, most.low)", "void(0)"),
         ("motion_kernel_least_halves", "cuda/motion/motion_rates.cuh", "leave_out(m, span, low)", "void(0)"),
@@ -108,6 +109,16 @@ KERNEL_MUTANTS = [
             "cuda/motion/motion_least.cuh",
             "if (m.seeks_contact && span.late) @free_no_longer(m, span.motion, span.begin)@",
             "void(0)",
+        ),
+    ),
+    # Kernels that evaluate reductions.
+    *mutants_of(
+        "reduce_kernels ReduceKernels.DecideAsTheCpuDoesUncertainBodies",
+        (
+            "near_hulls_beyond",
+            "cuda/reduce/near_hulls.cuh",
+            "!(@true_lower@ > margin)",
+            "lower",
         ),
     ),
 ]

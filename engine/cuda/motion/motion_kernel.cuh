@@ -96,7 +96,7 @@ __global__ void __launch_bounds__(kMotionThreads) find_near_in_spans(const __gri
       span = m.spans[item.span];
       wanted = !leaves_by_boxes(m, m.chunk.pairs[item.pair], item.pair, item.span, span);
     }
-    const std::uint32_t at = take_place(&count_of(m, kNearCount, m.level), wanted);
+    const std::uint32_t at = take_place_of_block<kMotionThreads>(&count_of(m, kNearCount, m.level), wanted);
     if (!wanted) continue;
     if (at < m.pair_capacity)
       m.near[at] = item;
@@ -112,20 +112,24 @@ __global__ void __launch_bounds__(kMotionThreads) look_along_boxes(const __grid_
     bool wanted = first + threadIdx.x < count;
     SpanPair item{0, 0};
     MotionSpan span{};
+    float way = 0;
     if (wanted) {
       item = m.near[first + threadIdx.x];
       span = m.spans[item.span];
       const MovingPair pair(m, item, span);
       const double target = target_of(m, span, item.pair, 0), low = pair.low_along_boxes(target);
       wanted = !(low > target);
+      way = __double2float_ru(pair.way);
       if (!wanted) leave_out(m, span, low);
     }
-    const std::uint32_t at = take_place(&count_of(m, kEvaluateCount, m.level), wanted);
+    const std::uint32_t at = take_place_of_block<kMotionThreads>(&count_of(m, kEvaluateCount, m.level), wanted);
     if (!wanted) continue;
-    if (at < m.pair_capacity)
+    if (at < m.pair_capacity) {
       m.to_evaluate[at] = item;
-    else
+      if (!m.finds_least) m.ways[at] = way;
+    } else {
       m.open[span.motion] = 1;
+    }
   }
 }
 
@@ -197,16 +201,30 @@ __device__ __forceinline__ void apply_outcome(const MotionsView& m, const SpanPa
   }
 }
 
-// Evaluates the remaining pairs, one per thread, and lists the halves of the span in which each goes on.
+// Lists the halves of a span in which a pair goes on. All threads of the warp call it.
+__device__ inline void list_halves(const MotionsView& m, const SpanPair& item, std::uint32_t motion,
+                                   const bool (&goes_on)[2]) {
+  for (std::uint32_t h = 0; h < 2; ++h) {
+    const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
+    if (!goes_on[h]) continue;
+    if (at < m.pair_capacity)
+      m.next_on[at] = {item.span, 2 * item.pair + h};
+    else
+      m.open[motion] = 1;
+  }
+}
+
+// Evaluates the pairs that motion_lean.cuh leaves, or all if the least distance is requested, one per thread, and lists
+// the halves of the span in which each goes on.
 // The barriers keep the warps of a block in one phase: its code does not fit the instruction cache as a whole.
 template <bool kLeast>
 __global__ void __launch_bounds__(kEvaluateThreads, kEvaluateBlocks)
     evaluate_span_pairs(const __grid_constant__ MotionsView m) {
-  const std::uint32_t count = listed(count_of(m, kEvaluateCount, m.level), m.pair_capacity);
+  const std::uint32_t count = listed(count_of(m, kLeast ? kEvaluateCount : kLaterCount, m.level), m.pair_capacity);
+  const SpanPair* const items = kLeast ? m.to_evaluate : m.near;
   for (std::uint32_t first = blockIdx.x * kEvaluateThreads; first < count; first += gridDim.x * kEvaluateThreads) {
     const bool exists = first + threadIdx.x < count;
-    const SpanPair item =
-        m.to_evaluate[exists ? first + threadIdx.x : first];  // threads without a pair repeat the first
+    const SpanPair item = items[exists ? first + threadIdx.x : first];  // threads without a pair repeat the first
     const MovingPair pair(m, item, m.spans[item.span]);
     const std::uint32_t motion = pair.span.motion;
     const bool wanted = exists && !is_hit_before(m, motion, item.pair);
@@ -221,14 +239,7 @@ __global__ void __launch_bounds__(kEvaluateThreads, kEvaluateBlocks)
     if (wanted) apply_outcome<kLeast>(m, item, pair, target, outcome, answer, goes_on);
     __syncthreads();
     add_count(m.counts + kConvergedCount, wanted && outcome == PairOutcome::kConverged);
-    for (std::uint32_t h = 0; h < 2; ++h) {
-      const std::uint32_t at = take_place(&count_of(m, kOnCount, m.level), goes_on[h]);
-      if (!goes_on[h]) continue;
-      if (at < m.pair_capacity)
-        m.next_on[at] = {item.span, 2 * item.pair + h};
-      else
-        m.open[motion] = 1;
-    }
+    list_halves(m, item, motion, goes_on);
   }
 }
 

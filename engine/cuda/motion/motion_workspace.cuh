@@ -5,7 +5,7 @@
 #include <utility>
 
 #include "engine/cuda/memory/chunk_clock.cuh"
-#include "engine/cuda/motion/motion_kernel.cuh"
+#include "engine/cuda/motion/motion_lean.cuh"
 #include "engine/cuda/motion/motions.cuh"
 #include "engine/device/motion_layout.h"
 
@@ -146,6 +146,7 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     m.span_capacity = m.chunk.configurations = capacity.spans;
     m.pair_capacity = capacity.pairs;
     m.hit_capacity = capacity.hits;
+    m.apart_capacity = m.finds_least ? 0 : capacity.apart;
     return m;
   }
 
@@ -172,6 +173,9 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
     reserve_spans(slot);
     make_parts(slot.pairs, [&](Parts& parts) {
       for (SpanPair** list : {&m.on, &m.next_on, &m.near, &m.to_evaluate}) parts.take(*list, m.pair_capacity);
+      if (m.finds_least) return;
+      parts.take(m.ways, m.pair_capacity);
+      parts.take(m.apart, m.apart_capacity);
     });
     make_parts(slot.hits, [&](Parts& parts) {
       parts.take(m.hits, m.finds_least ? 0 : m.hit_capacity);
@@ -230,6 +234,8 @@ class MotionCudaWorkspace final : public QuerySide<LentMotions, MotionSlot> {
       if (m.finds_least) {
         evaluate_span_pairs<true><<<list_blocks, kEvaluateThreads, 0, stream>>>(m);
       } else {
+        iterate_span_pairs<<<list_blocks, kIterateThreads, 0, stream>>>(m);
+        divide_span_pairs<<<list_blocks, kMotionThreads, 0, stream>>>(m);
         evaluate_span_pairs<false><<<list_blocks, kEvaluateThreads, 0, stream>>>(m);
         keep_hits<<<list_blocks, kMotionThreads, 0, stream>>>(m);
       }

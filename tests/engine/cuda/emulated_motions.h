@@ -13,7 +13,7 @@ namespace clearance::emulated {
 using namespace clearance::cuda;
 }  // namespace clearance::emulated
 #define cuda emulated
-#include "engine/cuda/motion/motion_kernel.cuh"
+#include "engine/cuda/motion/motion_lean.cuh"
 #undef cuda
 
 namespace clearance::test {
@@ -77,6 +77,9 @@ class HostMotions {
     for (MotionSpan** at : {&m_.spans, &m_.next_spans}) *at = allocate<MotionSpan>(S);
     for (std::uint32_t** at : {&m_.shares, &m_.children, &m_.next_children}) *at = allocate<std::uint32_t>(2 * S);
     for (SpanPair** at : {&m_.on, &m_.next_on, &m_.near, &m_.to_evaluate}) *at = allocate<SpanPair>(m_.pair_capacity);
+    m_.ways = allocate<float>(m_.pair_capacity);
+    m_.apart_capacity = m_.finds_least ? 0 : m_.pair_capacity / 2;
+    m_.apart = allocate<ApartPair>(m_.apart_capacity);
     m_.hits = allocate<MotionHitRow>(m_.hit_capacity);
     for (MotionHitRow** at : {&m_.best, &m_.hit_rows}) *at = allocate<MotionHitRow>(motions);
     m_.counts = allocate<std::uint32_t>(kMotionCounts);
@@ -84,6 +87,7 @@ class HostMotions {
   HostMotions(const HostMotions&) = delete;
 
   bool fits() const { return fits_; }
+  void limit_apart(std::uint32_t most) { m_.apart_capacity = most; }
 
   void run() {
     const std::size_t S = m_.span_capacity, J = bodies_.plan.joints.size(), M = bodies_.plan.moved.size();
@@ -103,6 +107,10 @@ class HostMotions {
       }
       launch(300, [&] { is_first ? find_near_in_spans<true>(m_) : find_near_in_spans<false>(m_); });
       launch(300, [&] { look_along_boxes(m_); });
+      if (!m_.finds_least) {
+        launch(300, [&] { iterate_span_pairs(m_); }, kIterateThreads);
+        launch(300, [&] { divide_span_pairs(m_); });
+      }
       launch(
           600, [&] { m_.finds_least ? evaluate_span_pairs<true>(m_) : evaluate_span_pairs<false>(m_); },
           kEvaluateThreads);

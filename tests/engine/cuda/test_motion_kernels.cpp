@@ -203,8 +203,8 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsCannotHold) {
       const char* what;
       std::uint32_t pairs, spans, hits;
     };
-    for (const Capacity& room :
-         {Capacity{"pairs", pairs - 20, 0, 0}, Capacity{"spans", 0, 60, 0}, Capacity{"hits", 0, 0, 5}}) {
+    for (const Capacity& room : {Capacity{"pairs", pairs - (when ? 20 : pairs / 8), 0, 0}, Capacity{"spans", 0, 60, 0},
+                                 Capacity{"hits", 0, 0, 5}}) {
       SCOPED_TRACE(room.what);
       HostMotions host(edges.scene, q, room.pairs, room.spans, room.hits);
       const Found found = compare(edges, q, host);
@@ -217,6 +217,21 @@ TEST(MotionKernels, LeaveToTheCpuWhatListsCannotHold) {
     HostMotions host(edges.scene, hasty);
     const Found found = compare(edges, hasty, host);
     EXPECT_GT(found.open, all.open + 2);
+  }
+}
+
+// Pairs apart that do not fit their list are evaluated again, with the same decisions.
+TEST(MotionKernels, EvaluatePairsThatTheListOfPairsApartCannotHold) {
+  const ArmEdges edges(5, 60, 1.5);
+  for (const bool when : {false, true}) {
+    const QueryView q = edges.query(0.01, when);
+    HostMotions whole(edges.scene, q), small(edges.scene, q);
+    small.limit_apart(10);
+    const Found all = compare(edges, q, whole), found = compare(edges, q, small);
+    EXPECT_GT(small.count(kApartCount, 0), 100);
+    EXPECT_GT(small.count(kLaterCount, 0), whole.count(kLaterCount, 0) + 90);
+    EXPECT_EQ(found.free, all.free);
+    EXPECT_EQ(found.hits, all.hits);
   }
 }
 
