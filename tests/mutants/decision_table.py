@@ -194,7 +194,7 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_box",
-            "decision/kernel/placed_balls.h",
+            "decision/kernel/placed_roots.h",
             "return root(@squares_to_box(obstacle, begin)@) -",
             "Sixteen(4.0f) * squares_to_box(obstacle, begin)",
         ),
@@ -277,7 +277,7 @@ DECISION_MUTANTS = [
         "decisions DistanceBounds.*",
         (
             "distance_box_reach",
-            "decision/kernel/placed_balls.h",
+            "decision/kernel/placed_roots.h",
             "begin)) - @Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin)@;",
             "Sixteen(0.5f) * Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin)",
         ),
@@ -295,11 +295,11 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_gap_radius",
-            "decision/kernel/placed_balls.h",
+            "decision/kernel/placed_roots.h",
             "core_gap(kind, half, along_x, along_y, along_z) - @Sixteen(obstacle.radius)@",
             "Sixteen(0.0f)",
         ),
-        ("distance_gap_axes", "decision/kernel/placed_balls.h", "Sixteen(obstacle.axes[@3 * row + k@])", "3 * k + row"),
+        ("distance_gap_axes", "decision/kernel/placed_roots.h", "Sixteen(obstacle.axes[@3 * row + k@])", "3 * k + row"),
         ("distance_near_blocks", "decision/kernel/distance_kernel.h", "near >>= @kBalls@, at += kBalls", "2 * kBalls"),
         (
             "distance_aside_raised",

@@ -1,13 +1,11 @@
 // Balls of covers, placed in a query's common frame, for the kernel of decisions (decide_kernel.h).
 #pragma once
 
-#include <array>
 #include <cstddef>
 #include <cstdint>
 
 #include "engine/decision/kernel/ball_frames.h"
-#include "engine/decision/kernel/cloud_gaps.h"
-#include "engine/decision/kernel/decision_view.h"
+#include "engine/decision/kernel/placed_roots.h"
 
 namespace clearance {
 namespace CLEARANCE_ISA {
@@ -20,9 +18,9 @@ HWY_INLINE float grown_shrink(float shrink, float grown) {
 }
 
 /// The bodies of a query in one state.
-class PlacedBalls {
+class PlacedBalls : public PlacedRoots {
  public:
-  explicit PlacedBalls(const DecisionView& view) : v_(view) {
+  explicit PlacedBalls(const DecisionView& view) : PlacedRoots(view) {
     for (std::uint32_t b = 0; b < v_.columns; ++b) {
       if (b < v_.body_count && v_.bodies[b].is_direct) continue;
       q_[0][b] = 1;
@@ -95,92 +93,8 @@ class PlacedBalls {
     }
   }
 
-  HWY_INLINE void root_gaps(const Obstacle& obstacle, std::uint32_t begin, const GapLimits& limits,
-                            PointGaps& gaps) const {
-    using Row = const float(&)[kBalls];
-    obstacle_gaps(obstacle, reinterpret_cast<Row>(root_.x[begin]), reinterpret_cast<Row>(root_.y[begin]),
-                  reinterpret_cast<Row>(root_.z[begin]), limits, gaps);
-  }
   /// SpanBody::grown. Bodies in lanes do not grow.
   HWY_INLINE float grown(std::uint32_t body) const { return spans_ ? spans_[body].grown : 0; }
-  HWY_INLINE Eight root_ways(std::uint32_t begin) const { return Eight::load(root_.way + begin); }
-  /// Distances of the roots of eight columns from a point.
-  HWY_INLINE Eight distances_to_roots(std::uint32_t begin, const std::array<float, 3>& point) const {
-    const EightPoints c{Eight::load(root_.x + begin), Eight::load(root_.y + begin), Eight::load(root_.z + begin)};
-    return distances(c, point[0], point[1], point[2]);
-  }
-  /// Lower bounds on their distances from an obstacle of planes, by the ball that holds it.
-  HWY_INLINE Eight distances_to_ball(std::uint32_t begin, const Obstacle& obstacle) const {
-    return distances_to_roots(begin, obstacle.at) - Eight(obstacle.outer_radius) - Eight(obstacle.radius);
-  }
-  /// Roots of kColumns columns that may be within their margins of an obstacle.
-  template <bool kMoves>
-  HWY_INLINE Bits roots_near(std::uint32_t obstacle, std::uint32_t begin) const {
-    Sixteen reach = Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
-    if constexpr (kMoves) reach = reach + Sixteen::load(root_.way + begin);
-    return ~greater(squares_to_box(obstacle, begin), reach * magnitude(reach)) & 0xffff;
-  }
-  /// Lower bounds on the distances of kColumns bodies from an obstacle, by its box and their roots.
-  HWY_INLINE Sixteen distances_by_box(std::uint32_t obstacle, std::uint32_t begin) const {
-    return root(squares_to_box(obstacle, begin)) -
-           Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
-  }
-  /// Signed distances of kColumns roots from an obstacle of a kind that point_gaps() finds without planes or points, with
-  /// the same operations.
-  HWY_INLINE Sixteen gaps_of_roots(const Obstacle& obstacle, std::uint32_t begin) const {
-    const Sixteen x = Sixteen::load(root_.x + begin) - Sixteen(obstacle.at[0]),
-                  y = Sixteen::load(root_.y + begin) - Sixteen(obstacle.at[1]),
-                  z = Sixteen::load(root_.z + begin) - Sixteen(obstacle.at[2]);
-    const float half[3] = {obstacle.half[0], obstacle.half[1], obstacle.half[2]};
-    const auto gap = [&](const Sixteen& along_x, const Sixteen& along_y, const Sixteen& along_z) {
-      using Kind = Obstacle::Kind;
-      const auto of = [&](Kind kind) {
-        return point_gaps_detail::core_gap(kind, half, along_x, along_y, along_z) - Sixteen(obstacle.radius);
-      };
-      if (obstacle.kind == Kind::kBox) return of(Kind::kBox);
-      if (obstacle.kind == Kind::kSegment) return of(Kind::kSegment);
-      return obstacle.kind == Kind::kCylinder ? of(Kind::kCylinder) : of(Kind::kHalfSpace);
-    };
-    if (obstacle.is_aligned) return gap(x, y, z);
-    const auto along = [&](std::size_t row) {
-      const auto m = [&](std::size_t k) { return Sixteen(obstacle.axes[3 * row + k]); };
-      return m(0) * x + m(1) * y + m(2) * z;
-    };
-    return gap(along(0), along(1), along(2));
-  }
-  /// Whether all roots of eight columns are beyond their bounds from a ball.
-  HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {
-    return greater(distances_to_roots(begin, centre), bound) == 0xff;
-  }
-  /// Whether the roots of all bodies are beyond their margins from the obstacles below a node.
-  template <bool kMoves>
-  HWY_INLINE bool are_roots_beyond(std::uint32_t node) const {
-    for (std::uint32_t begin = 0; begin < v_.columns; begin += kBalls) {
-      Eight bound = Eight::load(v_.node_bound + std::size_t{node} * v_.columns + begin);
-      if constexpr (kMoves) bound = bound + root_ways(begin);
-      if (!are_roots_beyond(begin, v_.nodes[node].at, bound)) return false;
-    }
-    return true;
-  }
-  /// Distances of the roots of eight pairs of bodies.
-  HWY_INLINE Eight distances_of_roots(const std::int32_t* a, const std::int32_t* b) const {
-    const auto difference = [&](const float* of) { return Eight::gather(of, a) - Eight::gather(of, b); };
-    return length({difference(root_.x), difference(root_.y), difference(root_.z)});
-  }
-  /// Pairs of a row whose roots may be within their margins.
-  template <bool kMoves>
-  HWY_INLINE Bits roots_near(const MovedRow& row) const {
-    const auto apart = [&](const float* root) { return Sixteen::load(root + row.begin) - Sixteen(root[row.a]); };
-    const Sixteen x = apart(root_.x), y = apart(root_.y), z = apart(root_.z);
-    Sixteen reach = Sixteen::load(row.reach);
-    if constexpr (kMoves) reach = reach + (Sixteen::load(root_.way + row.begin) + Sixteen(root_.way[row.a]));
-    return ~greater(x * x + y * y + z * z, reach * magnitude(reach)) & 0xffff;
-  }
-  HWY_INLINE float distance_of_roots(std::uint32_t a, std::uint32_t b) const {
-    const float dx = root_.x[a] - root_.x[b], dy = root_.y[a] - root_.y[b], dz = root_.z[a] - root_.z[b];
-    return __builtin_sqrtf(dx * dx + dy * dy + dz * dz);
-  }
-
   template <bool kMoves>
   HWY_INLINE void centres(const BallPacket& packet, std::uint32_t body, Centres& c) const {
     const Eight x = Eight::load(packet.x), y = Eight::load(packet.y), z = Eight::load(packet.z);
@@ -248,15 +162,6 @@ class PlacedBalls {
   }
 
  private:
-  /// Squared distances of kColumns roots' centres from an obstacle's box.
-  HWY_INLINE Sixteen squares_to_box(std::uint32_t obstacle, std::uint32_t begin) const {
-    const ObstacleBox& box = v_.boxes[obstacle];
-    const auto beyond = [&](const float* root, std::size_t k) {
-      return larger(magnitude(Sixteen::load(root + begin) - Sixteen(box.at[k])) - Sixteen(box.half[k]), Sixteen(0.0f));
-    };
-    const Sixteen x = beyond(root_.x, 0), y = beyond(root_.y, 1), z = beyond(root_.z, 2);
-    return x * x + y * y + z * z;
-  }
   HWY_INLINE float part(std::size_t k, std::uint32_t body) const { return frames_[k * by_part_ + body * by_body_]; }
   /// R row by row, then t.
   HWY_INLINE const float* frame(std::uint32_t body) const {
@@ -334,7 +239,6 @@ class PlacedBalls {
     return true;
   }
 
-  const DecisionView& v_;
   const SpanBody* spans_ = nullptr;
   // Parts of the bodies' frames in the state, R row by row and then t.
   const float* frames_ = nullptr;
@@ -342,10 +246,7 @@ class PlacedBalls {
   alignas(32) float q_[4][kMostDecidedBodies], own_[12][kMostDecidedBodies];  // of one state
   alignas(32) float of_states_[kMostDecidedBodies][12][kBalls];               // of eight
   Frame64 exact_[kMostDecidedBodies];
-  struct Roots {
-    alignas(32) float x[kMostDecidedBodies], y[kMostDecidedBodies], z[kMostDecidedBodies];
-    float way[kMostDecidedBodies];  // of spans
-  } roots_[kBalls], root_;          // of eight states, and of one
+  Roots roots_[kBalls];  // of eight states
   const SpanBody* spans_in_lanes_ = nullptr;
   std::size_t number_ = 0;                         // of the span in lanes
   float of_spans_[kMostDecidedBodies][6][kBalls];  // twists within half of each span
