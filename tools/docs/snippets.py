@@ -71,7 +71,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "lcm-logplayer": NEEDS + "a log",
         "sysctl ": "changes the machine's kernel",
     },
-    "docs/motions.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
+    "docs/planning.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
     "docs/ros.md": {
         "ln -s $PWD/ros": NEEDS + "colcon; make test-extras EXTRAS=ros has the node",
