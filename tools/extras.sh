@@ -242,7 +242,7 @@ run_viewer() {
 }
 
 # Example programs, each of which checks its results by independent means: an optimiser, a planner, a simulator, and a
-# controller for EXAMPLE_SECONDS of real time (600: the run of docs/examples.md).
+# controller for EXAMPLE_SECONDS of real time (600: the run of docs/control.md).
 run_examples() {
   local venv=out/extras/examples python=out/extras/examples/bin/python
   tools/build.sh release product
