@@ -9,8 +9,8 @@ set -euo pipefail
 . "$(dirname "$0")/step.sh"
 
 # What the adapters to other libraries consist of and import.
-adapters="client/python/clearance/_adapters client/python/clearance/_arguments.py client/python/clearance/_engine_front.py"
-adapters+=" client/python/clearance/_front.py client/python/clearance/_poses.py client/python/clearance/_scene client/python/clearance/_words.py client/python/clearance/_coal.py"
+adapters="client/python/clearance/_adapters client/python/clearance/_arguments.py client/python/clearance/_front"
+adapters+=" client/python/clearance/_poses.py client/python/clearance/_scene client/python/clearance/_words.py client/python/clearance/_coal.py"
 
 # Name, minutes on two cores (after `make build`, without ccache), and the paths that it depends on.
 extras=(

@@ -1,4 +1,4 @@
-// clearance._client: the C++ client in a Python process. The public interface is clearance/_client_front.py.
+// clearance._client: the C++ client in a Python process. The public interface is clearance/_front/client.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
