@@ -1,4 +1,4 @@
-"""clearance.wire equals the headers of the wire, and docs/wire_queries.md has the extension module's table of options."""
+"""clearance.wire equals the headers of the wire, and docs/wire_queries.md has the table of a query's options."""
 
 import re
 
