@@ -82,7 +82,7 @@ SUITES = {
     "plans": Suite(
         "The same problems planned by plan(), every motion proved.",
         "bench/robots/bench_plans.py", "plans", "--robots panda --problems 1 --rounds 1", targets="clearance-plans",
-        python=ROBOTS, pages="docs/motions.md"),
+        python=ROBOTS, pages="docs/planning.md"),
     "motions": Suite(
         "Edges of these problems, proved free over their whole length, compared with sampling; verdicts alone.",
         "bench/robots/bench_motions.py", "motions",

@@ -3,13 +3,29 @@
 
 #include "cli/commands.h"
 
-int main(int argc, char** argv) {
-  using namespace clearance;
-  constexpr int kRejected = 1, kCommandLine = 2, kNoConnection = 3;
+namespace clearance {
+namespace {
 
-  CLI::App app("Queries a running clearanced, and inspects scenes, robots and meshes.", "clearance");
-  app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
-  app.require_subcommand(1);
+constexpr const char* kFooter = R"(
+Example
+  clearance query --connect ipc:///tmp/clearance.ipc --pairs arm,table --fields distance,points
+
+The daemon is found by --connect, else by the environment variable CLEARANCE_URL, else at this user's
+default socket. A daemon on TCP with keys needs CLEARANCE_SERVER_KEY and CLEARANCE_KEY, or both in the
+url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's options.
+
+Exit codes
+  0 answered    1 the daemon rejected the request, and nothing has changed    2 the command line or a file is wrong
+  3 no connection, or no answer in time. A command's own --help has those that differ)";
+
+#ifdef CLEARANCE_HAVE_ENGINE
+constexpr const char* kLeftOut = "";
+#else
+constexpr const char* kLeftOut =
+    "; inspect, robot, selftest and cache are installed with the daemon, not with a client alone";
+#endif
+
+void add_commands(CLI::App& app) {
   cli::add_bodies(app);
   cli::add_query(app);
   cli::add_joints(app);
@@ -28,25 +44,21 @@ int main(int argc, char** argv) {
 #endif
   cli::add_view(app);
   cli::add_sweep(app);
-  // Last: a subcommand would inherit it.
-  app.footer(R"(
-Example
-  clearance query --connect ipc:///tmp/clearance.ipc --pairs arm,table --fields distance,points
+}
 
-The daemon is found by --connect, else by the environment variable CLEARANCE_URL, else at this user's
-default socket. A daemon on TCP with keys needs CLEARANCE_SERVER_KEY and CLEARANCE_KEY, or both in the
-url (`clearance keygen --help`). `clearance COMMAND --help` lists a command's options.
+}  // namespace
+}  // namespace clearance
 
-Exit codes
-  0 answered    1 the daemon rejected the request, and nothing has changed    2 the command line or a file is wrong
-  3 no connection, or no answer in time. A command's own --help has those that differ)");
+int main(int argc, char** argv) {
+  using namespace clearance;
+  constexpr int kRejected = 1, kCommandLine = 2, kNoConnection = 3;
 
-#ifdef CLEARANCE_HAVE_ENGINE
-  constexpr const char* kLeftOut = "";
-#else
-  constexpr const char* kLeftOut =
-      "; inspect, robot, selftest and cache are installed with the daemon, not with a client alone";
-#endif
+  CLI::App app("Queries a running clearanced, and inspects scenes, robots and meshes.", "clearance");
+  app.set_version_flag("--version", std::string("clearance ") + CLEARANCE_VERSION);
+  app.require_subcommand(1);
+  add_commands(app);
+  app.footer(kFooter);  // last: a subcommand would inherit it
+
   const auto fail = [](int code, const char* what) {
     std::cerr << "clearance: " << what << "\n";
     return code;

@@ -7,10 +7,11 @@
 #   tools/extras.sh [--changed] [--minutes N] [NAME...]     a name alone is run whatever has changed
 set -euo pipefail
 . "$(dirname "$0")/step.sh"
+. tools/extras_packages.sh
 
 # What the adapters to other libraries consist of and import.
-adapters="client/python/clearance/_adapters client/python/clearance/_arguments.py client/python/clearance/_engine_front.py"
-adapters+=" client/python/clearance/_front.py client/python/clearance/_poses.py client/python/clearance/_scene client/python/clearance/_words.py client/python/clearance/_coal.py"
+adapters="client/python/clearance/_adapters client/python/clearance/_arguments.py client/python/clearance/_front"
+adapters+=" client/python/clearance/_poses.py client/python/clearance/_scene client/python/clearance/_words.py client/python/clearance/_coal.py"
 
 # Name, minutes on two cores (after `make build`, without ccache), and the paths that it depends on.
 extras=(
@@ -39,128 +40,21 @@ extras=(
 # These rebuild everything in roots of other systems, or fetch gigabytes: --changed lists them and leaves them to a release.
 before_a_release=(wheels deb arm torch)
 
-# A client-only install from the source, like `pip install` without an engine, in a separate environment.
-run_client_install() {
-  local venv=out/extras/venv
-  step extras-venv "Make out/extras/venv" .venv/bin/python -m venv --clear "$venv"
-  step extras-install "Install the client alone with pip" env CLEARANCE_CLIENT_ONLY=1 "$venv/bin/python" -m pip install \
-    --disable-pip-version-check --progress-bar off .
-  "$venv/bin/python" -I - <<'PYTHON'
-import clearance
-try:
-    clearance.connect("ipc:///dev/null/none", timeout_s=0.2)
-except clearance.ConnectionError as error:
-    assert "/dev/null/none" in str(error), error
-else:
-    raise SystemExit("connected to nobody")
-try:
-    clearance.Engine
-except ImportError as error:
-    assert "client-only" in str(error), error
-else:
-    raise SystemExit("a client-only install has an engine")
-from clearance import *  # takes what there is
-assert connect is clearance.connect and "Scene" not in clearance.__all__
-PYTHON
-  "$venv/bin/clearance" --help >/dev/null
-}
-
-# Each wheel in roots with Python alone: Ubuntu 22.04, Debian 13, and for the client alone Debian 11 (Python 3.9).
-run_wheels() {
-  local native py310 abi3 client root
-  tools/setup.sh tools/packages/install.txt
-  .venv/bin/python -c 'import sys; sys.exit(sys.version_info[:2] != (3, 11))' ||
-    die "the native wheel is tried with Ubuntu 22.04's Python 3.11, but .venv has $(.venv/bin/python --version): remove .venv and set PYTHON=python3.11"
-  CLEARANCE_CUDA=${CLEARANCE_CUDA:-AUTO} tools/wheel.sh
-  native=$(newest "dist/clearance-*-cp$(.venv/bin/python -c 'import sys; print("%d%d" % sys.version_info[:2])')-*.whl")
-  py310=$(newest 'dist/clearance-*-cp310-cp310-*.whl') abi3=$(newest 'dist/clearance-*-abi3-*.whl')
-  client=$(newest 'dist/clearance_client-*.whl')
-  root=$(tools/root.sh jammy python3 python3-venv python3.11 python3.11-venv)
-  try_wheel "$root" python3.11 3.11 "$native"
-  try_wheel "$root" python3 3.10 "$py310"
-  try_wheel "$root" python3 3.10 "$client" "$native"
-  root=$(tools/root.sh trixie python3 python3-venv)
-  try_wheel "$root" python3 3.13 "$abi3"
-  try_wheel "$root" python3 3.13 "$client" "$abi3"
-  root=$(tools/root.sh bullseye python3 python3-venv)
-  try_wheel "$root" python3 3.9 "$client"
-}
-
-# The newest of some files.
-newest() { compgen -G "$1" | xargs ls -t | head -n 1; }
-
-# try_wheel ROOT PYTHON VERSION WHEEL [WHEEL with a daemon]: with numpy and pyzmq installed, and no network.
-try_wheel() {
-  local root=$1 python=$2 version=$3 wheel=$4 program=
-  rm -rf "$root/tmp/try"
-  mkdir -p "$root/tmp/try/wheels"
-  step "wheels-$version" "Fetch numpy and pyzmq for Python $version" .venv/bin/python -m pip download --disable-pip-version-check \
-    --progress-bar off --only-binary=:all: --python-version "$version" --platform "manylinux_2_28_$(uname -m)" \
-    --platform "manylinux_2_27_$(uname -m)" --platform "manylinux_2_26_$(uname -m)" --platform "manylinux2014_$(uname -m)" \
-    -d "$root/tmp/try/wheels" numpy pyzmq
-  cp "$wheel" "$root/tmp/try/wheels"
-  cp -r scenes tests/install "$root/tmp/try"
-  if [ "${5:-}" ]; then
-    .venv/bin/python -m zipfile -e "$5" "$root/tmp/try/daemon"
-    chmod +x "$root"/tmp/try/daemon/clearance/libexec/*
-    program=/tmp/try/daemon/clearance/libexec/clearanced
-  fi
-  tests/install/in_root.sh "$root" "$python" /tmp/try/install/try_wheel.py /tmp/try/wheels /tmp/try/scenes ${program:+"$program"}
-}
-
-# The Debian package in a root of the distribution on which it was built.
-run_deb() {
-  local root deb
-  tools/setup.sh tools/packages/install.txt
-  # CI builds in the same folder, for one GPU architecture.
-  [ ! -f build/CMakeCache.txt ] || cmake -U CLEARANCE_CUDA_ARCHITECTURES build >"$log_dir/deb.log"
-  tools/build.sh release product
-  (cd build && cpack -G DEB >"../$log_dir/deb.log" 2>&1) || die "cpack failed: $log_dir/deb.log"
-  deb=$(newest 'build/package/*.deb')
-  root=$(tools/root.sh "$(. /etc/os-release && echo "$VERSION_CODENAME")" python3 python3-venv systemd)
-  rm -rf "$root/tmp/try"
-  mkdir -p "$root/tmp/try/deb"
-  cp -r scenes tests/install "$root/tmp/try"
-  cp "$deb" "$root/tmp/try/deb"
-  tests/install/in_root.sh "$root" /tmp/try/install/try_deb.sh "/tmp/try/deb/$(basename "$deb")" /tmp/try/scenes
-}
-
-# 64-bit ARM: cross-built against Debian 12's libraries, and run in qemu. The golden answers must equal those of x86-64,
-# bit for bit; processor-specific code is tested; and a daemon is queried over every transport, in a network namespace.
-run_arm() {
-  local tests=(test_fp_environment test_lanes test_kinematics) packages root bin=build-arm64/bin
-  tools/setup.sh tools/packages/install.txt
-  mapfile -t packages < <(sed 's/#.*//; s/?//' tools/packages/build.txt | xargs -n 1)
-  root=$(tools/root.sh arm64-bookworm "${packages[@]}")
-  lcm_for_arm "$root/opt/lcm"
-  tools/build.sh release _client _engine clearance_mesh_loader
-  tools/build.sh arm64 clearance-golden clearanced clearance_cli clearance_mesh_loader "${tests[@]}"
-  (cd build-arm64 && ctest --output-on-failure -R "^($(IFS='|'; echo "${tests[*]}"))\\.|^golden_answers$")
-  unshare --net sh -ec 'ip link set lo up; ip route add 239.255.76.67/32 dev lo; exec "$@"' sh \
-    env PYTHONPATH=build/python .venv/bin/python tests/install/try_arm.py "$bin" "$root" scenes/nineteen/scene.yaml
-}
-
-# lcm_for_arm FOLDER: extracts LCM's library and headers from its wheel for ARM.
-lcm_for_arm() {
-  [ -d "$1/lib" ] && return
-  rm -rf out/lcm-arm64
-  step arm-lcm "Fetch LCM for ARM" .venv/bin/python -m pip download --disable-pip-version-check --progress-bar off --no-deps \
-    --only-binary=:all: --python-version 3.11 --platform manylinux_2_28_aarch64 -d out/lcm-arm64 "$(grep '^lcm==' requirements.txt)"
-  .venv/bin/python -m zipfile -e out/lcm-arm64/*.whl "$1"
+# fresh_venv FOLDER WHAT PACKAGE...: makes an environment with these packages, which WHAT names in the progress.
+fresh_venv() {
+  local name=${1##*/}
+  step "$name-venv" "Make $1" .venv/bin/python -m venv --clear "$1"
+  step "$name-install" "Install $2" "$1/bin/python" -m pip install --disable-pip-version-check --progress-bar off "${@:3}"
 }
 
 # Conversions from Coal and Pinocchio, in an environment with both and pink, and in one with placo.
 run_coal() {
   local venv=out/extras/coal
   tools/build.sh release product
-  step coal-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step coal-install "Install Coal and Pinocchio" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    coal==3.0.3 pin==4.1.0 pin-pink==4.4.0 daqp==0.11.0 numpy
+  fresh_venv "$venv" "Coal and Pinocchio" coal==3.0.3 pin==4.1.0 pin-pink==4.4.0 daqp==0.11.0 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_coal.py
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_pinocchio.py pink
-  step placo-venv "Make $venv-placo" .venv/bin/python -m venv --clear "$venv-placo"
-  step placo-install "Install placo" "$venv-placo/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    placo==0.10.2 numpy
+  fresh_venv "$venv-placo" "placo" placo==0.10.2 numpy
   PYTHONPATH=build/python "$venv-placo/bin/python" tests/install/try_pinocchio.py placo
   PYTHONPATH=build/python "$venv-placo/bin/python" tests/install/try_placo.py
 }
@@ -169,13 +63,9 @@ run_coal() {
 run_mujoco() {
   local venv=out/extras/mujoco
   tools/build.sh release product
-  step mujoco-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step mujoco-install "Install MuJoCo's core" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    mujoco-core==4.0.1 numpy
+  fresh_venv "$venv" "MuJoCo's core" mujoco-core==4.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_mujoco.py
-  step mink-venv "Make $venv-mink" .venv/bin/python -m venv --clear "$venv-mink"
-  step mink-install "Install mink" "$venv-mink/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    mink==1.3.0 daqp==0.11.0 numpy
+  fresh_venv "$venv-mink" "mink" mink==1.3.0 daqp==0.11.0 numpy
   PYTHONPATH=build/python "$venv-mink/bin/python" tests/install/try_mink.py
 }
 
@@ -183,9 +73,7 @@ run_mujoco() {
 run_drake() {
   local venv=out/extras/drake
   tools/build.sh release product
-  step drake-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step drake-install "Install Drake" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    drake==1.51.1 numpy
+  fresh_venv "$venv" "Drake" drake==1.51.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_drake.py
 }
 
@@ -193,8 +81,7 @@ run_drake() {
 run_ompl() {
   local venv=out/extras/ompl
   tools/build.sh release product
-  step ompl-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step ompl-install "Install OMPL" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off ompl==2.0.1 numpy
+  fresh_venv "$venv" "OMPL" ompl==2.0.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ompl.py
 }
 
@@ -202,8 +89,7 @@ run_ompl() {
 run_ros() {
   local venv=out/extras/ros
   tools/build.sh release product
-  step ros-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step ros-install "Install rclpy" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
+  fresh_venv "$venv" "rclpy" \
     ros-rclpy==9.1.2 ros-rmw-fastrtps-cpp==9.3.3 ros-sensor-msgs==5.5.1 ros-diagnostic-msgs==5.5.1 ros-trajectory-msgs==5.5.1 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_ros.py build
 }
@@ -212,8 +98,7 @@ run_ros() {
 run_jax() {
   local venv=out/extras/jax
   tools/build.sh release product
-  step jax-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step jax-install "Install JAX" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off jax==0.10.2 numpy pytest
+  fresh_venv "$venv" "JAX" jax==0.10.2 numpy pytest
   JAX_PLATFORMS=cpu "$venv/bin/python" -m pytest -q tests/python/engine/test_jax.py tests/python/engine/test_second_order.py -k "test_jax or jax-"
 }
 
@@ -221,8 +106,7 @@ run_jax() {
 run_torch() {
   local venv=out/extras/torch
   tools/build.sh release product
-  step torch-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step torch-install "Install PyTorch" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off torch numpy pytest
+  fresh_venv "$venv" "PyTorch" torch numpy pytest
   "$venv/bin/python" -m pytest -q tests/python/engine/test_second_order.py -k "torch-"
 }
 
@@ -235,20 +119,16 @@ run_viewer() {
     return
   fi
   tools/build.sh release product
-  step viewer-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step viewer-install "Install viser and Playwright" "$venv/bin/python" -m pip install --disable-pip-version-check \
-    --progress-bar off viser==1.1.1 playwright==1.65.2 numpy
+  fresh_venv "$venv" "viser and Playwright" viser==1.1.1 playwright==1.65.2 numpy
   PYTHONPATH=build/python "$venv/bin/python" tests/install/try_viewer.py build out/extras/pages
 }
 
 # Example programs, each of which checks its results by independent means: an optimiser, a planner, a simulator, and a
-# controller for EXAMPLE_SECONDS of real time (600: the run of docs/examples.md).
+# controller for EXAMPLE_SECONDS of real time (600: the run of docs/control.md).
 run_examples() {
   local venv=out/extras/examples python=out/extras/examples/bin/python
   tools/build.sh release product
-  step examples-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step examples-install "Install what the examples need" "$python" -m pip install --disable-pip-version-check --progress-bar off \
-    -r tools/packages/examples_requirements.txt
+  fresh_venv "$venv" "what the examples need" -r tools/packages/examples_requirements.txt
   "$python" client/examples/trajectory_optimiser.py
   "$python" client/examples/ompl_planner.py
   "$python" client/examples/mujoco_simulator.py
@@ -259,9 +139,7 @@ run_examples() {
 run_site() {
   local venv=out/extras/site
   tools/build.sh release product
-  step site-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step site-install "Install what makes the site" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    -r tools/packages/site_requirements.txt
+  fresh_venv "$venv" "what makes the site" -r tools/packages/site_requirements.txt
   PYTHONPATH=build/python "$venv/bin/python" tools/docs/notebook.py --check docs/notebook/first_steps.ipynb
   step site "Build out/site" env NO_MKDOCS_2_WARNING=1 PATH="$PWD/$venv/bin:$PATH" mkdocs build --strict
 }
@@ -270,9 +148,7 @@ run_site() {
 run_ray() {
   local venv=out/extras/ray
   tools/build.sh release product
-  step ray-venv "Make $venv" .venv/bin/python -m venv --clear "$venv"
-  step ray-install "Install Ray and pyarrow" "$venv/bin/python" -m pip install --disable-pip-version-check --progress-bar off \
-    ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
+  fresh_venv "$venv" "Ray and pyarrow" ray==2.60.0 pyarrow==26.0.1 scipy==1.17.1 PyYAML==6.0.3 numpy pytest
   "$venv/bin/python" -m pytest -q tests/python/sweep/test_sweep_jobs.py tests/python/sweep/test_sweep.py tests/python/sweep/test_sweep_ray.py
   PYTHONPATH=build/python "$venv/bin/python" client/examples/roadmap.py --nodes 1000 --queries 20 --output out/extras/roadmap
 }

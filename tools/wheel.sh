@@ -81,6 +81,7 @@ build() {
 build_client() {
   local folder=out/wheel/client
   tools/build.sh release python_pure_client
+  rm -rf "$folder"  # files that have moved
   mkdir -p "$folder"
   cp -rL build/python/clearance_client LICENSE client/python/pure/pyproject.toml "$folder"
   find "$folder" -name __pycache__ -prune -exec rm -rf {} +

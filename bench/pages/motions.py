@@ -3,7 +3,7 @@
 from pages import markdown, results
 from pages.robots import ROBOTS
 
-KINDS = ("states", "near", "anywhere")
+KINDS = {"states": "states", "near": "edges near", "anywhere": "anywhere"}
 WAYS = {"batch": "batch", "call": "one a call"}
 
 
@@ -20,18 +20,18 @@ def motion_edges():
 
 def motion_verdicts():
     """Verdicts alone in C++: microseconds, and how many times faster than without covers."""
-    cells = {}
+    columns = {(kind, way): f"{title}, {words}" for kind, title in KINDS.items() for way, words in WAYS.items()}
+    lines = {}
     for row in results("motions")[1]:
         if not row["edges"]:
             kind, verdict = row["of"].rsplit(" ", 1)
-            line = cells.setdefault((row["robot"], row["margin_m"], verdict, row["way"]), {})
-            line[kind] = f"{float(row['us']):.2g}, **{float(row['times_off']):.2g}x**"
-    header = ["", "margin [mm]", "verdict", "", "states", "edges near", "edges anywhere"]
-    lines = [
-        [ROBOTS[robot], f"{1e3 * float(margin):g}", verdict, WAYS[way], *(line.get(kind, "") for kind in KINDS)]
-        for (robot, margin, verdict, way), line in cells.items()
+            cells = lines.setdefault((row["robot"], row["margin_m"], verdict), {})
+            cells[kind, row["way"]] = f"{float(row['us']):.2g}, **{float(row['times_off']):.2g}x**"
+    rows = [
+        [ROBOTS[robot], f"{1e3 * float(margin):g}", verdict, *(cells.get(column, "") for column in columns)]
+        for (robot, margin, verdict), cells in lines.items()
     ]
-    return markdown(header, lines, words=4)
+    return markdown(["", "margin [mm]", "verdict", *columns.values()], rows, words=3)
 
 
 TABLES = {"motion_edges": motion_edges, "motion_verdicts": motion_verdicts}

@@ -1,4 +1,4 @@
-"""Tables and picture of robots in docs/performance.md and docs/motions.md: times of states, and of parts of a plan."""
+"""Tables and picture of robots in docs/performance.md and docs/planning.md: times of states, and of parts of a plan."""
 
 from pages import markdown, plot, results
 

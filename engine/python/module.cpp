@@ -1,4 +1,4 @@
-// Module clearance._engine: scene and engine in this process, wrapped by clearance/_engine_front.py.
+// Module clearance._engine: scene and engine in this process, wrapped by clearance/_front/engine.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/string_view.h>

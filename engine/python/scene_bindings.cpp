@@ -195,14 +195,7 @@ void bind_shapes(nb::class_<engine::Scene>& scene) {
   bind_grown<>(scene, "add_half_space", &S::add_half_space, "radius");
 }
 
-}  // namespace
-
-void bind_scene(nb::module_& m) {
-  nb::class_<engine::Scene> scene(m, "Scene");
-  scene.def(nb::init<>())
-      .def_static("load", &engine::Scene::load, nb::arg("path"), nb::arg("allow_outside"),
-                  nb::call_guard<GilRelease>());
-  bind_shapes(scene);
+void bind_robots(nb::class_<engine::Scene>& scene) {
   scene
       .def(
           "add_robot",
@@ -231,14 +224,24 @@ void bind_scene(nb::module_& m) {
           nb::arg("parent"), nb::arg("static"), nb::arg("visual"), nb::arg("home").none(), nb::arg("home_state"),
           nb::arg("padding"), nb::arg("link_padding"), nb::arg("link_uncertainty"), nb::arg("mesh_as"),
           nb::arg("link_mesh_as"))
-      .def("robot_warnings",
-           [](const engine::Scene& s, std::uint32_t first) {
-             std::vector<std::string> all;
-             for (std::size_t i = first; i < s.robots().size(); ++i)
-               all.insert(all.end(), s.robots()[i]->model.warnings.begin(), s.robots()[i]->model.warnings.end());
-             return all;
-           })
-      .def("warnings", [](const engine::Scene& s) { return s.warnings(); })
+      .def("robot_warnings", [](const engine::Scene& s, std::uint32_t first) {
+        std::vector<std::string> all;
+        for (std::size_t i = first; i < s.robots().size(); ++i)
+          all.insert(all.end(), s.robots()[i]->model.warnings.begin(), s.robots()[i]->model.warnings.end());
+        return all;
+      });
+}
+
+}  // namespace
+
+void bind_scene(nb::module_& m) {
+  nb::class_<engine::Scene> scene(m, "Scene");
+  scene.def(nb::init<>())
+      .def_static("load", &engine::Scene::load, nb::arg("path"), nb::arg("allow_outside"),
+                  nb::call_guard<GilRelease>());
+  bind_shapes(scene);
+  bind_robots(scene);
+  scene.def("warnings", [](const engine::Scene& s) { return s.warnings(); })
       .def("add_group", [](engine::Scene& s, const std::string& name,
                            const std::vector<std::string>& members) { s.add_group(name, members); })
       .def("ignore", &engine::Scene::ignore)

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Writes the last part of docs/reference.md: every status, flag, error code, exception and exit code, from the code.
+"""Writes docs/errors.md: every status, flag, error code, exception and exit code, from the code.
 
     tools/docs/error_page.py            # writes it
     tools/docs/error_page.py --check    # exit code 1 if the page differs from the result
@@ -18,8 +18,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[2]
 BUILD = Path(os.environ.get("CLEARANCE_BUILD", ROOT / "build"))
 PACKAGE = ROOT / "client/python/clearance"
-PAGE = ROOT / "docs/reference.md"
-BEGIN = "<!-- From here on made by tools/docs/error_page.py from the code; a test compares. -->\n"
+PAGE = ROOT / "docs/errors.md"
 PROGRAMS = [
     "clearance",
     "clearanced",
@@ -30,8 +29,8 @@ PROGRAMS = [
 ]
 
 HEAD = """\
-
-## Statuses, flags, errors
+# Statuses, flags, errors
+<!-- Made by tools/docs/error_page.py from the code; a test compares. -->
 There are three kinds of failure, [each with its own report](concepts.md#status):
 
 - at set-up an exception or an exit code, with a text that names cause and place;
@@ -40,31 +39,31 @@ There are three kinds of failure, [each with its own report](concepts.md#status)
 """
 SECTIONS = {
     "status": """
-### Statuses of a row
+## Statuses of a row
 `clearance.Status`, in C++ `clearance::Status`.
 Treat an unknown status as no answer: newer daemons may have more.
 In decisions only `BEYOND` is free: there `OK`, `OVERLAP` and `CONTACT` mean that a pair is proved within its margin.
 
 """,
     "flag": """
-### Flags of a row
+## Flags of a row
 `clearance.Flag`, in C++ `clearance::Flag`: bits of the column `flags`.
 
 """,
     "code": """
-### Error codes of a request
+## Error codes of a request
 `QueryError.code` and `RequestError.code`, values of `clearance.wire.ErrorCode`; in C++ `clearance::wire::ErrorCode`.
 The text of an error may change; its code does not.
 
 """,
     "exception": """
-### Exceptions in Python
+## Exceptions in Python
 A wrong argument is a `TypeError` or `ValueError` that names it.
 All other exceptions are a `clearance.ClearanceError`.
 
 """,
     "exit": """
-### Exit codes of programs
+## Exit codes of programs
 """,
 }
 
@@ -116,10 +115,7 @@ def coded(rows):
 
 
 def page() -> str:
-    before, found, _ = PAGE.read_text().partition(BEGIN)
-    if not found:
-        raise SystemExit(f"{PAGE.relative_to(ROOT)} has no line {BEGIN}")
-    out = [before, BEGIN, HEAD]
+    out = [HEAD]
     out += [SECTIONS["status"], table(["status", "value", "means"], coded(enumerators("_words.py", "Status")))]
     out += [SECTIONS["flag"], table(["flag", "bit", "means"], coded(enumerators("_words.py", "Flag")))]
     out += [SECTIONS["code"], table(["code", "value", "means"], coded(enumerators("wire.py", "ErrorCode")))]

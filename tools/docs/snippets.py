@@ -54,16 +54,15 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "docs/control.md": {
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
     },
+    "docs/daemon.md": {
+        "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
+        "clearance stat --watch": "never ends; tests/server/base/test_stats.cpp has the counters",
+    },
     "docs/examples.md": {
         "python3 client/examples/roadmap.py": LONG + "make test-extras EXTRAS=ray",
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
-        "clearance sweep": LONG + "tests/python/sweep/test_sweep.py; Ray by make test-extras EXTRAS=ray",
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
-    },
-    "docs/latency.md": {
-        "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
-        "clearance stat --watch": "never ends; tests/server/base/test_stats.cpp has the counters",
     },
     "docs/lcm.md": {
         "ip ": "changes the machine's network",
@@ -71,7 +70,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "lcm-logplayer": NEEDS + "a log",
         "sysctl ": "changes the machine's kernel",
     },
-    "docs/motions.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
+    "docs/planning.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
     "docs/ros.md": {
         "ln -s $PWD/ros": NEEDS + "colcon; make test-extras EXTRAS=ros has the node",
@@ -84,6 +83,10 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "git clone": "the repository is there",
         "make build": "it is built",
         ". .venv/bin/activate": "this Python has the package",
+    },
+    "docs/sweeps.md": {
+        "clearance sweep": LONG + "tests/python/sweep/test_sweep.py; Ray by make test-extras EXTRAS=ray",
+        "pip install": NEEDS + "a network",
     },
     "docs/install.md": {
         "pip install numpy": NEEDS + "a network; make test-extras EXTRAS=wheels installs it so",

@@ -1,4 +1,4 @@
-// clearance._client: the C++ client in a Python process. The public interface is clearance/_client_front.py.
+// clearance._client: the C++ client in a Python process. The public interface is clearance/_front/client.py.
 #include <nanobind/stl/pair.h>
 #include <nanobind/stl/string_view.h>
 #include <nanobind/stl/unique_ptr.h>
@@ -219,10 +219,7 @@ class PyClient : public PyClientScene {
   }
 };
 
-}  // namespace
-
-NB_MODULE(_client, m) {
-  nb::set_leak_warnings(false);  // a program that ends with exit() does not free its caches
+void translate_exceptions() {
   nb::register_exception_translator([](const std::exception_ptr& p, void*) {
     try {
       std::rethrow_exception(p);
@@ -238,10 +235,9 @@ NB_MODULE(_client, m) {
       raise_ours(e.code < 16 ? "QueryError" : "RequestError", e.code, e.what());
     }
   });
-  bind_query<Query>(m);
-  bind_answer(m);
-  bind_remote_plan(m);
+}
 
+void bind_client(nb::module_& m) {
   nb::class_<PyPending>(m, "Pending")
       .def("wait", &PyPending::wait, nb::arg("timeout_s"))
       .def("answer", &PyPending::answer)
@@ -276,6 +272,18 @@ NB_MODULE(_client, m) {
       .def("plan_on_device", &PyClient::plan_on_device, nb::arg("query"), nb::arg("configurations"))
       .def("stats", [](const PyClient& c) { return c.use().with([](Client& client) { return client.stats(); }); })
       .def("ping", &PyClient::ping, nb::arg("payload"));
+}
+
+}  // namespace
+
+NB_MODULE(_client, m) {
+  nb::set_leak_warnings(false);  // a program that ends with exit() does not free its caches
+  translate_exceptions();
+  bind_query<Query>(m);
+  bind_answer(m);
+  bind_remote_plan(m);
+
+  bind_client(m);
 
   m.attr("OPTIONS") = query_options<QueryOptions>();
   m.def("wire_structs", &wire_structs);

@@ -33,7 +33,9 @@ from ._errors import (
     StaleQuery,
     TimeoutError,
 )
-from ._front import BodyState
+from ._front.front import BodyState
+from ._front.scene_changes import SceneChanged
+from ._front.updates import UpdateResult
 from ._joints import Joints, JointState
 from ._names import BodyInfo
 from ._poses import pose7_from_matrix
@@ -50,19 +52,17 @@ from ._query.result import Result
 from ._query.stop import StopCheck
 from ._query.stop_terms import Separation
 from ._query.trajectory import Trajectory
-from ._scene_changes import SceneChanged
-from ._updates import UpdateResult
 from ._version import __version__
 from ._words import EVERY_BODY, NONE, Field, Flag, Precision, Reduce, Status
 
 if TYPE_CHECKING:
     from ._adapters.mujoco import MujocoWorld, from_mujoco
     from ._adapters.pinocchio import PinocchioWorld, from_pinocchio
-    from ._client_front import Client, connect
     from ._coal import from_coal
     from ._device.plan import DeviceArray, DevicePlan, DeviceRows
     from ._device.remote_plan import RemotePlan
-    from ._engine_front import Engine
+    from ._front.client import Client, connect
+    from ._front.engine import Engine
     from ._scene.scene import Scene
 
 __all__ = [
@@ -127,8 +127,8 @@ __all__ = [
 # Loaded when first used: a client of the daemon then pulls neither the engine nor its mesh and hull libraries into the
 # process, and a client-only install has no engine at all.
 _LAZY = {
-    "Client": "._client_front",
-    "connect": "._client_front",
+    "Client": "._front.client",
+    "connect": "._front.client",
     "MujocoWorld": "._adapters.mujoco",
     "from_coal": "._coal",
     "from_mujoco": "._adapters.mujoco",
@@ -136,7 +136,7 @@ _LAZY = {
     "DeviceArray": "._device.plan",
     "DevicePlan": "._device.plan",
     "DeviceRows": "._device.plan",
-    "Engine": "._engine_front",
+    "Engine": "._front.engine",
     "PinocchioWorld": "._adapters.pinocchio",
     "RemotePlan": "._device.remote_plan",
     "Scene": "._scene.scene",

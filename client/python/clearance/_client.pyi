@@ -1,4 +1,4 @@
-# Private: see _client_front.py.
+# Private: see _front/client.py.
 from typing import Any
 
 Query: Any

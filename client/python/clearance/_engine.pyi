@@ -1,4 +1,4 @@
-# Private: see _engine_front.py and _scene/scene.py.
+# Private: see _front/engine.py and _scene/scene.py.
 from typing import Any
 
 Query: Any

@@ -17,7 +17,7 @@ from typing import Any, Optional
 import numpy as np
 from ompl import base as ob
 
-from ._front import Front
+from ._front.front import Front
 from ._joints import JointsRef
 from ._names import Margin, Pairs
 from ._words import Status

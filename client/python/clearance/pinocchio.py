@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio
 
 from ._adapters.pinocchio import from_pinocchio
-from ._engine_front import Engine
+from ._front.engine import Engine
 from ._words import Status
 
 coal = importlib.import_module("coal")

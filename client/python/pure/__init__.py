@@ -1,6 +1,6 @@
 """The client in pure Python: a replacement of the extension module clearance._client, over shared memory and ZeroMQ.
 
-Both share the front (_client_front.py). The structs and options of the C++ headers come from contract.json, which the
+Both share the front (_front/client.py). The structs and options of the C++ headers come from contract.json, which the
 build writes.
 """
 

@@ -1,4 +1,4 @@
-"""clearance.wire equals the headers of the wire, and docs/wire.md has the extension module's table of options."""
+"""clearance.wire equals the headers of the wire, and docs/wire_queries.md has the table of a query's options."""
 
 import re
 
@@ -60,7 +60,7 @@ def test_the_page_has_every_option(root):
         value = words.split()[default] if kind == "word" else str(default).lower()
         rows.append(f"| `{name}` | {f'record {tag}' if tag else 'header'} | {takes} | {value} | {text} |")
     table = "\n".join(rows)
-    assert table in (root / "docs" / "wire.md").read_text(), f"docs/wire.md should have:\n{table}"
+    assert table in (root / "docs" / "wire_queries.md").read_text(), f"docs/wire_queries.md should have:\n{table}"
 
 
 def test_records_of_a_frame():

@@ -37,7 +37,7 @@ NAMES = [
 def checkout(tmp_path):
     """A repository with the script and, in place of the programs it calls, ones that record their calls."""
     (tmp_path / "tools").mkdir()
-    for name in ("extras.sh", "step.sh"):
+    for name in ("extras.sh", "extras_packages.sh", "step.sh"):
         shutil.copy(ROOT / "tools" / name, tmp_path / "tools")
     for name in ("tools/build.sh", "tools/setup.sh", "bin/nvcc", ".venv/bin/python"):
         file = tmp_path / name

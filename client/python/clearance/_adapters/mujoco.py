@@ -12,8 +12,8 @@ from typing import Any, Optional
 import numpy as np
 
 from .._arguments import to_bool, to_text, to_word
-from .._engine_front import Engine
-from .._front import Front
+from .._front.engine import Engine
+from .._front.front import Front
 from .._scene.scene import Scene
 from .._words import MESH_AS, MeshAsWord
 from .mujoco_geoms import add_geoms

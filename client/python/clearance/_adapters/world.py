@@ -8,8 +8,8 @@ from typing import Any, Optional
 import numpy as np
 
 from .._arguments import to_floats
-from .._engine_front import Engine
-from .._front import Front
+from .._front.engine import Engine
+from .._front.front import Front
 from .._scene.scene import Scene
 
 

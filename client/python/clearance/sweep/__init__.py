@@ -4,7 +4,7 @@
     run(job, workers=2)            # parts/*.parquet and manifest.json in the job's output
 
 The result depends only on the job, not on the number of workers, on lost workers, or on interruptions of the run.
-docs/examples.md, Sweeps, lists the keys of a job; clearance.ray runs it on many machines. Requires pyarrow.
+docs/sweeps.md lists the keys of a job; clearance.ray runs it on many machines. Requires pyarrow.
 """
 
 from __future__ import annotations

@@ -12,8 +12,8 @@ from typing import Any, Optional
 import numpy as np
 
 from .. import __version__
-from .._engine_front import Engine
 from .._errors import QueryError
+from .._front.engine import Engine
 from .._scene.scene import Scene
 from ._errors import JobError
 from ._generators import Rows

@@ -13,8 +13,8 @@ from typing import Any, Protocol, Union
 
 import numpy as np
 
-from .._engine_front import Engine
 from .._errors import ClearanceError
+from .._front.engine import Engine
 from .._words import Status
 from ._generators import Rows, split_mix
 from ._job import columns_of

@@ -99,11 +99,11 @@ def open_session(options: argparse.Namespace) -> Session:
     path = None if options.path is None else read_path(options.path)
     scene = None if options.scene is None else load(options.scene, options.srdf, options.packages)
     if url is not None:
-        from .._client_front import connect
+        from .._front.client import connect
 
         return Session(connect(url, options.timeout, service_class="planning"), scene, url, path)
     assert scene is not None
-    from .._engine_front import Engine
+    from .._front.engine import Engine
 
     engine = Engine(scene)
     joints = all_joints(engine)

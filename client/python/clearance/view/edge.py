@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from .._front import Front
+from .._front.front import Front
 from .._joints import Joints
 from .._query.path_report import PathReport
 from .._query.result import Result

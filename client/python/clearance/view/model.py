@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal, Optional
 
 import numpy as np
 
-from .._front import BodyState, Front
+from .._front.front import BodyState, Front
 from .._joints import Joints
 from .._words import NONE, Status
 from .shapes import Shape, shape_of, unknown_shape

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .._front import Front
+from .._front.front import Front
 from .._joints import Joints
 from .._query.path_report import PathReport
 from .._query.trajectory import Trajectory

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Optional
 import numpy as np
 
 from .._errors import ClearanceError, NewEpoch, QueryError
-from .._front import Front
+from .._front.front import Front
 from .._joints import Joints
 from ..wire import ErrorCode
 from .covers import Balls, cover_of

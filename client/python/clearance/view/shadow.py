@@ -11,8 +11,8 @@ from typing import Optional
 
 import numpy as np
 
-from .._engine_front import Engine
-from .._front import BodyState, Front
+from .._front.engine import Engine
+from .._front.front import BodyState, Front
 from .._names import BodyInfo
 from .._scene.scene import Scene
 from .._words import Status

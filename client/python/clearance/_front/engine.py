@@ -10,17 +10,17 @@ import numpy as np
 
 import clearance._engine as _engine
 
-from ._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_number_from_0, to_word
-from ._device.plan import DevicePlan
-from ._errors import TimeoutError
-from ._front import BodyState, Front
-from ._names import NameTable
-from ._query.future import Future, Task, Worker
-from ._query.query import POINTS_BY_DEFAULT, Query, Run
-from ._scene.scene import Scene, name_table
-from ._scene_changes import NewBody
-from ._updates import UpdateResult, Velocities
-from ._words import BACKENDS, COVERS, DEFAULT_FIELDS, NONE, BackendWord, CoversWord, Status
+from .._arguments import ShapeArgument, to_bool, to_count, to_integer, to_list, to_number_from_0, to_word
+from .._device.plan import DevicePlan
+from .._errors import TimeoutError
+from .._names import NameTable
+from .._query.future import Future, Task, Worker
+from .._query.query import POINTS_BY_DEFAULT, Query, Run
+from .._scene.scene import Scene, name_table
+from .._words import BACKENDS, COVERS, DEFAULT_FIELDS, NONE, BackendWord, CoversWord, Status
+from .front import BodyState, Front
+from .scene_changes import NewBody
+from .updates import UpdateResult, Velocities
 
 
 class Engine(Front):

@@ -7,17 +7,17 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._arguments import ShapeArgument
-from ._device.remote_plan import RemotePlan
-from ._errors import ConnectionError, QueryError, TimeoutError
-from ._front import Front
-from ._names import BodyInfo, NameTable
-from ._query.future import Future, Task, Worker
-from ._query.query import Query, Run
-from ._scene_changes import NewBody
-from ._updates import UpdateResult, Velocities
-from ._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce
-from .wire import ErrorCode
+from .._arguments import ShapeArgument
+from .._device.remote_plan import RemotePlan
+from .._errors import ConnectionError, QueryError, TimeoutError
+from .._names import BodyInfo, NameTable
+from .._query.future import Future, Task, Worker
+from .._query.query import Query, Run
+from .._words import DEFAULT_FIELDS, DEFAULT_POINTS_ROWS, FIELD_MASKS, NONE, Reduce
+from ..wire import ErrorCode
+from .front import Front
+from .scene_changes import NewBody
+from .updates import UpdateResult, Velocities
 
 
 class RemoteFront(Front):

@@ -8,10 +8,10 @@ from typing import Any, NamedTuple, Optional
 
 import numpy as np
 
-from ._arguments import ShapeArgument, to_bool, to_number, to_shape, to_text, to_uncertainties
-from ._names import BodyRef, NameTable
-from ._poses import as_first_pose
-from ._words import NONE, MeshAsWord
+from .._arguments import ShapeArgument, to_bool, to_number, to_shape, to_text, to_uncertainties
+from .._names import BodyRef, NameTable
+from .._poses import as_first_pose
+from .._words import NONE, MeshAsWord
 
 
 @dataclass(frozen=True)

@@ -9,15 +9,15 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from . import _client
-from ._arguments import to_count, to_number, to_number_from_0, to_path, to_text, to_word
-from ._errors import TimeoutError
-from ._front import BodyState
-from ._names import BodyRef
-from ._query.future import Worker
-from ._remote_front import RemoteFront
-from ._scene_changes import SceneChanged
-from ._words import EVERY_BODY, NONE, SERVICE_CLASSES, ServiceWord, Status
+from .. import _client
+from .._arguments import to_count, to_number, to_number_from_0, to_path, to_text, to_word
+from .._errors import TimeoutError
+from .._names import BodyRef
+from .._query.future import Worker
+from .._words import EVERY_BODY, NONE, SERVICE_CLASSES, ServiceWord, Status
+from .front import BodyState
+from .remote import RemoteFront
+from .scene_changes import SceneChanged
 
 
 def connect(

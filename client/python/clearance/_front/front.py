@@ -14,16 +14,16 @@ from typing import Any, Optional
 
 import numpy as np
 
-from ._joints import Joints, JointsRef, JointState, JointTable
-from ._names import BodyInfo, BodyRef, NameTable, Pairs
-from ._query.future import Future, Task
-from ._query.limits import Beyond, beyond_limits
-from ._query.plan import Plans
-from ._query.queries import Queries
-from ._query.query import Query, Run
-from ._scene_changes import SceneChanges
-from ._updates import Updates
-from ._words import Status
+from .._joints import Joints, JointsRef, JointState, JointTable
+from .._names import BodyInfo, BodyRef, NameTable, Pairs
+from .._query.future import Future, Task
+from .._query.limits import Beyond, beyond_limits
+from .._query.plan import Plans
+from .._query.queries import Queries
+from .._query.query import Query, Run
+from .._words import Status
+from .scene_changes import SceneChanges
+from .updates import Updates
 
 _TableKey = tuple[int, Optional[bytes], Optional[bytes], Optional[bytes]]  #: scene revision, pairs, bodies, joints
 _TABLES_KEPT = 16

@@ -8,12 +8,12 @@ from typing import Any, Optional, Union
 
 import numpy as np
 
-from ._arguments import contiguous, to_cloud, to_floats, to_integer, to_list, to_number
-from ._joints import JointsRef, JointTable
-from ._names import BodyRef, NameTable
-from ._poses import as_one_pose, as_pose7, stack_poses
-from ._query.limits import beyond_limits
-from ._words import NONE
+from .._arguments import contiguous, to_cloud, to_floats, to_integer, to_list, to_number
+from .._joints import JointsRef, JointTable
+from .._names import BodyRef, NameTable
+from .._poses import as_one_pose, as_pose7, stack_poses
+from .._query.limits import beyond_limits
+from .._words import NONE
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,1 @@
+"""Engine and Client: the members that they share, and where each runs a query."""
