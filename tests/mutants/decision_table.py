@@ -236,25 +236,25 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_outer",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "const Eight outer = @Eight::load(packet.outer)@ + Eight(v_.grow[cell])",
             "Eight::load(packet.inner)",
         ),
         (
             "distance_inner",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "Eight::load(gaps.high) - (@Eight::load(packet.inner)@ + Eight(v_.shrink[cell]))",
             "Eight::load(packet.outer)",
         ),
         (
             "distance_pair_outer",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "sift(d - (outer + @Eight(of.b.outer[j])@)",
             "Eight(of.b.inner[j])",
         ),
         (
             "distance_pair_inner",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "take_upper(d - (inner + @Eight(of.b.inner[j])@)",
             "Eight(of.b.outer[j])",
         ),
@@ -267,7 +267,7 @@ DECISION_MUTANTS = [
         ("distance_parts", "query/distance/pair_groups.cpp", "cell < @of_obstacles@; ++cell)", "view.columns"),
         (
             "distance_packets",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "p < @body.root_packets@; ++p) packet_against_obstacle",
             "1u",
         ),
