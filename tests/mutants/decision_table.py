@@ -189,7 +189,7 @@ DECISION_MUTANTS = [
         (
             "distance_sift",
             "decision/kernel/least_bounds.h",
-            "greater(lower, Eight(@threshold_@)) & used",
+            "far = greater(lower, F(@threshold_@))",
             "0.9f * threshold_",
         ),
         (
@@ -237,14 +237,14 @@ DECISION_MUTANTS = [
         (
             "distance_outer",
             "decision/kernel/ball_search.h",
-            "const Eight outer = @Eight::load(packet.outer)@ + Eight(v_.grow[cell])",
-            "Eight::load(packet.inner)",
+            "const F outer = @of_balls(packets->outer)@ + F(v_.grow[cell])",
+            "of_balls(packets->inner)",
         ),
         (
             "distance_inner",
             "decision/kernel/ball_search.h",
-            "Eight::load(gaps.high) - (@Eight::load(packet.inner)@ + Eight(v_.shrink[cell]))",
-            "Eight::load(packet.outer)",
+            "inner = @of_balls(packets->inner)@ + F(v_.shrink[cell])",
+            "of_balls(packets->outer)",
         ),
         (
             "distance_pair_outer",
@@ -268,8 +268,14 @@ DECISION_MUTANTS = [
         (
             "distance_packets",
             "decision/kernel/ball_search.h",
-            "p < @body.root_packets@; ++p) packet_against_obstacle",
-            "1u",
+            "F::load_blocks(from, @sizeof(BallPacket) / sizeof(float)@)",
+            "0",
+        ),
+        (
+            "distance_centres",
+            "decision/kernel/ball_search.h",
+            "F::load_blocks(from, @sizeof(Centres) / sizeof(float)@)",
+            "0",
         ),
     ),
     # Bounds of roots by boxes, and of those that boxes do not leave out.
@@ -295,11 +301,11 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_gap_radius",
-            "decision/kernel/placed_roots.h",
-            "core_gap(kind, half, along_x, along_y, along_z) - @Sixteen(obstacle.radius)@",
-            "Sixteen(0.0f)",
+            "decision/kernel/cloud_gaps.h",
+            "core_gap(kind, half, along_x, along_y, along_z) - @F(obstacle.radius)@",
+            "F(0.0f)",
         ),
-        ("distance_gap_axes", "decision/kernel/placed_roots.h", "Sixteen(obstacle.axes[@3 * row + k@])", "3 * k + row"),
+        ("distance_gap_axes", "decision/kernel/cloud_gaps.h", "F(obstacle.axes[@3 * row + k@])", "3 * k + row"),
         ("distance_near_blocks", "decision/kernel/distance_kernel.h", "near >>= @kBalls@, at += kBalls", "2 * kBalls"),
         (
             "distance_aside_raised",
@@ -307,6 +313,7 @@ DECISION_MUTANTS = [
             "least_.lay_aside(@aside.bound()@, v_.position[cell])",
             "room_.lows[cell]",
         ),
+        ("distance_least_lane", "decision/kernel/cell_bounds.h", "@lowest(equal(least_, Sixteen(bound)))@;", "0"),
         ("distance_least_cell", "decision/kernel/cell_bounds.h", "static_cast<float>(@first / kColumns@)", "0"),
         (
             "distance_lay_aside",

@@ -4,6 +4,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <limits>
+#include <utility>
 
 #include "engine/decision/kernel/distance_view.h"
 #include "engine/decision/kernel/least_bounds.h"
@@ -68,22 +69,36 @@ class BallSearch {
   void push(int level, const DistanceItem& item, bool is_smallest) {
     if (is_smallest || count_[level - 1] == kMostDistanceItems || packets_left_ <= 0)
       return least_.leave(position_of(item), item.lower);
-    room_.items[(level - 1) * static_cast<int>(kMostDistanceItems) + static_cast<int>(count_[level - 1]++)] = item;
+    DistanceItem* const items = items_of(level);
+    const std::uint32_t i = count_[level - 1]++;
+    items[i] = item;
+    if (i > 0 && !(item.lower < items[nearest_[level - 1]].lower)) return;
+    nearest_[level - 1] = i;
+    prefetch(item, level);
+  }
+  DistanceItem* items_of(int level) const { return room_.items + (level - 1) * static_cast<int>(kMostDistanceItems); }
+  /// Lets the balls of an item arrive from memory.
+  void prefetch(const DistanceItem& item, int level) const {
+    if (level == 1) return;
+    const auto arrive = [](const BallPacket& packet) {
+      for (std::size_t byte = 0; byte < sizeof packet; byte += 64)
+        __builtin_prefetch(reinterpret_cast<const char*>(&packet) + byte);
+    };
+    if (item.obstacle != kNone) return arrive(v_.bodies[item.at].packets[item.a]);
+    const MovedPair& pair = v_.moved_pairs[item.at];
+    arrive(v_.bodies[pair.a].packets[item.a]);
+    arrive(v_.bodies[pair.b].packets[item.b]);
   }
   /// The balls of a level, the nearest first.
   void search(int level) {
-    DistanceItem* const items = room_.items + (level - 1) * static_cast<int>(kMostDistanceItems);
+    DistanceItem* const items = items_of(level);
     const std::uint32_t count = count_[level - 1];
     if (count == 0) return;
     const bool is_decided = least_.width() <= 0 && is_one_pair(items, count);
-    std::uint32_t first = 0;
-    for (std::uint32_t i = 1; i < count; ++i)
-      if (items[i].lower < items[first].lower) first = i;
-    const DistanceItem nearest = items[first];
-    items[first] = items[0];
-    items[0] = nearest;
+    std::swap(items[0], items[nearest_[level - 1]]);
     for (std::uint32_t i = 0; i < count && !least_.is_over(); ++i) {
       const DistanceItem item = items[i];
+      if (i + 1 < count) prefetch(items[i + 1], level);
       const std::uint64_t position = position_of(item);
       if (item.lower > least_.threshold())
         least_.lay_aside(item.lower, position);
@@ -109,28 +124,48 @@ class BallSearch {
     if (level > 1) {
       Centres c;
       placed_.template centres<false>(body.packets[item.a], item.at, c);
-      return packet_against_obstacle(item, body.packets[item.a], c, position, level);
+      return packets_against_obstacle<Eight>(item, body.packets + item.a, &c, position, level);
     }
     if (body.root_packets == 0) return least_.leave(position, item.lower);
     const Centres* c = placed_.children_of_root<false>(item.at);
+    if (body.root_packets == 2 && !takes_long(v_.obstacles[item.obstacle]))
+      return packets_against_obstacle<Sixteen>(item, body.packets, c, position, level);
     for (std::uint32_t p = 0; p < body.root_packets; ++p)
-      packet_against_obstacle(item, body.packets[p], c[p], position, level);
+      packets_against_obstacle<Eight>(item, body.packets + p, c + p, position, level);
   }
-  void packet_against_obstacle(const DistanceItem& item, const BallPacket& packet, const Centres& c,
-                               std::uint64_t position, int level) {
-    --packets_left_;
-    const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
-    const auto same = [&](int) { return position; };
-    const Bits used = first(packet.count);
+  /// Bounds on the gaps of balls from an obstacle that takes long.
+  HWY_INLINE void find_gaps(const Obstacle& obstacle, const Centres& c, const Eight& outer, Eight& low,
+                            Eight& high) const {
     PointGaps gaps;
-    const Eight outer = Eight::load(packet.outer) + Eight(v_.grow[cell]);
-    obstacle_gaps(v_.obstacles[item.obstacle], c.x, c.y, c.z, least_.gap_limits(outer), gaps);
-    least_.take_upper(Eight::load(gaps.high) - (Eight::load(packet.inner) + Eight(v_.shrink[cell])), used, same);
-    alignas(32) float lower[kBalls];
-    Bits open = least_.sift(Eight::load(gaps.low) - outer, used, lower, same);
+    obstacle_gaps(obstacle, c.x, c.y, c.z, least_.gap_limits(outer), gaps);
+    low = Eight::load(gaps.low), high = Eight::load(gaps.high);
+  }
+  void find_gaps(const Obstacle&, const Centres&, const Sixteen&, Sixteen&, Sixteen&) const {}  // not for two packets
+  /// Compares balls with an obstacle.
+  /// \tparam F numbers of one or two packets of balls
+  template <class F>
+  HWY_INLINE void packets_against_obstacle(const DistanceItem& item, const BallPacket* packets, const Centres* c,
+                                           std::uint64_t position, int level) {
+    constexpr std::uint32_t kPackets = F::kNumbers / kBalls;
+    packets_left_ -= static_cast<int>(kPackets);
+    const Obstacle& obstacle = v_.obstacles[item.obstacle];
+    const std::size_t cell = std::size_t{item.obstacle} * v_.columns + item.at;
+    const auto of_balls = [&](const float* from) { return F::load_blocks(from, sizeof(BallPacket) / sizeof(float)); };
+    const auto of_centres = [&](const float* from) { return F::load_blocks(from, sizeof(Centres) / sizeof(float)); };
+    const F outer = of_balls(packets->outer) + F(v_.grow[cell]), inner = of_balls(packets->inner) + F(v_.shrink[cell]);
+    F low, high;
+    if (takes_long(obstacle))
+      find_gaps(obstacle, *c, outer, low, high);
+    else
+      low = high = gaps_in_lanes(obstacle, of_centres(c->x), of_centres(c->y), of_centres(c->z));
+    const auto same = [&](int) { return position; };
+    least_.take_upper(high - inner, same);
+    alignas(64) float lower[F::kNumbers];
+    Bits open = least_.sift(low - outer, lower, same);
     for (; open; open &= open - 1) {
-      const int i = lowest(open);
-      push(level + 1, {lower[i], item.obstacle, item.at, packet.children[i], 0},
+      const int at = lowest(open), i = at % kBalls;
+      const BallPacket& packet = packets[at / kBalls];
+      push(level + 1, {lower[at], item.obstacle, item.at, packet.children[i], 0},
            packet.children[i] == kNone || !is_worth_children(level, stand_out(packet, i), false));
     }
   }
@@ -145,7 +180,7 @@ class BallSearch {
     for (std::uint32_t q = 0; q < b.root_packets; ++q) {
       const Eight d = placed_.distances_to_root(cb[q], pair.a);
       const Eight outer = Eight::load(b.packets[q].outer) + Eight(v_.moved_root_outer[pair.a] + pair.grow);
-      const Bits open = least_.sift(d - outer, first(b.packets[q].count), lower, [&](int) { return position; });
+      const Bits open = least_.sift(d - outer, lower, [&](int) { return position; });
       for (std::uint32_t p = 0; p < a.root_packets && open; ++p)
         pair_of_packets(item, {a.packets[p], ca[p], b.packets[q], cb[q], open}, position, 1);
     }
@@ -171,15 +206,14 @@ class BallSearch {
     const EightPoints centres = of.ca.points();
     const Eight outer = Eight::load(of.a.outer) + Eight(pair.grow),
                 inner = Eight::load(of.a.inner) + Eight(pair.shrink);
-    const Bits used = first(of.a.count);
     const auto same = [&](int) { return position; };
     alignas(32) float lower[kBalls];
     for (Bits of_b = of.open; of_b; of_b &= of_b - 1) {
       const int j = lowest(of_b);
       --packets_left_;
       const Eight d = distances(centres, of.cb.x[j], of.cb.y[j], of.cb.z[j]);
-      least_.take_upper(d - (inner + Eight(of.b.inner[j])), used, same);
-      for (Bits open = least_.sift(d - (outer + Eight(of.b.outer[j])), used, lower, same); open; open &= open - 1) {
+      least_.take_upper(d - (inner + Eight(of.b.inner[j])), same);
+      for (Bits open = least_.sift(d - (outer + Eight(of.b.outer[j])), lower, same); open; open &= open - 1) {
         const int i = lowest(open);
         push(level + 1, {lower[i], kNone, item.at, of.a.children[i], of.b.children[j]},
              of.a.children[i] == kNone || of.b.children[j] == kNone ||
@@ -188,8 +222,8 @@ class BallSearch {
     }
   }
 
-  std::uint32_t count_[kLevels] = {};
-  int packets_ = 0, packets_left_ = 0;  // of the group
+  std::uint32_t count_[kLevels] = {}, nearest_[kLevels];  // of the items of each level; which is nearest
+  int packets_ = 0, packets_left_ = 0;                    // of the group
 };
 
 }  // namespace CLEARANCE_ISA

@@ -102,7 +102,7 @@ class DistanceBounder : private BallSearch {
     const std::size_t first_moved = cells_.obstacle_cells();
     for (std::uint32_t begin = 0; begin < v_.moved_pair_count; begin += kBalls) {
       const auto position = [&](int i) { return v_.moved_pairs[begin + static_cast<std::uint32_t>(i)].position; };
-      for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), 0xff, values, position); b; b &= b - 1) {
+      for (Bits b = least_.sift(Eight::load(cells_.moved_lows() + begin), values, position); b; b &= b - 1) {
         const int i = lowest(b);
         const std::uint32_t k = begin + static_cast<std::uint32_t>(i);
         push_root({values[i], kNone, k, 0, 0}, first_moved + k, cells_.has_table(first_moved + k));
@@ -115,26 +115,35 @@ class DistanceBounder : private BallSearch {
     LeastCell aside;
     for (std::uint32_t o = 0; o < v_.obstacle_count; ++o)
       for (std::uint32_t begin = 0; begin < v_.columns; begin += kColumns) {
-        std::size_t at = std::size_t{o} * v_.columns + begin;
+        const std::size_t at = std::size_t{o} * v_.columns + begin;
         const Sixteen lows = Sixteen::load(room_.lows + at);
         aside.take(lows, least_.threshold(), at);
-        for (Bits near = ~greater(lows, Sixteen(least_.threshold())) & 0xffff; near; near >>= kBalls, at += kBalls) {
-          if (!(near & 0xff)) continue;
-          if (CellBounds::takes_long(v_.obstacles[o]) && at != bounded) cells_.bound_near(placed_, at, least_);
-          open_roots(at, near & 0xff);
-        }
+        const Bits near = ~greater(lows, Sixteen(least_.threshold())) & 0xffff;
+        if (!near) continue;
+        if (takes_long(v_.obstacles[o]))
+          open_long_roots(at, near, bounded);
+        else
+          for (Bits b = near; b; b &= b - 1) open_root(o, begin + static_cast<std::uint32_t>(lowest(b)));
       }
     if (const std::size_t cell = aside.at(); cell != LeastCell::kNoCell)
       least_.lay_aside(aside.bound(), v_.position[cell]);  // bound_near() may have raised the cell's
   }
-  void open_roots(std::size_t at, Bits near) {
-    alignas(32) float lows[kBalls];
-    const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
-    for (Bits b = least_.sift(Eight::load(room_.lows + at), near, lows, position); b; b &= b - 1) {
-      const int i = lowest(b);
-      const std::size_t cell = at + static_cast<std::size_t>(i);
-      push_root(cells_.item_of(static_cast<std::uint32_t>(cell), lows[i]), cell, cells_.has_table(cell));
+  /// The same of kColumns cells whose obstacle takes long: their bounds lower the threshold.
+  void open_long_roots(std::size_t at, Bits near, std::size_t bounded) {
+    for (; near; near >>= kBalls, at += kBalls) {
+      if (!(near & 0xff)) continue;
+      if (at != bounded) cells_.bound_near(placed_, at, least_);
+      alignas(32) float lows[kBalls];
+      const auto position = [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; };
+      for (Bits b = least_.sift(Eight::load(room_.lows + at), lows, position); b; b &= b - 1) {
+        const auto cell = static_cast<std::uint32_t>(at) + static_cast<std::uint32_t>(lowest(b));
+        open_root(cell / v_.columns, cell % v_.columns);
+      }
     }
+  }
+  void open_root(std::uint32_t obstacle, std::uint32_t body) {
+    const std::size_t cell = std::size_t{obstacle} * v_.columns + body;
+    push_root({room_.lows[cell], obstacle, body, 0, 0}, cell, cells_.has_table(cell));
   }
   void push_root(const DistanceItem& item, std::size_t cell, bool is_smallest) {
     BallSearch::push_root(item, cells_.stand_out(cell), is_smallest);
