@@ -8,7 +8,7 @@ namespace clearance {
 
 namespace {
 
-// Limits of a pool, some MB at most.
+// Limits of a pool, some MB as a rule.
 constexpr std::uint64_t kMostPairs = 4096;  // pairs and margins in the query
 constexpr std::size_t kMostBodies = 4096;   // of the scene, since a job has a pose of each
 

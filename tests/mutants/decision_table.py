@@ -189,7 +189,7 @@ DECISION_MUTANTS = [
         (
             "distance_sift",
             "decision/kernel/least_bounds.h",
-            "greater(lower, Eight(@threshold_@)) & used",
+            "far = greater(lower, F(@threshold_@))",
             "0.9f * threshold_",
         ),
         (
@@ -236,25 +236,25 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_outer",
-            "decision/kernel/distance_kernel.h",
-            "const Eight outer = @Eight::load(packet.outer)@ + Eight(v_.grow[cell])",
-            "Eight::load(packet.inner)",
+            "decision/kernel/ball_search.h",
+            "const F outer = @of_balls(packets->outer)@ + F(v_.grow[cell])",
+            "of_balls(packets->inner)",
         ),
         (
             "distance_inner",
-            "decision/kernel/distance_kernel.h",
-            "Eight::load(gaps.high) - (@Eight::load(packet.inner)@ + Eight(v_.shrink[cell]))",
-            "Eight::load(packet.outer)",
+            "decision/kernel/ball_search.h",
+            "inner = @of_balls(packets->inner)@ + F(v_.shrink[cell])",
+            "of_balls(packets->outer)",
         ),
         (
             "distance_pair_outer",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "sift(d - (outer + @Eight(of.b.outer[j])@)",
             "Eight(of.b.inner[j])",
         ),
         (
             "distance_pair_inner",
-            "decision/kernel/distance_kernel.h",
+            "decision/kernel/ball_search.h",
             "take_upper(d - (inner + @Eight(of.b.inner[j])@)",
             "Eight(of.b.outer[j])",
         ),
@@ -267,9 +267,15 @@ DECISION_MUTANTS = [
         ("distance_parts", "query/distance/pair_groups.cpp", "cell < @of_obstacles@; ++cell)", "view.columns"),
         (
             "distance_packets",
-            "decision/kernel/distance_kernel.h",
-            "p < @body.root_packets@; ++p) packet_against_obstacle",
-            "1u",
+            "decision/kernel/ball_search.h",
+            "F::load_blocks(from, @sizeof(BallPacket) / sizeof(float)@)",
+            "0",
+        ),
+        (
+            "distance_centres",
+            "decision/kernel/ball_search.h",
+            "F::load_blocks(from, @sizeof(Centres) / sizeof(float)@)",
+            "0",
         ),
     ),
     # Bounds of roots by boxes, and of those that boxes do not leave out.
@@ -295,11 +301,11 @@ DECISION_MUTANTS = [
         ),
         (
             "distance_gap_radius",
-            "decision/kernel/placed_roots.h",
-            "core_gap(kind, half, along_x, along_y, along_z) - @Sixteen(obstacle.radius)@",
-            "Sixteen(0.0f)",
+            "decision/kernel/cloud_gaps.h",
+            "core_gap(kind, half, along_x, along_y, along_z) - @F(obstacle.radius)@",
+            "F(0.0f)",
         ),
-        ("distance_gap_axes", "decision/kernel/placed_roots.h", "Sixteen(obstacle.axes[@3 * row + k@])", "3 * k + row"),
+        ("distance_gap_axes", "decision/kernel/cloud_gaps.h", "F(obstacle.axes[@3 * row + k@])", "3 * k + row"),
         ("distance_near_blocks", "decision/kernel/distance_kernel.h", "near >>= @kBalls@, at += kBalls", "2 * kBalls"),
         (
             "distance_aside_raised",
@@ -307,6 +313,7 @@ DECISION_MUTANTS = [
             "least_.lay_aside(@aside.bound()@, v_.position[cell])",
             "room_.lows[cell]",
         ),
+        ("distance_least_lane", "decision/kernel/cell_bounds.h", "@lowest(equal(least_, Sixteen(bound)))@;", "0"),
         ("distance_least_cell", "decision/kernel/cell_bounds.h", "static_cast<float>(@first / kColumns@)", "0"),
         (
             "distance_lay_aside",

@@ -40,6 +40,7 @@ SOURCES_OF_HEADERS = {
         "decision/kernel/decide_baseline.cpp",
         "decision/kernel/decision_kernels.cpp",
     ],
+    "decision/kernel/ball_search.h": ["decision/kernel/decide_baseline.cpp", "decision/kernel/decision_kernels.cpp"],
     "decision/kernel/cell_bounds.h": ["decision/kernel/decide_baseline.cpp"],
     "decision/kernel/least_bounds.h": ["decision/kernel/decide_baseline.cpp"],
     "motion/motion_step.h": [

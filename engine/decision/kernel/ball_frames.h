@@ -140,12 +140,14 @@ class BodyInSpans {
 
 /// States in which a body is no farther than its bounds allow.
 inline Bits usable_states(const DecidedBody& body, const double* frame, std::size_t states) {
-  Bits usable = 0;
-  for (std::size_t k = 0; k < states; ++k) {
-    const auto is_near = [&](int i) { return std::abs(frame[i * kBalls + static_cast<int>(k)]) <= body.farthest; };
-    if (is_near(4) && is_near(5) && is_near(6)) usable |= Bits{1} << k;
+  const double farthest = body.farthest;
+  std::uint64_t usable = 0;
+  CLEARANCE_LANES
+  for (int k = 0; k < kBalls; ++k) {
+    const auto is_near = [&](int i) { return std::abs(frame[i * kBalls + k]) <= farthest; };
+    usable |= is_near(4) & is_near(5) & is_near(6) ? std::uint64_t{1} << k : 0;
   }
-  return usable;
+  return static_cast<Bits>(usable) & first(static_cast<std::uint32_t>(states));
 }
 
 }  // namespace CLEARANCE_ISA

@@ -1,7 +1,6 @@
 // Bounds of covers' roots, for the kernel of distances (distance_kernel.h).
 #pragma once
 
-#include <algorithm>
 #include <cstddef>
 #include <cstdint>
 
@@ -24,18 +23,15 @@ class LeastCell {
     first_ = if_greater(least_, taken, Sixteen(static_cast<float>(first / kColumns)), first_);
     least_ = lesser(least_, taken);
   }
-  float bound() const {
-    alignas(64) float bounds[kColumns];
-    least_.store(bounds);
-    return *std::min_element(bounds, bounds + kColumns);
-  }
+  float bound() const { return least(least_); }
   /// kNoCell if there is none.
   std::size_t at() const {
-    alignas(64) float bounds[kColumns], first[kColumns];
-    least_.store(bounds), first_.store(first);
-    const auto lane = static_cast<std::size_t>(std::min_element(bounds, bounds + kColumns) - bounds);
-    if (!(bounds[lane] < LeastBounds::kFar)) return kNoCell;
-    return kColumns * static_cast<std::size_t>(first[lane]) + lane;
+    const float bound = least(least_);
+    if (!(bound < LeastBounds::kFar)) return kNoCell;
+    alignas(64) float first[kColumns];
+    first_.store(first);
+    const int lane = lowest(equal(least_, Sixteen(bound)));
+    return kColumns * static_cast<std::size_t>(first[lane]) + static_cast<std::size_t>(lane);
   }
 
  private:
@@ -80,7 +76,7 @@ class CellBounds {
   /// Bounds of the roots of moved pairs, for their least distance.
   void bound_moved(const PlacedBalls& placed, LeastBounds& least) const {
     for (std::uint32_t k = 0; k < v_.moved_pair_count; k += kBalls)
-      least.take_upper(bound_moved(placed, k), 0xff,
+      least.take_upper(bound_moved(placed, k),
                        [&](int i) { return v_.moved_pairs[k + static_cast<std::uint32_t>(i)].position; });
   }
   /// Bounds of all roots of bodies and obstacles, for their least distance: those of obstacles whose gaps take long have
@@ -104,15 +100,12 @@ class CellBounds {
       least.take_upper(high.bound(), v_.position[cell]);
     return nearest.at();
   }
-  static bool takes_long(const Obstacle& obstacle) {
-    return obstacle.kind == Obstacle::Kind::kPlanes || obstacle.kind == Obstacle::Kind::kCloud;
-  }
   /// Bounds of eight cells from `at` on, besides those by boxes and tables.
   void bound_near(const PlacedBalls& placed, std::size_t at, LeastBounds& least) const {
     const auto o = static_cast<std::uint32_t>(at / v_.columns), begin = static_cast<std::uint32_t>(at % v_.columns);
     const GapLimits limits = least.gap_limits(Eight::load(v_.root_outer + at));
     const Eight known = Eight::load(room_.lows + at);
-    least.take_upper(bound_eight(placed, o, begin, limits), 0xff,
+    least.take_upper(bound_eight(placed, o, begin, limits),
                      [&](int i) { return v_.position[at + static_cast<std::size_t>(i)]; });
     larger(Eight::load(room_.lows + at), known).store(room_.lows + at);
   }

@@ -129,6 +129,32 @@ HWY_NOINLINE inline void cloud_gaps(const Obstacle& o, const float* x, const flo
   CloudSearch(o, x, y, z, limits).run(gaps);
 }
 
+/// Whether the gaps from an obstacle are those of planes or points.
+HWY_INLINE bool takes_long(const Obstacle& obstacle) {
+  return obstacle.kind == Obstacle::Kind::kPlanes || obstacle.kind == Obstacle::Kind::kCloud;
+}
+/// Signed distances of points from an obstacle that does not take long, by the operations of point_gaps().
+template <class F>
+HWY_INLINE F gaps_in_lanes(const Obstacle& obstacle, const F& x, const F& y, const F& z) {
+  const F from_x = x - F(obstacle.at[0]), from_y = y - F(obstacle.at[1]), from_z = z - F(obstacle.at[2]);
+  const float half[3] = {obstacle.half[0], obstacle.half[1], obstacle.half[2]};
+  const auto gap = [&](const F& along_x, const F& along_y, const F& along_z) {
+    using Kind = Obstacle::Kind;
+    const auto of = [&](Kind kind) {
+      return point_gaps_detail::core_gap(kind, half, along_x, along_y, along_z) - F(obstacle.radius);
+    };
+    if (obstacle.kind == Kind::kBox) return of(Kind::kBox);
+    if (obstacle.kind == Kind::kSegment) return of(Kind::kSegment);
+    return obstacle.kind == Kind::kCylinder ? of(Kind::kCylinder) : of(Kind::kHalfSpace);
+  };
+  if (obstacle.is_aligned) return gap(from_x, from_y, from_z);
+  const auto along = [&](std::size_t row) {
+    const auto m = [&](std::size_t k) { return F(obstacle.axes[3 * row + k]); };
+    return m(0) * from_x + m(1) * from_y + m(2) * from_z;
+  };
+  return gap(along(0), along(1), along(2));
+}
+
 /// point_gaps(), from clouds as far as they matter.
 HWY_INLINE void obstacle_gaps(const Obstacle& o, const float (&x)[8], const float (&y)[8], const float (&z)[8],
                               const GapLimits& limits, PointGaps& gaps) {

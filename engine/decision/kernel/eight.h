@@ -4,6 +4,7 @@
 #include <hwy/highway.h>
 
 #include <algorithm>
+#include <cstddef>
 #include <cstdint>
 
 #ifndef CLEARANCE_ISA
@@ -24,6 +25,8 @@ struct Floats {
   static constexpr int kLanes = std::min(static_cast<int>(HWY_LANES(float)), kCount);
   static constexpr int kParts = kCount / kLanes;
 
+  static constexpr int kNumbers = kCount;
+
   hn::Vec<Tag> part[kParts];
 
   Floats() = default;
@@ -33,6 +36,18 @@ struct Floats {
   HWY_INLINE static Floats load(const float* from) {
     Floats e;
     for (int i = 0; i < kParts; ++i) e.part[i] = hn::LoadU(Tag(), from + i * kLanes);
+    return e;
+  }
+  /// Blocks of eight numbers, each `apart` numbers after the one before.
+  HWY_INLINE static Floats load_blocks(const float* from, std::size_t apart) {
+    Floats e;
+    if constexpr (kLanes > 8) {
+      const hn::Half<Tag> half;
+      e.part[0] = Combine(Tag(), hn::LoadU(half, from + apart), hn::LoadU(half, from));  // not in all namespaces `hn`
+    } else {
+      for (std::size_t i = 0; i < kParts; ++i)
+        e.part[i] = hn::LoadU(Tag(), from + i * kLanes / 8 * apart + i * kLanes % 8);
+    }
     return e;
   }
   /// from[index[i]]
@@ -82,6 +97,16 @@ struct Floats {
     Bits bits = 0;
     for (int i = 0; i < kParts; ++i) bits |= bits_of(hn::Gt(a.part[i], b.part[i])) << (i * kLanes);
     return bits;
+  }
+  HWY_INLINE friend Bits equal(const Floats& a, const Floats& b) {
+    Bits bits = 0;
+    for (int i = 0; i < kParts; ++i) bits |= bits_of(hn::Eq(a.part[i], b.part[i])) << (i * kLanes);
+    return bits;
+  }
+  HWY_INLINE friend float least(const Floats& a) {
+    hn::Vec<Tag> found = a.part[0];
+    for (int i = 1; i < kParts; ++i) found = hn::Min(found, a.part[i]);
+    return hn::GetLane(hn::MinOfLanes(Tag(), found));
   }
 
  private:

@@ -56,16 +56,13 @@ class LeastBounds {
   float width() const { return width_; }
   /// Position of a pair that is proved to overlap; later pairs do not matter.
   std::uint64_t hit() const { return hit_; }
-  /// Takes the upper bounds of eight balls or pairs.
-  template <class Position>
-  HWY_INLINE void take_upper(const Eight& upper, Bits used, const Position& position) {
-    const Bits better = greater(Eight(upper_), upper) & used;
-    if (!better) return;
-    alignas(32) float values[kBalls];
-    upper.store(values);
-    int least = lowest(better);
-    for (Bits b = better; b; b &= b - 1) least = values[lowest(b)] < values[least] ? lowest(b) : least;
-    take_upper(values[least], position(least));
+  /// Takes the upper bounds of balls or pairs.
+  /// \param upper at least kFar in unused lanes
+  template <int kCount, class Position>
+  HWY_INLINE void take_upper(const Floats<kCount>& upper, const Position& position) {
+    if (!greater(Floats<kCount>(upper_), upper)) return;
+    const float value = least(upper);
+    take_upper(value, position(lowest(equal(upper, Floats<kCount>(value)))));
   }
   void take_upper(float upper, std::uint64_t position) {
     if (!(upper < upper_)) return;
@@ -80,13 +77,18 @@ class LeastBounds {
     aside_at_ = position;
   }
   /// Lays balls or pairs beyond the threshold aside, and returns the others.
+  /// \param lower beyond all thresholds in unused lanes
   /// \param values receives the lower bounds
-  template <class Position>
-  HWY_INLINE Bits sift(const Eight& lower, Bits used, float* values, const Position& position) {
+  template <int kCount, class Position>
+  HWY_INLINE Bits sift(const Floats<kCount>& lower, float* values, const Position& position) {
+    using F = Floats<kCount>;
     lower.store(values);
-    const Bits far = greater(lower, Eight(threshold_)) & used;
-    for (Bits b = greater(Eight(aside_), lower) & far; b; b &= b - 1) lay_aside(values[lowest(b)], position(lowest(b)));
-    return used & ~far;
+    const Bits far = greater(lower, F(threshold_));
+    if (greater(F(aside_), lower) & far) {
+      const float value = least(if_greater(lower, F(threshold_), lower, F(kFar)));
+      lay_aside(value, position(lowest(equal(lower, F(value)) & far)));
+    }
+    return ~far & first(F::kNumbers);
   }
   LeftPair* find_left(std::uint64_t position) const {
     LeftPair* const of = room_.left + begin_;

@@ -43,28 +43,10 @@ class PlacedRoots {
     return root(squares_to_box(obstacle, begin)) -
            Sixteen::load(v_.box_reach + std::size_t{obstacle} * v_.columns + begin);
   }
-  /// Signed distances of kColumns roots from an obstacle of a kind that point_gaps() finds without planes or points, with
-  /// the same operations.
+  /// gaps_in_lanes() of kColumns roots.
   HWY_INLINE Sixteen gaps_of_roots(const Obstacle& obstacle, std::uint32_t begin) const {
-    const Sixteen x = Sixteen::load(root_.x + begin) - Sixteen(obstacle.at[0]),
-                  y = Sixteen::load(root_.y + begin) - Sixteen(obstacle.at[1]),
-                  z = Sixteen::load(root_.z + begin) - Sixteen(obstacle.at[2]);
-    const float half[3] = {obstacle.half[0], obstacle.half[1], obstacle.half[2]};
-    const auto gap = [&](const Sixteen& along_x, const Sixteen& along_y, const Sixteen& along_z) {
-      using Kind = Obstacle::Kind;
-      const auto of = [&](Kind kind) {
-        return point_gaps_detail::core_gap(kind, half, along_x, along_y, along_z) - Sixteen(obstacle.radius);
-      };
-      if (obstacle.kind == Kind::kBox) return of(Kind::kBox);
-      if (obstacle.kind == Kind::kSegment) return of(Kind::kSegment);
-      return obstacle.kind == Kind::kCylinder ? of(Kind::kCylinder) : of(Kind::kHalfSpace);
-    };
-    if (obstacle.is_aligned) return gap(x, y, z);
-    const auto along = [&](std::size_t row) {
-      const auto m = [&](std::size_t k) { return Sixteen(obstacle.axes[3 * row + k]); };
-      return m(0) * x + m(1) * y + m(2) * z;
-    };
-    return gap(along(0), along(1), along(2));
+    return gaps_in_lanes(obstacle, Sixteen::load(root_.x + begin), Sixteen::load(root_.y + begin),
+                         Sixteen::load(root_.z + begin));
   }
   /// Whether all roots of eight columns are beyond their bounds from a ball.
   HWY_INLINE bool are_roots_beyond(std::uint32_t begin, const std::array<float, 3>& centre, const Eight& bound) const {

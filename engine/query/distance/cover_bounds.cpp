@@ -17,8 +17,8 @@ constexpr double kWideAbsTol = 1e-4, kWideRelTol = 1e-3;
 constexpr PairGroups::Packets kPacketsOfGroup{48, 768}, kPacketsOfPair{8, 64};
 // DistanceLimits::pairs_divided if only the next level may follow: two moved bodies have many pairs of balls.
 constexpr float kNextLevel = 3.5f;
-// Shares of such a tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
-constexpr double kShareOfCovers = 0.75, kShareOfExact = 0.125;
+// Tolerances below which covers only leave out pairs with meshes and clouds, since their smallest balls stand out more.
+constexpr double kFineAbsTol = 2e-3, kFineRelTol = 1e-2;
 // Width up to which the exact engine may leave open whether bodies touch: no distance becomes a contact because of a
 // wide tolerance. Where there are surfaces, it keeps to that at any tolerance.
 constexpr double kMostContact = 1e-6;
@@ -38,6 +38,11 @@ bool is_by_pair(const Plan& plan) {
 // balls take.
 bool is_fast(const Plan& plan, bool light) {
   return light && plan.motions.empty();
+}
+CoverBounds::Shares shares_of(const Plan& plan, bool has_surfaces) {
+  if (is_by_pair(plan)) return {1, 1};
+  const bool is_fine = has_surfaces && plan.query.abs_tol < kFineAbsTol && plan.query.rel_tol < kFineRelTol;
+  return is_fine ? CoverBounds::Shares{0, 0.98} : CoverBounds::Shares{0.75, 0.125};
 }
 // Whether all columns follow from bounds.
 bool needs_no_points(const Plan& plan) {
@@ -70,6 +75,7 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
     : plan_(plan),
       groups_(plan, scene, is_by_pair(plan) ? kPacketsOfPair : kPacketsOfGroup),
       has_surfaces_(scene.has_surfaces()),
+      shares_(shares_of(plan, has_surfaces_)),
       wide_(is_wide(plan, light)),
       writes_rows_(wide_ && needs_no_points(plan)) {
   limits_.packets = light ? kPacketsOfGroup.light : kPacketsOfGroup.heavy;
@@ -80,11 +86,9 @@ CoverBounds::CoverBounds(const Plan& plan, const engine::Scene& scene, bool ligh
 
 void CoverBounds::set_limits() {
   const double abs_tol = plan_.query.abs_tol, rel_tol = plan_.query.rel_tol;
-  const bool by_pair = is_by_pair(plan_);
   if (wide_) {
-    const double share = by_pair ? 1 : kShareOfCovers;
-    limits_.scale[0] = kUp, limits_.shift[0] = -share * abs_tol;
-    limits_.scale[1] = kUp - share * rel_tol;
+    limits_.scale[0] = kUp, limits_.shift[0] = -shares_.covers * abs_tol;
+    limits_.scale[1] = kUp - shares_.covers * rel_tol;
     limits_.most = plan_.query.max_distance;
     limits_.any_overlap = true;
   } else {
@@ -99,9 +103,8 @@ void CoverBounds::set_limits() {
 CoverBounds::Tolerance CoverBounds::exact_tolerance() const {
   const double abs_tol = plan_.query.abs_tol, rel_tol = plan_.query.rel_tol;
   if (!wide_) return {abs_tol, rel_tol};
-  const double share = is_by_pair(plan_) ? 1 : kShareOfExact;
-  return {std::max(std::min(abs_tol, kMostContact), has_surfaces_ ? share * abs_tol : 0),
-          std::max(share * rel_tol, std::min(rel_tol, 1e-6))};
+  return {std::max(std::min(abs_tol, kMostContact), has_surfaces_ ? shares_.exact * abs_tol : 0),
+          std::max(shares_.exact * rel_tol, std::min(rel_tol, 1e-6))};
 }
 
 void CoverBounds::take(const CoverPlan& covers, std::span<const StillBounds> still) {

@@ -29,6 +29,10 @@ class CoverBounds {
   struct Tolerance {
     double abs, rel;
   };
+  /// Shares of a wide tolerance that covers and the exact engine may use for a group, whose bounds may come from both.
+  struct Shares {
+    double covers, exact;
+  };
 
   /// Whether covers are of use for a plan.
   /// \param light whether the exact engine answers a pair in less than 1 us
@@ -76,7 +80,9 @@ class CoverBounds {
 
   const Plan& plan_;
   PairGroups groups_;
-  bool has_surfaces_, wide_, writes_rows_;
+  bool has_surfaces_;
+  Shares shares_;
+  bool wide_, writes_rows_;
   DistanceLimits limits_;
   std::vector<float> moved_inner_;
   std::vector<StillCell> still_;

@@ -404,19 +404,19 @@ TEST(JobPool, KeepsLargeJobsWithinALimitForAll) {
     expect_same(repeat(engine, q, pool), repeat(engine, q, std::make_shared<JobPool>()));
     return has;
   };
-  constexpr std::uint64_t kSmall = JobPool::kSmall;
-  ASSERT_GT(pairs, 4u);
-  EXPECT_FALSE(runs_again(kSmall / 2));
-  EXPECT_FALSE(runs_again(3 * kSmall / 2));
-  EXPECT_TRUE(runs_again(kSmall / 2));  // both fit
-  EXPECT_TRUE(runs_again(3 * kSmall / 2));
-  EXPECT_FALSE(runs_again(kSmall));  // replaces the oldest
-  EXPECT_TRUE(runs_again(kSmall));
-  EXPECT_FALSE(runs_again(2 * kSmall));  // replaces all
-  EXPECT_TRUE(runs_again(2 * kSmall));
-  EXPECT_FALSE(runs_again(kSmall));
-  EXPECT_FALSE(runs_again(3 * kSmall));  // is too large
-  EXPECT_FALSE(runs_again(3 * kSmall));
+  constexpr std::uint64_t kShare = JobPool::kShare;
+  ASSERT_GT(pairs, 3 * kShare / 2048);
+  EXPECT_FALSE(runs_again(kShare / 2));
+  EXPECT_FALSE(runs_again(3 * kShare / 2));
+  EXPECT_TRUE(runs_again(kShare / 2));  // both fit
+  EXPECT_TRUE(runs_again(3 * kShare / 2));
+  EXPECT_FALSE(runs_again(kShare));  // replaces the oldest
+  EXPECT_TRUE(runs_again(kShare));
+  EXPECT_FALSE(runs_again(2 * kShare));  // replaces all
+  EXPECT_TRUE(runs_again(2 * kShare));
+  EXPECT_FALSE(runs_again(kShare));
+  EXPECT_FALSE(runs_again(3 * kShare));  // is too large
+  EXPECT_FALSE(runs_again(3 * kShare));
 }
 
 // A change of the scene replaces the engine, while a prepared query keeps its pool.

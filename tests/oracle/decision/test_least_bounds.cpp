@@ -101,12 +101,12 @@ TEST(LeastBounds, EveryShareIsLeftOrNoNearerThanTheLowerBound) {
       for (float& value : lower) value = any(random);
       const auto position = [](int i) { return static_cast<std::uint64_t>(i); };
       for (int i = 0; i < 8; ++i) shares.add(position(i), lower[i]);
-      const Bits open = search.least.sift(Eight::load(lower), 0xff, values, position);
+      const Bits open = search.least.sift(Eight::load(lower), values, position);
       for (int i = 0; i < 8; ++i)
         if (open >> i & 1) search.least.leave(position(i), lower[i]);
       alignas(32) float high[8];
       for (float& value : high) value = 0.6f + any(random);
-      search.least.take_upper(Eight::load(high), 0xff, position);
+      search.least.take_upper(Eight::load(high), position);
       upper = std::min(upper, double{*std::min_element(high, high + 8)});
     }
     const DistanceBounds found = search.end();
