@@ -1,6 +1,7 @@
 #include "planner/rrt_connect.h"
 
 #include <algorithm>
+#include <numbers>
 #include <utility>
 #include <vector>
 
@@ -10,6 +11,9 @@
 
 namespace clearance {
 namespace {
+
+// Spread of samples near the straight motion, in units of the range, and at most, in radians and metres.
+constexpr double kSpread = 1.2, kMostSpread = std::numbers::pi;
 
 class RrtConnect {
  public:
@@ -131,7 +135,7 @@ class RrtConnect {
 PathFound find_path(EdgeProver& prover, std::span<const JointLimits> limits, std::span<const double> start,
                     std::span<const double> goal, const PlanOptions& options) {
   PathFound found;
-  StateSampler sampler(limits, options.seed);
+  StateSampler sampler(limits, start, goal, std::min(kSpread * options.range, kMostSpread), options.seed);
   RrtConnect(prover, start.size(), options.range, found).search(sampler, start, goal, options.max_iterations);
   if (options.shortcuts && !found.path.empty())
     shorten(found.path, start.size(), prover, options.shortcuts, options.seed, found.edges);

@@ -32,8 +32,8 @@ struct PathFound {
 /// Searches for a path whose every motion is proved free. The caller has checked that both states are free and within
 /// the limits.
 ///
-/// Samples are uniform within the limits; a joint without limits is sampled from -pi to pi, one with a single limit to
-/// 2 pi from there. Joints do not wrap around.
+/// Half of the samples are uniform within the limits, half near the straight motion from start to goal. Uniform samples of
+/// a joint without limits are from -pi to pi, of one with a single limit to 2 pi from there. Joints do not wrap around.
 /// \param limits (J,) of the joints
 /// \param start, goal (J,) radians and metres
 CLEARANCE_API PathFound find_path(EdgeProver& prover, std::span<const JointLimits> limits,

@@ -3,6 +3,7 @@
 
 #include <clearance/scene_info.h>
 
+#include <algorithm>
 #include <cmath>
 #include <cstdint>
 #include <numbers>
@@ -28,20 +29,42 @@ class SampleNumbers {
   std::uint64_t state_;
 };
 
-/// States within the limits of joints. A joint without limits is sampled from -pi to pi, one with a single limit to 2 pi
-/// from there.
+/// States within the limits of joints: half of them uniform, half near the straight motion of a problem, where most
+/// paths are. Uniform samples of a joint without limits are from -pi to pi, of one with a single limit to 2 pi from there.
 class StateSampler {
  public:
-  StateSampler(std::span<const JointLimits> limits, std::uint64_t seed) : numbers_(seed) {
-    for (const JointLimits& of : limits) limits_.push_back(bounded(of));
+  /// \param limits, start, goal (J,) must outlive this
+  /// \param spread standard deviation of each joint from the straight motion, radians and metres
+  StateSampler(std::span<const JointLimits> limits, std::span<const double> start, std::span<const double> goal,
+               double spread, std::uint64_t seed)
+      : limits_(limits), start_(start), goal_(goal), spread_(spread), numbers_(seed) {
+    for (const JointLimits& of : limits) bounded_.push_back(bounded(of));
   }
 
   void sample(std::span<double> state) {
-    for (std::size_t j = 0; j < limits_.size(); ++j)
-      state[j] = limits_[j].lower + numbers_.next() * (limits_[j].upper - limits_[j].lower);
+    if (numbers_.next() < 0.5)
+      sample_limits(state);
+    else
+      sample_near(state);
   }
 
  private:
+  void sample_limits(std::span<double> state) {
+    for (std::size_t j = 0; j < bounded_.size(); ++j)
+      state[j] = bounded_[j].lower + numbers_.next() * (bounded_[j].upper - bounded_[j].lower);
+  }
+  void sample_near(std::span<double> state) {
+    const double t = numbers_.next();
+    for (std::size_t j = 0; j < limits_.size(); ++j)
+      state[j] = std::clamp(start_[j] + t * (goal_[j] - start_[j]) + spread_ * about_normal(), limits_[j].lower,
+                            limits_[j].upper);
+  }
+  /// A sum of four uniform numbers, with mean 0 and variance 1.
+  double about_normal() {
+    double sum = -2;
+    for (int i = 0; i < 4; ++i) sum += numbers_.next();
+    return sum * std::numbers::sqrt3;
+  }
   static JointLimits bounded(const JointLimits& of) {
     const bool low = std::isfinite(of.lower), high = std::isfinite(of.upper);
     if (low && high) return of;
@@ -50,7 +73,10 @@ class StateSampler {
     return {-std::numbers::pi, std::numbers::pi};
   }
 
-  std::vector<JointLimits> limits_;
+  std::span<const JointLimits> limits_;
+  std::vector<JointLimits> bounded_;
+  std::span<const double> start_, goal_;
+  double spread_;
   SampleNumbers numbers_;
 };
 

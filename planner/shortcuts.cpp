@@ -48,7 +48,7 @@ class Path {
   }
 
  private:
-  static constexpr double kLeastGain = 0.02;  // of the path's length: smaller ones take more time than they save
+  static constexpr double kLeastGain = 0.03;  // of the path's length: smaller ones take more time than they save
 
   struct Place {
     std::size_t motion;  ///< from waypoint `motion` to the next
@@ -102,7 +102,6 @@ void shorten(std::vector<double>& states, std::size_t joints, EdgeProver& prover
     const double from = numbers.next(), to = numbers.next();
     path.cut(from, to);
   }
-  path.skip_waypoints();
 }
 
 }  // namespace clearance

@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// Shortens a path: leaves out waypoints, and tries straight motions between random points of it. Every motion of the
+/// Shortens a path: leaves out waypoints, then tries straight motions between random points of it. Every motion of the
 /// result is proved free.
 /// \param path (N, J), of motions that are proved free
 /// \param tries number of random shortcuts

@@ -11,6 +11,7 @@
 #include "engine/api/engine.h"
 #include "planner/path_report.h"
 #include "planner/planner.h"
+#include "planner/samples.h"
 #include "planner/state_tree.h"
 
 namespace clearance {
@@ -102,10 +103,10 @@ TEST(Planner, GivesUp) {
 
 TEST(Planner, TriesFewMotionsThatHit) {
   WallWithGap closed(0);
-  const std::vector<JointLimits> wide{{-2, 20}, {-2, 2}};  // most samples are behind the wall
-  const PathFound found = find_path(closed, wide, States{-1, 0}, States{1, 0}, {.max_iterations = 200});
-  EXPECT_EQ(found.iterations, 200u);
-  EXPECT_LT(found.edges, 150u);
+  const std::vector<JointLimits> wide{{-2, 200}, {-2, 2}};  // most uniform samples are far behind the wall
+  const PathFound found = find_path(closed, wide, States{-1, 0}, States{1, 0}, {.max_iterations = 2000});
+  EXPECT_EQ(found.iterations, 2000u);
+  EXPECT_LT(found.edges, 2400u);  // without domains 2800
 }
 
 /// Proves all motions but the first two: the straight one and the first extension.
@@ -130,7 +131,60 @@ TEST(Planner, SamplesJointsWithoutLimits) {
   const double none = std::numeric_limits<double>::infinity();
   WallWithGap prover(0.3);
   const std::vector<JointLimits> open{{-none, none}, {-2, none}};
-  expect_proved(prover, find_path(prover, open, States{-1, 0}, States{1, 0}, {}).path, 2, {-1, 0}, {1, 0});
+  for (const double range : {1.0, 1e300, none})
+    expect_proved(prover, find_path(prover, open, States{-1, 0}, States{1, 0}, {.range = range}).path, 2, {-1, 0},
+                  {1, 0});
+}
+
+TEST(StateSampler, DrawsHalfOfTheSamplesNearTheStraightMotion) {
+  const std::vector<JointLimits> wide{{-1e6, 1e6}, {-1e6, 1e6}};
+  const States start{1, 7}, goal{5, 7};
+  constexpr double kSpread = 0.5, kMost = 2 * 1.7320509 * kSpread;  // of a sum of four uniform numbers
+  constexpr int kSamples = 4000;
+  StateSampler sampler(wide, start, goal, kSpread, 3);
+  States state(2);
+  int near = 0;
+  double sum = 0, squares = 0;
+  for (int i = 0; i < kSamples; ++i) {
+    sampler.sample(state);
+    const double off = state[1] - start[1];
+    if (std::abs(off) > kMost) continue;  // uniform
+    EXPECT_GE(state[0], start[0] - kMost);
+    EXPECT_LE(state[0], goal[0] + kMost);
+    ++near;
+    sum += off;
+    squares += off * off;
+  }
+  EXPECT_NEAR(near, kSamples / 2, 150);
+  EXPECT_NEAR(sum / near, 0, 0.05);
+  EXPECT_NEAR(squares / near, kSpread * kSpread, 0.02);
+}
+
+TEST(StateSampler, KeepsToTheLimits) {
+  const double none = std::numeric_limits<double>::infinity();
+  const std::vector<JointLimits> limits{{-1, 1}, {-none, none}};
+  const States start{-1, 9}, goal{1, 9};  // beyond the uniform samples of the joint without limits
+  StateSampler sampler(limits, start, goal, 2, 3);
+  States state(2);
+  int at_limit = 0, beyond = 0;
+  for (int i = 0; i < 1000; ++i) {
+    sampler.sample(state);
+    ASSERT_LE(std::abs(state[0]), 1);
+    at_limit += std::abs(state[0]) == 1;
+    beyond += state[1] > 4;
+  }
+  EXPECT_GT(at_limit, 100);
+  EXPECT_GT(beyond, 400);
+}
+
+TEST(Planner, FindsPathsNearTheStraightMotionWithinWideLimits) {
+  const std::vector<JointLimits> wide{{-100, 100}, {-100, 100}};
+  for (std::uint64_t seed = 0; seed < 20; ++seed) {
+    WallWithGap prover(0.3);
+    const PathFound found = find_path(prover, wide, States{-1.5, 0.5}, States{1.5, 0.5}, {.seed = seed});
+    expect_proved(prover, found.path, 2, {-1.5, 0.5}, {1.5, 0.5});
+    EXPECT_LT(found.iterations, 1000u) << seed;  // with uniform samples alone 11,000 in the mean
+  }
 }
 
 TEST(StateTree, FindsTheNearestAsABruteForceDoes) {

@@ -68,8 +68,9 @@ class Plans:
         joints, pairs, margin: as in motions(). Other joints and bodies keep their current positions and poses.
         range: greatest length of a new motion, Euclidean in joint space, before shortcuts. Default: 1; smaller ones
             need more motions.
-        max_iterations: samples after which the search ends, each of one motion or more. They are uniform within the
-            limits; a joint without limits is sampled from -pi to pi, and does not wrap around. Default: 100,000.
+        max_iterations: samples after which the search ends, each of one motion or more. Half are near the straight
+            motion, half uniform within the limits; a joint without limits has uniform samples from -pi to pi, and does
+            not wrap around. Default: 100,000.
         shortcuts: random shortcuts that are tried, a motion each; 0 leaves the path as it was found. Default: 32.
         seed: the same seed, scene and poses give the same path. Default: 0.
         clearance: whether to bound the least distance along the path, to 1 mm. Default: True, which takes longer than
