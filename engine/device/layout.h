@@ -165,6 +165,9 @@ struct MovesView {
   // If uncertain:
   const UncertaintyStep* uncertainties;       ///< (moved,)
   const PlacedUncertainty* base_uncertainty;  ///< (moved,) of `base`
+  // Indices of the moved bodies whose poses are read, apart from those of motions. Others only carry them.
+  const std::uint32_t* placed;
+  std::uint32_t placed_count;
 };
 
 /// Input of the column gradient_joints.
