@@ -101,7 +101,7 @@ struct BodiesView {
   const std::uint8_t* fixed_state;  ///< (bodies,)
   const OuterBox* fixed_box;        ///< (bodies,); null if boxes are not used
   std::uint32_t bodies;
-  OuterBox* moved_box;              ///< (configurations, moved)
+  OuterBox* moved_box;              ///< (moved, configurations)
   double* moved;                    ///< (moved, components, configurations) at the query's poses
   std::uint8_t* moved_state;        ///< (moved, configurations)
   const std::uint32_t* moved_body;  ///< (moved,) ids

@@ -94,7 +94,7 @@ __device__ __forceinline__ void store_boxes(const HullsView& hulls, const Bodies
                                             double growth) {
   const bool want_box = bodies.components > kPoseComponents;
   const std::uint32_t body = bodies.moved_body[slot];
-  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
+  OuterBox* const outer = bodies.moved_box + std::size_t{slot} * configurations + k;
   if (want_box) *outer = no_outer_box();
   if (!has_box(hulls, body) || here.status != Status::kOk) return;
   const auto put_part = [&](std::uint32_t i, const Aabb& of_part) {
