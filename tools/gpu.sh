@@ -20,7 +20,7 @@ if [ "$what" = programs ]; then
     test) printf '%s\n' "${tests[@]%% *}" clearance-gpu-bench clearance_cuda ;;
     sanitize) printf '%s\n' "${sanitized[@]%% *}" clearance_cuda ;;
     certify) echo clearance-certify clearance-gpu-bench clearance_cuda ;;
-    bench | daemon) echo product clearance-gpu-bench clearance-gpu-plans clearance-gpu-daemon clearance-gpu-motions ;;
+    bench | daemon) echo product clearance-gpu-bench clearance-gpu-plans clearance-gpu-floor clearance-gpu-daemon clearance-gpu-motions ;;
     several) echo clearance-gpu-bench clearance_cuda ;;
     report) echo clearance-report clearance-gpu-bench clearance_cuda ;;
     *) echo "gpu.sh: expected $tasks, got '${2:-}'" >&2; exit 2 ;;
@@ -126,6 +126,8 @@ case $what in
     file=$(results_file gpu) || exit 1
     "$bin/clearance-gpu-bench" "$file" && echo "$file"
     file=$(results_file gpu_plans) && "$bin/clearance-gpu-plans" "$file" && echo "$file"
+    file=$(results_file gpu_floor) && start_csv "$file" work,states,graph_us,million_states_a_second,share_hit &&
+      "$bin/clearance-gpu-floor" "$file" && echo "$file"
     if [ -x "$bin/clearanced" ]; then bench_service; fi
     if [ -x "$bin/clearanced" ] && [ -x "$bin/clearance-gpu-daemon" ]; then bench_daemon_plans; fi
     # Calls from Python, by an interpreter that has the package (PYTHON=...).

@@ -4,6 +4,7 @@ from pages import markdown, results
 
 GPU = "gpu_nvidia_h100_80gb_hbm3"
 GPU_PLANS = "gpu_plans_nvidia_h200"
+GPU_FLOOR = "gpu_floor_nvidia_h200"
 GPU_DAEMON = "gpu_daemon_nvidia_h100_80gb_hbm3"
 
 
@@ -53,8 +54,10 @@ PLAN_ROWS = [
     ("2 arms of 35 parts, 10 obstacles of 71, 4096 configurations", f"{ARMS}, float32"),
     ("the same, min", f"{ARMS}, min"),
     (f"{ARM}, 4,096 configurations, any", f"{ARM}, 4096 configurations of joints, any"),
-    (f"{ARM}, 4,096 configurations, min, gradients by joints",
-     f"{ARM}, 4096 configurations of joints, min, gradients by joints"),
+    (
+        f"{ARM}, 4,096 configurations, min, gradients by joints",
+        f"{ARM}, 4096 configurations of joints, min, gradients by joints",
+    ),
     (f"{ARM}, 1,048,576 configurations, any", f"{ARM}, 1048576 configurations of joints, any"),
 ]
 
@@ -89,6 +92,19 @@ def gpu_plans():
     return markdown(["work", "pairs", "one run", "in a graph", "ten in a row, each"], lines)
 
 
+def gpu_floor():
+    """States a second without proofs, and with them."""
+    lines = [[row["work"], int(row["states"]), float(row["graph_us"])] for row in results(GPU_FLOOR)[1]]
+    plans = {row["workload"]: row for row in results(GPU_PLANS)[1]}
+    for states in (4096, 1048576):
+        row = plans[f"{ARM}, {states} configurations of joints, any"]
+        lines.append([f"Clearance: {ARM}; proved", states, float(row["graph_us"])])
+    return markdown(
+        ["work", "states", "us", "million states a second"],
+        [[work, f"{states:,}", f"{us:,.0f}", f"{states / us:,.0f}"] for work, states, us in lines],
+    )
+
+
 def gpu_daemon():
     """Rows of a daemon's device query, compared with those of its replies."""
     rows = [row for row in results(GPU_DAEMON)[1] if row["columns"] != "bounds in float32"]
@@ -102,4 +118,4 @@ def gpu_daemon():
     return markdown(["columns", "poses", "processes", *names], [line(row) for row in rows])
 
 
-TABLES = {"gpu_all": gpu_all, "gpu_plans": gpu_plans, "gpu_daemon": gpu_daemon}
+TABLES = {"gpu_all": gpu_all, "gpu_plans": gpu_plans, "gpu_floor": gpu_floor, "gpu_daemon": gpu_daemon}

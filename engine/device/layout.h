@@ -101,7 +101,7 @@ struct BodiesView {
   const std::uint8_t* fixed_state;  ///< (bodies,)
   const OuterBox* fixed_box;        ///< (bodies,); null if boxes are not used
   std::uint32_t bodies;
-  OuterBox* moved_box;              ///< (configurations, moved)
+  OuterBox* moved_box;              ///< (moved, configurations)
   double* moved;                    ///< (moved, components, configurations) at the query's poses
   std::uint8_t* moved_state;        ///< (moved, configurations)
   const std::uint32_t* moved_body;  ///< (moved,) ids
@@ -165,6 +165,9 @@ struct MovesView {
   // If uncertain:
   const UncertaintyStep* uncertainties;       ///< (moved,)
   const PlacedUncertainty* base_uncertainty;  ///< (moved,) of `base`
+  // Indices of the moved bodies whose poses are read, apart from those of motions. Others only carry them.
+  const std::uint32_t* placed;
+  std::uint32_t placed_count;
 };
 
 /// Input of the column gradient_joints.

@@ -31,12 +31,13 @@ CLEARANCE_HD inline bool is_composed(const BodyPlacement& parent) {
   return !is_identity(parent.pose.X_wb);
 }
 
-/// Places a body.
+/// Places a body, without its rotation R_wb, which is rotation_of(X_wb).
 /// \param local its given pose, or null
 /// \param parent its placed parent, or null
-/// \param rotation rotation_of(*local) if available, or null
-CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent,
-                                        const Mat3d* rotation = nullptr) {
+/// \param parent_rotation called as parent_rotation() for the parent's R_wb, if needed
+template <class Rotation>
+CLEARANCE_HD inline BodyPlacement place_unrotated(const Pose* local, const BodyPlacement* parent,
+                                                  const Rotation& parent_rotation) {
   BodyPlacement body;
   if (!local) return body;
   const PoseQuality quality = check(*local);
@@ -44,13 +45,24 @@ CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* 
   body.status = quality == PoseQuality::kBad ? Status::kBadPose : parent ? parent->status : Status::kOk;
   if (body.status != Status::kOk) return body;
   const bool composed = parent && is_composed(*parent);  // otherwise there is no rounding
-  const Pose X_wb = composed ? compose(parent->pose.X_wb, parent->pose.R_wb, *local) : *local;
+  const Pose X_wb = composed ? compose_with(parent->pose.X_wb, parent_rotation, *local) : *local;
   if (composed && check(X_wb) == PoseQuality::kBad) {  // a composition can overflow
     body.status = Status::kBadPose;
     return body;
   }
   body.beyond_limits = parent && parent->beyond_limits;
-  body.pose = {rotation && !composed ? *rotation : rotation_of(X_wb), X_wb.translation, X_wb};
+  body.pose.t_w = X_wb.translation;
+  body.pose.X_wb = X_wb;
+  return body;
+}
+/// Places a body.
+/// \param rotation rotation_of(*local) if available, or null
+CLEARANCE_HD inline BodyPlacement place(const Pose* local, const BodyPlacement* parent,
+                                        const Mat3d* rotation = nullptr) {
+  BodyPlacement body = place_unrotated(local, parent, [&]() -> const Mat3d& { return parent->pose.R_wb; });
+  if (body.status != Status::kOk) return body;
+  const bool composed = parent && is_composed(*parent);
+  body.pose.R_wb = rotation && !composed ? *rotation : rotation_of(body.pose.X_wb);
   return body;
 }
 

@@ -47,6 +47,10 @@ CLEARANCE_HD Pose compose(const Pose& X_ab, const Mat3d& R_ab, const Pose& X_bc)
 CLEARANCE_HD inline Pose compose(const Pose& X_ab, const Pose& X_bc) {
   return compose(X_ab, rotation_of(X_ab), X_bc);
 }
+/// The same, with the rotation on request: a pose without translation needs none.
+/// \param R_ab called as R_ab() for rotation_of(X_ab), at most once
+template <class Rotation>
+CLEARANCE_HD Pose compose_with(const Pose& X_ab, const Rotation& R_ab, const Pose& X_bc);
 
 /// X_ba from X_ab, rounded. Must not be kBad.
 CLEARANCE_HD Pose inverse(const Pose& X_ab);
@@ -92,13 +96,29 @@ CLEARANCE_HD inline Mat3<DoubleDouble> rotation_of_double_double(const Pose& X) 
            {ratio(twice(xz - wy)), ratio(twice(yz + wx)), ratio((ww + zz) - (xx + yy))}}};
 }
 
-CLEARANCE_HD inline Pose compose(const Pose& a, const Mat3d& R, const Pose& b) {
+namespace detail {
+
+// Whether x + 0 has the bits of x for a zero of either sign.
+CLEARANCE_HD inline bool keeps_zero_added(double x) {
+  return x != 0 || __builtin_copysign(1.0, x) > 0;
+}
+
+}  // namespace detail
+
+template <class Rotation>
+CLEARANCE_HD inline Pose compose_with(const Pose& a, const Rotation& R, const Pose& b) {
   const double s = 1 / (detail::quaternion_norm(a) * detail::quaternion_norm(b));
-  const Vec3d t = a.translation + R * b.translation;
+  const Vec3d& at = a.translation;
+  const bool moves = !is_zero(b.translation) || !detail::keeps_zero_added(at.x) || !detail::keeps_zero_added(at.y) ||
+                     !detail::keeps_zero_added(at.z);
+  const Vec3d t = moves ? at + R() * b.translation : at;
   return {t, s * (a.qw * b.qw - a.qx * b.qx - a.qy * b.qy - a.qz * b.qz),
           s * (a.qw * b.qx + a.qx * b.qw + a.qy * b.qz - a.qz * b.qy),
           s * (a.qw * b.qy - a.qx * b.qz + a.qy * b.qw + a.qz * b.qx),
           s * (a.qw * b.qz + a.qx * b.qy - a.qy * b.qx + a.qz * b.qw)};
+}
+CLEARANCE_HD inline Pose compose(const Pose& a, const Mat3d& R, const Pose& b) {
+  return compose_with(a, [&]() -> const Mat3d& { return R; }, b);
 }
 
 CLEARANCE_HD inline Pose inverse(const Pose& X) {

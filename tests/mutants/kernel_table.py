@@ -120,5 +120,11 @@ KERNEL_MUTANTS = [
             "!(@true_lower@ > margin)",
             "lower",
         ),
+        ("near_boxes", "cuda/reduce/reduce_kernel.cuh", "boxes_of(r.chunk, item.ref, @k@)", "0"),
+    ),
+    # The bodies that kernels place.
+    *mutants_of(
+        "reduce_kernels SlackKernels.DifferentiateByJointsAsTheCpuDoes",
+        ("placed_frames", "device/placed_slots.h", "is_read[ref & ~kMovedBit] = @1@", "0"),
     ),
 ]

@@ -11,9 +11,20 @@
 
 namespace clearance::cuda {
 
-// Pairs left open by float32 and overlapping pairs take long. Their number is unknown when their kernels start, so
-// these get few blocks and leave the rest to the next chunk.
-inline constexpr std::uint32_t kLateBlocks = 66, kLateWarps = 64;
+// Grid of the kernels of pairs that float32 leaves open and of overlapping pairs. These take long, and their number is
+// unknown when their kernels start.
+struct LateGrid {
+  std::uint32_t blocks;
+  std::uint32_t warps;  // over which many pairs are spread
+
+  // Few blocks, which leave the others to the next chunk's kernels.
+  static LateGrid among_chunks() { return {66, 64}; }
+  // The whole device, for chunks that follow each other in one stream.
+  static LateGrid whole_device() {
+    const std::uint32_t blocks = blocks_for_device(2);
+    return {blocks, blocks};
+  }
+};
 
 inline bool f32_goes_first(const PairLimits& pair_limits, const ChunkSetup& chunk, const CudaPairs& pairs) {
   return pair_limits.f32 && chunk.group_tiles > 0 && pairs.most_shared_f32 > 0;
@@ -31,7 +42,8 @@ auto group_kernel(bool points) {
 
 // The last kernel hands over the counts.
 template <bool kLean>
-void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, cudaStream_t stream) {
+void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, const LateGrid& late,
+                     cudaStream_t stream) {
   view.group_of_tile = pairs.group_of_tile + chunk.first_tile;
   const bool f32 = view.pair_limits.f32;
   const bool f32_first = f32_goes_first(view.pair_limits, chunk, pairs), only_f32 = f32_first && pairs.all_fit_f32;
@@ -60,14 +72,14 @@ void answer_chunk_as(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& 
   if (f32_first) {
     ChunkView open = proof_follows ? before : view;
     open.prove_at_once = view.pair_limits.prove_overlaps;
-    open.blocks = std::min(chunk.group_tiles, kLateBlocks);
-    answer_open<kLean><<<open.blocks, kTile, 0, stream>>>(open, kLateWarps);
+    open.blocks = std::min(chunk.group_tiles, late.blocks);
+    answer_open<kLean><<<open.blocks, kTile, 0, stream>>>(open, late.warps);
   }
   if (proof_follows && view.pair_limits.prove_depths) {
     start_depths(view, chunk.rows(), stream);
   } else if (proof_follows) {
-    view.blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
-    prove_overlaps<<<view.blocks, kTile, 0, stream>>>(view, kLateWarps);
+    view.blocks = std::min(blocks_of(chunk.rows(), kTile), late.blocks);
+    prove_overlaps<<<view.blocks, kTile, 0, stream>>>(view, late.warps);
   }
 }
 
@@ -91,12 +103,13 @@ inline void answer_uncertain_chunk(ChunkView& view, const ChunkSetup& chunk, cud
 
 // \param fields requested columns, Field bits
 inline void answer_chunk(ChunkView& view, const ChunkSetup& chunk, const CudaPairs& pairs, std::uint32_t fields,
-                         cudaStream_t stream) {
+                         const LateGrid& late, cudaStream_t stream) {
   const bool lean = (fields & ~kLeanFields) == 0;
   if (view.bodies.uncertainties.fixed)
     answer_uncertain_chunk(view, chunk, stream);
   else
-    lean ? answer_chunk_as<true>(view, chunk, pairs, stream) : answer_chunk_as<false>(view, chunk, pairs, stream);
+    lean ? answer_chunk_as<true>(view, chunk, pairs, late, stream)
+         : answer_chunk_as<false>(view, chunk, pairs, late, stream);
   check(cudaGetLastError(), "starting a kernel");
 }
 

@@ -116,7 +116,7 @@ class DenseWorkspace final : public QuerySide<Workspace, DenseSlot> {
   }
 
   void answer(DenseSlot& slot, const ChunkSetup& chunk) {
-    answer_chunk(slot.device_view, chunk, *pairs_, fields_, slot.stream);
+    answer_chunk(slot.device_view, chunk, *pairs_, fields_, LateGrid::among_chunks(), slot.stream);
   }
 
   // Copies columns to their destinations. Columns that stay in the workspace are contiguous and are copied together.

@@ -29,10 +29,11 @@ class ResidentDense final : public ResidentSide<ResidentDenseSlot> {
     if (pair_limits_.prove_overlaps) view.enclosed = reinterpret_cast<Enclosed*>(slot().enclosed.data());
     if (pair_limits_.f32) view.left_open = reinterpret_cast<LeftOpen*>(slot().open.data());
     check(cudaMemsetAsync(view.counts, 0, kCounts * sizeof(std::uint32_t), slot().stream), "clearing counters");
-    answer_chunk(view, chunk, *pairs_, fields_, slot().stream);
-    const auto blocks = std::min(blocks_of(chunk.rows(), kTile), kLateBlocks);
+    const LateGrid late = LateGrid::whole_device();
+    answer_chunk(view, chunk, *pairs_, fields_, late, slot().stream);
+    const auto blocks = std::min(blocks_of(chunk.rows(), kTile), late.blocks);
     answer_open_rows<<<blocks, kTile, 0, slot().stream>>>(
-        view, static_cast<const CudaPairs&>(in_order).pairs + first_in_order, kLateWarps);
+        view, static_cast<const CudaPairs&>(in_order).pairs + first_in_order, late.warps);
     check(cudaGetLastError(), "starting a kernel");
     ++counters_.launches;
   }

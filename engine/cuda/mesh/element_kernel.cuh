@@ -226,7 +226,7 @@ __global__ void __launch_bounds__(kItemThreads)
     out[std::size_t{kPoseComponents + c} * configurations] = box.low[static_cast<int>(c)];
     out[std::size_t{kPoseComponents + 3 + c} * configurations] = box.high[static_cast<int>(c)];
   }
-  bodies.moved_box[std::size_t{k} * bodies.moved_count + slot] = outer_box(box);
+  bodies.moved_box[here] = outer_box(box);
 }
 
 }  // namespace clearance::cuda

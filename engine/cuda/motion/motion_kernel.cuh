@@ -57,7 +57,7 @@ __global__ void __launch_bounds__(kMotionThreads) begin_motions(const __grid_con
 // Whether the boxes prove that a pair stays beyond its target, however the bodies move.
 __device__ inline bool leaves_by_boxes(const MotionsView& m, PairRef ref, std::uint32_t pair, std::uint32_t s,
                                        const MotionSpan& span) {
-  const auto [a, b] = boxes_of(m.chunk.bodies, ref, s);
+  const auto [a, b] = boxes_of(m.chunk, ref, s);
   if (is_empty(a) || is_empty(b)) {  // without a usable pose
     m.to_cpu[span.motion] = 1;
     return true;

@@ -110,7 +110,7 @@ __global__ void __launch_bounds__(kMotionThreads) find_seeds_at_ends(const __gri
        i += std::uint64_t{gridDim.x} * kMotionThreads) {
     const auto s = static_cast<std::uint32_t>(i % spans), pair = static_cast<std::uint32_t>(i / spans);
     const PairRef ref = m.chunk.pairs[pair];
-    const auto [a, b] = boxes_of(m.chunk.bodies, ref, s);
+    const auto [a, b] = boxes_of(m.chunk, ref, s);
     if (is_empty(a) || is_empty(b)) continue;
     take_least(m.seed + s, std::uint64_t{order_key(gap_below(a, b))} << 32 | pair);
   }

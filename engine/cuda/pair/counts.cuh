@@ -13,26 +13,42 @@ __device__ inline std::uint32_t take_place(std::uint32_t* count, bool wanted) {
   if (lane == 0) first = atomicAdd(count, __popc(all));
   return __shfl_sync(~0u, first, 0) + __popc(all & ((1u << lane) - 1));
 }
-// The same with one atomic operation per block. All threads of the block call it.
+// The same with one atomic operation per block, for several items of each thread. All threads of the block call it.
+// Positions increase with the item, then with the thread.
 // \tparam kThreads of the block
-template <std::uint32_t kThreads>
-__device__ inline std::uint32_t take_place_of_block(std::uint32_t* count, bool wanted) {
-  __shared__ std::uint32_t places[kThreads / 32];
-  const unsigned all = __ballot_sync(~0u, wanted), lane = threadIdx.x % 32, warp = threadIdx.x / 32;
-  if (lane == 0) places[warp] = __popc(all);
-  __syncthreads();
-  if (threadIdx.x == 0) {
-    std::uint32_t sum = 0;
-    for (std::uint32_t i = 0; i < kThreads / 32; ++i) sum += places[i];
-    std::uint32_t next = sum > 0 ? atomicAdd(count, sum) : 0;
-    for (std::uint32_t i = 0; i < kThreads / 32; ++i) {
-      const std::uint32_t of_warp = places[i];
-      places[i] = next;
-      next += of_warp;
-    }
+template <std::uint32_t kThreads, std::uint32_t kItems>
+__device__ inline void take_places_of_block(std::uint32_t* count, const bool (&wanted)[kItems],
+                                            std::uint32_t (&place)[kItems]) {
+  constexpr std::uint32_t kWarps = kThreads / 32, kAll = kItems * kWarps;
+  static_assert(kAll <= 32, "the first warp adds them");
+  __shared__ std::uint32_t places[kAll];
+  const std::uint32_t lane = threadIdx.x % 32, warp = threadIdx.x / 32;
+  unsigned all[kItems];
+  for (std::uint32_t i = 0; i < kItems; ++i) {
+    all[i] = __ballot_sync(~0u, wanted[i]);
+    if (lane == 0) places[i * kWarps + warp] = __popc(all[i]);
   }
   __syncthreads();
-  return places[warp] + __popc(all & ((1u << lane) - 1));
+  if (warp == 0) {
+    const std::uint32_t own = lane < kAll ? places[lane] : 0;
+    std::uint32_t sum = own;
+    for (int step = 1; step < 32; step *= 2) {
+      const std::uint32_t before = __shfl_up_sync(~0u, sum, step);
+      if (lane >= static_cast<std::uint32_t>(step)) sum += before;
+    }
+    std::uint32_t first = 0;
+    if (lane == 31 && sum > 0) first = atomicAdd(count, sum);
+    first = __shfl_sync(~0u, first, 31);
+    if (lane < kAll) places[lane] = first + sum - own;
+  }
+  __syncthreads();
+  for (std::uint32_t i = 0; i < kItems; ++i) place[i] = places[i * kWarps + warp] + __popc(all[i] & ((1u << lane) - 1));
+}
+template <std::uint32_t kThreads>
+__device__ inline std::uint32_t take_place_of_block(std::uint32_t* count, bool wanted) {
+  std::uint32_t place[1];
+  take_places_of_block<kThreads>(count, {wanted}, place);
+  return place[0];
 }
 __device__ inline void add_count(std::uint32_t* count, bool wanted) {
   const unsigned all = __ballot_sync(~0u, wanted);

@@ -7,9 +7,9 @@
 
 namespace clearance::cuda {
 
-__device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref, std::uint32_t k) {
-  const OuterBox* box = ref & kMovedBit ? bodies.moved_box + std::size_t{k} * bodies.moved_count + (ref & ~kMovedBit)
-                                        : bodies.fixed_box + ref;
+__device__ inline OuterBox load_box(const ChunkView& c, std::uint32_t ref, std::uint32_t k) {
+  const OuterBox* box = ref & kMovedBit ? c.bodies.moved_box + std::size_t{ref & ~kMovedBit} * c.configurations + k
+                                        : c.bodies.fixed_box + ref;
   const auto* halves = reinterpret_cast<const float4*>(box);
   const float4 p = __ldg(halves), q = __ldg(halves + 1);
   return {p.x, p.y, p.z, p.w, q.x, q.y, {0, 0}};
@@ -17,8 +17,8 @@ __device__ inline OuterBox load_box(const BodiesView& bodies, std::uint32_t ref,
 struct PairBoxes {
   OuterBox a, b;
 };
-__device__ inline PairBoxes boxes_of(const BodiesView& bodies, PairRef ref, std::uint32_t k) {
-  return {load_box(bodies, ref.a, k), load_box(bodies, ref.b, k)};
+__device__ inline PairBoxes boxes_of(const ChunkView& c, PairRef ref, std::uint32_t k) {
+  return {load_box(c, ref.a, k), load_box(c, ref.b, k)};
 }
 __device__ inline bool is_empty(const OuterBox& box) {
   return box.low_x > box.high_x;

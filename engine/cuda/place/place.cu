@@ -22,7 +22,8 @@ void start_links(const FramesView& frames, std::uint32_t configurations, cudaStr
 
 void start_bodies(const HullsView& hulls, const BodiesView& bodies, const MovesView& moves,
                   std::uint32_t configurations, cudaStream_t stream) {
-  const std::uint64_t threads = std::uint64_t{bodies.moved_count} * configurations;
+  if (moves.placed_count == 0) return;
+  const std::uint64_t threads = std::uint64_t{moves.placed_count} * configurations;
   const auto kernel = bodies.uncertainties.fixed ? place_bodies<true> : place_bodies<false>;
   kernel<<<blocks_of(threads, kThreads), kThreads, 0, stream>>>(hulls, bodies, moves, configurations);
   check(cudaGetLastError(), "starting a kernel");

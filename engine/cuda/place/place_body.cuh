@@ -48,16 +48,17 @@ __device__ inline Aabb box_of_body(const HullsView& hulls, std::uint32_t body, c
 }
 
 // Uncertainty of a moved body in configuration k, as by uncertainty_of().
-// \param parent uncertainty of its parent, or null
+// \param follows whether it has a parent, whose uncertainty is `parent`
 __device__ inline PlacedUncertainty uncertainty_of_moved(const MovesView& moves, std::uint32_t link, std::uint32_t k,
-                                                         const Pose& local, const BodyPlacement& here,
-                                                         const PlacedUncertainty* parent, bool composed,
+                                                         const Pose& local, const BodyPlacement& here, bool follows,
+                                                         const PlacedUncertainty& parent, bool composed,
                                                          double& travel) {
   const UncertaintyStep& m = moves.uncertainties[link];
   const bool slides = m.robot != kNone && m.joint_per_travel > 0;
   travel = slides ? travel_to(moves.frames, m.robot, moves.source[link] - moves.given_count, k) : m.travel;
   const FrameUncertainty joints{placement_error(m.joint_fixed, m.joint_per_travel, travel), m.joint_turn};
-  return uncertainty_below(m.source, local.translation, here.pose.t_w, m.age_s, parent, composed, joints);
+  if (!follows) return uncertainty_below(m.source, local.translation, here.pose.t_w, m.age_s, nullptr, false, joints);
+  return uncertainty_below(m.source, local.translation, here.pose.t_w, m.age_s, &parent, composed, joints);
 }
 
 // Pose of a moved body relative to its parent, with LinkFact bits.
@@ -93,7 +94,7 @@ __device__ __forceinline__ void store_boxes(const HullsView& hulls, const Bodies
                                             double growth) {
   const bool want_box = bodies.components > kPoseComponents;
   const std::uint32_t body = bodies.moved_body[slot];
-  OuterBox* const outer = bodies.moved_box + std::size_t{k} * bodies.moved_count + slot;
+  OuterBox* const outer = bodies.moved_box + std::size_t{slot} * configurations + k;
   if (want_box) *outer = no_outer_box();
   if (!has_box(hulls, body) || here.status != Status::kOk) return;
   const auto put_part = [&](std::uint32_t i, const Aabb& of_part) {
@@ -109,6 +110,11 @@ __device__ __forceinline__ void store_boxes(const HullsView& hulls, const Bodies
   store_components(bodies, slot, k, configurations, 12, box.low);
   store_components(bodies, slot, k, configurations, 15, box.high);
   *outer = outer_box(box);
+}
+
+// rotation_of() for the few bodies whose followers need it. Not inlined, so that it takes no registers from the others.
+__device__ __noinline__ inline Mat3d rotation_of_parent(const Pose X_wb) {
+  return rotation_of(X_wb);
 }
 
 // Places a moved body in configuration k, with its boxes. `position_error`, in metres, comes in addition to the
@@ -130,11 +136,19 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
     const std::uint32_t link = moves.chain[i];
     const auto [local, facts] = local_pose(moves, link, k, configurations);
     const std::uint8_t state = moves.slot_state[link];
-    here = place((state & kSlotUnplaced) || (facts & kLinkUnplaced) ? nullptr : &local, follows ? &parent : nullptr);
+    const bool is_first = i == moves.chain_begin[slot];
+    const auto parent_rotation = [&] {
+      return is_first ? moves.base[slot].pose.R_wb : rotation_of_parent(parent.pose.X_wb);
+    };
+    // A pointer that may be null would keep its target out of registers.
+    here = {};
+    if ((state & kSlotUnplaced) == 0 && (facts & kLinkUnplaced) == 0)
+      here = follows ? place_unrotated(&local, &parent, parent_rotation)
+                     : place_unrotated(&local, nullptr, parent_rotation);
     if ((state & kSlotBeyondLimits) || (facts & kLinkBeyondLimits)) here.beyond_limits = true;
     if ((state & kSlotStale) && here.status == Status::kOk) here.status = Status::kStalePose;
     if (kUncertain && here.status == Status::kOk)
-      uncertainty = uncertainty_of_moved(moves, link, k, local, here, follows ? &uncertainty : nullptr,
+      uncertainty = uncertainty_of_moved(moves, link, k, local, here, follows, uncertainty,
                                          follows && is_composed(parent), travel);
     parent = here;
     follows = true;
@@ -144,6 +158,7 @@ __device__ inline PlacedUncertainty place_body(const HullsView& hulls, const Bod
                                                                (here.beyond_limits ? kStateBeyondLimits : 0);
   const bool is_placed = here.status == Status::kOk;
   const Vec3d zero{0, 0, 0};
+  if (is_placed) here.pose.R_wb = rotation_of(here.pose.X_wb);
   for (std::uint32_t r = 0; r < 3; ++r)
     store_components(bodies, slot, k, configurations, 3 * r, is_placed ? here.pose.R_wb.row[r] : zero);
   store_components(bodies, slot, k, configurations, 9, is_placed ? here.pose.t_w : zero);

@@ -1,4 +1,4 @@
-// Places bodies from the poses of configurations: one thread per moved body and configuration.
+// Places bodies from the poses of configurations: one thread per body and configuration.
 #pragma once
 
 #include "engine/cuda/place/link_kernel.cuh"
@@ -36,14 +36,18 @@ __global__ void __launch_bounds__(128)
   outer_boxes[body] = outer_box(box);
 }
 
+// Blocks on a multiprocessor, which share its registers; more spill (docs/notes/cuda.md).
+inline constexpr int kPlaceBlocks = 4;
+
+// Places the moved bodies that the query reads.
 // \tparam kUncertain whether any body is uncertain
 template <bool kUncertain>
-__global__ void __launch_bounds__(128)
+__global__ void __launch_bounds__(128, kPlaceBlocks)
     place_bodies(HullsView hulls, BodiesView bodies, MovesView moves, std::uint32_t configurations) {
   const std::uint64_t item = std::uint64_t{blockIdx.x} * blockDim.x + threadIdx.x;
-  const auto slot = static_cast<std::uint32_t>(item / configurations),
+  const auto at = static_cast<std::uint32_t>(item / configurations),
              k = static_cast<std::uint32_t>(item % configurations);
-  if (slot < bodies.moved_count) place_body<kUncertain>(hulls, bodies, moves, slot, k, configurations);
+  if (at < moves.placed_count) place_body<kUncertain>(hulls, bodies, moves, moves.placed[at], k, configurations);
 }
 
 }  // namespace clearance::cuda

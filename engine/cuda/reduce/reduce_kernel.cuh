@@ -16,7 +16,8 @@
 
 namespace clearance::cuda {
 
-inline constexpr std::uint32_t kScanThreads = 256;  // rows per block when comparing boxes
+inline constexpr std::uint32_t kScanThreads = 256;  // per block when comparing boxes
+inline constexpr std::uint32_t kScanPairs = 4;      // of a configuration whose boxes a thread compares for a list
 // Blocks on a multiprocessor, for lists whose length is unknown at launch.
 inline constexpr std::uint32_t kSeedBlocks = 4, kSolveBlocks = 4, kItemBlocks = 1;
 inline constexpr int kLeanItemBlocks = 6;      // the same for kernels that only iterate, which share its registers
@@ -37,7 +38,7 @@ __global__ void __launch_bounds__(kScanThreads) find_seeds(const __grid_constant
     std::size_t group[2] = {0, 0};
     if (row < r.rows) {
       const Item item(r, static_cast<std::uint32_t>(row));
-      const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
+      const auto [a, b] = boxes_of(r.chunk, item.ref, item.k);
       int n = 0;
       for_groups(r, item, [&](std::size_t g) { group[n++] = g; });
       const bool usable = !is_empty(a) && !is_empty(b);
@@ -96,23 +97,26 @@ __global__ void __launch_bounds__(kItemThreads) solve_seeds(const __grid_constan
       });
 }
 
-// Lists the items that the boxes of their bodies do not exclude. Consecutive threads have one pair in consecutive
+// Lists the items that the boxes of their bodies do not exclude. Consecutive threads have the same pairs in consecutive
 // configurations, so neighbours in the list mostly share both hulls. All threads of a block call it.
 // \param is_wanted called as `is_wanted(item, box_a, box_b)`
 template <class IsWanted>
 __device__ inline void list_by_boxes(const ReducedView& r, const IsWanted& is_wanted) {
-  const std::uint64_t i = std::uint64_t{blockIdx.x} * kScanThreads + threadIdx.x;
-  bool wanted = false;
-  std::uint32_t row = 0;
-  if (i < r.rows) {
-    const std::uint32_t p = static_cast<std::uint32_t>(i) / r.chunk.configurations;
-    const Item item(r, static_cast<std::uint32_t>(i) - p * r.chunk.configurations, p);
-    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
-    wanted = is_wanted(item, a, b);
-    row = item.k * r.chunk.pair_count + p;
+  const std::uint32_t i = blockIdx.x * kScanThreads + threadIdx.x, before = i / r.chunk.configurations,
+                      k = i - before * r.chunk.configurations;
+  bool wanted[kScanPairs];
+  for (std::uint32_t j = 0; j < kScanPairs; ++j) {
+    const std::uint32_t p = before * kScanPairs + j;
+    wanted[j] = false;
+    if (p >= r.chunk.pair_count) continue;
+    const Item item(r, k, p);
+    const auto [a, b] = boxes_of(r.chunk, item.ref, k);
+    wanted[j] = is_wanted(item, a, b);
   }
-  const std::uint32_t at = take_place_of_block<kScanThreads>(r.chunk.counts + kCandidates, wanted);
-  if (wanted && at < r.capacity) r.items[at] = row;
+  std::uint32_t at[kScanPairs];
+  take_places_of_block<kScanThreads>(r.chunk.counts + kCandidates, wanted, at);
+  for (std::uint32_t j = 0; j < kScanPairs; ++j)
+    if (wanted[j] && at[j] < r.capacity) r.items[at[j]] = k * r.chunk.pair_count + before * kScanPairs + j;
 }
 
 // Lists the candidates.
@@ -134,7 +138,7 @@ __global__ void __launch_bounds__(kScanThreads) mark_candidates(const __grid_con
   bool wanted = false;
   if (row < r.rows) {
     const Item item(r, static_cast<std::uint32_t>(row));
-    const auto [a, b] = boxes_of(r.chunk.bodies, item.ref, item.k);
+    const auto [a, b] = boxes_of(r.chunk, item.ref, item.k);
     wanted = is_empty(a) || is_empty(b) || !(gap_below(a, b) > r.chunk.pair_limits.max_distance);
   }
   const unsigned word = __ballot_sync(~0u, wanted);

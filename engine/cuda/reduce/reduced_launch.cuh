@@ -102,6 +102,11 @@ inline unsigned item_blocks(const ReducedView& r, std::uint32_t on_multiprocesso
   return std::min(blocks_of(r.capacity, kItemThreads), blocks_for_device(on_multiprocessor));
 }
 
+/// Blocks of list_by_boxes().
+inline unsigned list_blocks(const ReducedView& r) {
+  return blocks_of(std::uint64_t{blocks_of(r.chunk.pair_count, kScanPairs)} * r.chunk.configurations, kScanThreads);
+}
+
 /// Computes the seeds of groups and their cutoffs.
 inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
   find_seeds<<<std::min(blocks_of(r.rows, kScanThreads), blocks_for_device(kSeedBlocks)), kScanThreads, 0, stream>>>(r);
@@ -111,7 +116,7 @@ inline void start_seeds(const ReducedView& r, cudaStream_t stream) {
 }
 /// Lists the pairs that the seeds do not exclude.
 inline void start_candidates(const ReducedView& r, cudaStream_t stream) {
-  find_candidates<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
+  find_candidates<<<list_blocks(r), kScanThreads, 0, stream>>>(r);
 }
 /// Proves the overlaps that a kernel has listed.
 template <bool kAny>
@@ -136,7 +141,7 @@ inline void start_items(const ReducedView& r, bool several, cudaStream_t stream)
 }
 /// Reduce::kAny: evaluates the pairs whose boxes are within their margins.
 inline void start_decisions(const ReducedView& r, cudaStream_t stream) {
-  find_near_pairs<<<blocks_of(r.rows, kScanThreads), kScanThreads, 0, stream>>>(r);
+  find_near_pairs<<<list_blocks(r), kScanThreads, 0, stream>>>(r);
   const bool uncertain = r.chunk.bodies.uncertainties.fixed;
   const auto iterate = uncertain ? evaluate_near_hulls<Slack> : evaluate_near_hulls<NoSlack>;
   iterate<<<item_blocks(r, kLeanItemBlocks), kItemThreads, 0, stream>>>(r);

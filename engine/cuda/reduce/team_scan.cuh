@@ -49,8 +49,8 @@ struct ConfigurationPairs {
 
   __device__ std::uint32_t count() const { return r.chunk.pair_count; }
   __device__ PairRef ref(std::uint32_t i) const { return r.chunk.pairs[i]; }
-  __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).a, k); }
-  __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk.bodies, ref(i).b, k); }
+  __device__ OuterBox box_a(std::uint32_t i) const { return load_box(r.chunk, ref(i).a, k); }
+  __device__ OuterBox box_b(std::uint32_t i) const { return load_box(r.chunk, ref(i).b, k); }
   __device__ bool has_poses(std::uint32_t i) const { return !is_empty(box_a(i)) && !is_empty(box_b(i)); }
   __device__ std::uint32_t row(std::uint32_t i) const {
     return k * r.chunk.pair_count + i;

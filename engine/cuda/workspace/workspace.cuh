@@ -9,6 +9,7 @@
 #include "engine/cuda/place/place.cuh"
 #include "engine/cuda/workspace/resident.cuh"
 #include "engine/device/device.h"
+#include "engine/device/placed_slots.h"
 
 namespace clearance::cuda {
 
@@ -155,6 +156,9 @@ class QuerySide : public Interface {
     setup_.add(m.base, moves_.base);
     setup_.add(m.has_base, moves_.has_base);
     setup_.add(m.slot_state, moves_.slot_state);
+    placed_ = placed_slots(s, [&](std::uint32_t body) { return hulls_.convex_parts_of(body) > 0; });
+    setup_.add(placed_, moves_.placed);
+    moves_.placed_count = static_cast<std::uint32_t>(placed_.size());
     setup_.add(u.steps, moves_.uncertainties);
     setup_.add(u.base, moves_.base_uncertainty);
     FramesView& frames = moves_.frames;
@@ -276,7 +280,7 @@ class QuerySide : public Interface {
   PinnedBuffer host_bodies_, all_given_[2];
   DeviceBuffer device_bodies_;
   std::uint32_t fixed_count_ = 0;
-  std::vector<std::uint32_t> moved_part_begin_;
+  std::vector<std::uint32_t> moved_part_begin_, placed_;
   std::uint32_t moved_parts_ = 0, frames_ = 0;
   BodiesView bodies_;
   MovesView moves_;

@@ -6,9 +6,12 @@
 #include <algorithm>
 #include <chrono>
 #include <limits>
+#include <memory>
 
 #include "engine/device/device.h"
 #include "engine/device/hull_arrays.h"
+#include "engine/device/placed_slots.h"
+#include "engine/device/query/device_movers.h"
 #include "engine/device/query/device_uncertainty.h"
 #include "engine/device/query/moved_chains.h"
 #include "engine/narrow/overlap.h"
@@ -62,14 +65,15 @@ struct HostBodies {
   std::vector<double> fixed, moved, fixed_part_box, moved_part_box;
   std::vector<std::uint8_t> fixed_state, moved_state;
   std::vector<OuterBox> fixed_box, moved_box;
-  std::vector<std::uint32_t> moved_part_begin;
+  std::vector<std::uint32_t> moved_part_begin, placed;
   std::vector<BodySlack> moved_slack;
   std::vector<double> frame_numbers, travels;
   std::vector<std::uint8_t> frame_facts;
   BodiesView view{};
   MovesView moves{};
 
-  HostBodies(const engine::Scene& scene, const HullsView& hulls, const QueryView& q)
+  /// \param all also places the bodies that no kernel reads
+  HostBodies(const engine::Scene& scene, const HullsView& hulls, const QueryView& q, bool all = false)
       : plan(plan_of(scene, q)),
         chains(scene, plan),
         uncertainties(uncertainties_for(scene)),
@@ -81,6 +85,7 @@ struct HostBodies {
     view.uncertainties = {u.fixed_slack.data(), nullptr, u.links.data(), u.link_pairs.data()};
     for_each_thread(n, [&] { box_fixed_bodies(hulls, view, fixed.data() + kPoseComponents * n, fixed_box.data()); });
     reserve_moved(hulls, K, M);
+    find_placed(scene, hulls, m, q, all);
     moves = {plan.configurations.data(),
              m.given_count,
              m.source.data(),
@@ -92,9 +97,11 @@ struct HostBodies {
              m.slot_state.data(),
              place_frames(m.robots, K),
              u.steps.data(),
-             u.base.data()};
+             u.base.data(),
+             placed.data(),
+             static_cast<std::uint32_t>(placed.size())};
     const auto configurations = static_cast<std::uint32_t>(K);
-    for_each_thread(K * M, [&] {
+    for_each_thread(K * placed.size(), [&] {
       uncertain ? place_bodies<true>(hulls, view, moves, configurations)
                 : place_bodies<false>(hulls, view, moves, configurations);
     });
@@ -117,6 +124,20 @@ struct HostBodies {
   DeviceUncertainty uncertainties_for(const engine::Scene& scene) {
     if (plan.uncertainties.empty()) plan.uncertainties.resize(scene.bodies().size());
     return {scene, plan};
+  }
+  void find_placed(const engine::Scene& scene, const HullsView& hulls, const MovedSetup& m, const QueryView& q,
+                   bool all) {
+    QuerySetup s;
+    s.moved = m;
+    std::unique_ptr<DeviceMovers> movers;
+    if (q.fields & kFieldGradientJoints) {
+      movers = std::make_unique<DeviceMovers>(JointGradient(scene, plan), plan);
+      s.movers = movers->setup();
+    }
+    placed = placed_slots(s, [&](std::uint32_t body) {
+      const Body& of = scene.bodies()[body];
+      return all || hulls.part_begin[body] < hulls.part_begin[body + 1] || has_surface(of) || is_cloud(of);
+    });
   }
   void take_fixed(const HullsView& hulls, std::size_t n) {
     fixed.assign(n * kComponents, 1e300);  // entries of bodies without a pose are not read
@@ -156,7 +177,7 @@ struct HostBodies {
       moved_part_begin.push_back(parts);
       parts += hulls.part_begin[body + 1] - hulls.part_begin[body];
     }
-    moved.resize(K * M * kComponents);
+    moved.assign(K * M * kComponents, 1e300);  // entries of bodies that are not placed are not read
     moved_state.resize(K * M);
     moved_box.resize(K * M);
     moved_part_box.resize(K * parts * kBoxComponents);

@@ -68,7 +68,7 @@ class Moved {
     q.positions = positions_;
     q.configuration_count = K_;
     const HullArrays hulls(scene_, kMostShared);
-    const HostBodies device(scene_, hulls.view(), q);
+    const HostBodies device(scene_, hulls.view(), q, true);
     ConfigurationPoses poses(device.plan);
     BodyPoses placement(scene_, device.plan, {});
     std::vector<Mat3d> rotations(device.plan.bodies.size());

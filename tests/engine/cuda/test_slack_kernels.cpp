@@ -22,7 +22,7 @@ struct Comparison {
 
   void run(const engine::Scene& scene, const QueryView& q) {
     const HullArrays hulls(scene, kMostShared);
-    const HostBodies bodies(scene, hulls.view(), q);
+    const HostBodies bodies(scene, hulls.view(), q, true);
     const Plan& plan = bodies.plan;
     ASSERT_TRUE(bodies.uncertain);
     ChunkView view{};
@@ -130,6 +130,7 @@ Seen expect_rows_of_the_cpu(const engine::Engine& cpu, const QueryView& q, const
   chunk.view.enclosed = nullptr;
   const Split split(chunk);
   EXPECT_GT(split.several.count, 10u);
+  EXPECT_LT(chunk.bodies.placed.size(), chunk.bodies.plan.moved.size()) << "frames are not placed";
   chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<kF32>(chunk.view, split.several); });
   chunk.launch_last(tiles_of(split.singles, chunk),
                     [&](const ChunkView& view) { answer_ungrouped<kF32, false, Slack>(view, split.singles); });
@@ -183,6 +184,7 @@ TEST(SlackKernels, DifferentiateByJointsAsTheCpuDoes) {
     chunk.view.movers = {movers.setup().movers.data(), movers.setup().of_body.data()};
     chunk.view.pair_limits.cull = distance < kNoLimit;
     chunk.view.prove_at_once = true;
+    EXPECT_EQ(chunk.bodies.placed.size(), chunk.bodies.plan.moved.size()) << "joint columns read frames";
     const Split split(chunk);
     chunk.launch(tiles_of(split.several, chunk), [&] { answer_several<false>(chunk.view, split.several); });
     chunk.launch_last(tiles_of(split.singles, chunk),

@@ -5,6 +5,7 @@
 #include <cstring>
 #include <limits>
 #include <random>
+#include <span>
 
 #include "engine/pose/pose.h"
 #include "tests/engine/engine_test_util.h"
@@ -69,6 +70,30 @@ TEST(Pose, ComposeAndInverseCancel) {
   const Pose I = compose(X, inverse(X));
   EXPECT_NEAR(norm(I.translation), 0, 1e-14);
   EXPECT_NEAR(std::abs(I.qw), 1, 1e-15);
+}
+
+// A pose that does not move the origin needs no rotation, and gives the bits that it would give with one: zeros of either
+// sign included.
+TEST(Pose, ComposesWithoutARotationWhatNeedsNone) {
+  const double zeros[] = {0.0, -0.0}, places[] = {0.0, -0.0, 1.5, -2};
+  test::Random random(3);
+  int without = 0, with = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const auto any_of = [&](std::span<const double> x) {
+      return x[static_cast<std::size_t>(random.uniform(0, 0.999) * static_cast<double>(x.size()))];
+    };
+    Pose a = random.pose(1), b = random.pose(1);
+    a.translation = {any_of(places), any_of(places), any_of(places)};
+    if (i % 4 != 0) b.translation = {any_of(zeros), any_of(zeros), any_of(zeros)};
+    const Mat3d R = rotation_of(a);
+    const Vec3d expected = a.translation + R * b.translation;
+    int calls = 0;
+    const Pose got = compose_with(a, [&] { return ++calls, R; }, b);
+    EXPECT_EQ(std::memcmp(&got.translation, &expected, sizeof expected), 0) << i;
+    (calls == 0 ? without : with) += 1;
+  }
+  EXPECT_GT(without, 200);
+  EXPECT_GT(with, 200);
 }
 
 }  // namespace
