@@ -12,6 +12,7 @@ RAYS = [((3, -5, 8), (732, 481, -483)), ((-7, 2, 2), (-377, 618, 691)), ((2, 7, 
 ONE = 1 << 320  # 1 / ONE is the rounding of numbers if bodies follow others, or are between two poses
 BLUR, LARGEST = Fraction(1, 1 << 150), 1 << 64  # metres: bound on it, if no body is as large or as far away
 WORLD = ZERO, AXES, _ = (0, 0, 0), ((1, 0, 0), (0, 1, 0), (0, 0, 1)), 0  # a pose: origin, rotation's rows, error bound
+SIDES = (0, 0), (1, 0), (0, 1), (1, 1)  # before and after a time, at a progress of 0 and 1
 MALFORMED = (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError)
 def require(condition, why, value=None):
     if not condition:
@@ -63,18 +64,13 @@ def turn_between(a, u, w, v):  # of quaternions (a, u), (w, v): the axis, of len
         cosine, = near(cosine + size((cosine, sine, 0)))
     return near(*axis), near(sine / cosine * (1 << 121))[0]
 def polar(points, times):  # polar form of a Bezier curve
-    for t in times:
-        points = [x + t * (y - x) for x, y in zip(points, points[1:])]
-    return points[0]
+    return functools.reduce(lambda p, t: [x + t * (y - x) for x, y in zip(p, p[1:])], times, points)[0]
 def place(points, time): return polar(points, [time] * (len(points) - 1))
-def slopes(points): return [(len(points) - 1) * (y - x) for x, y in zip(points, points[1:])] or [0]  # by time
 @functools.lru_cache(1 << 16)
-def hulls(points, begin, end):  # control points in a span, of a curve and of both its derivatives
-    return [[polar(p, [begin] * (len(p) - 1 - k) + [end] * k) for k in range(len(p))]
-            for p in (points, slopes(points), slopes(slopes(points)))]
-def extent(points, begin, end):  # of a curve in a span: its ends, and bounds on both derivatives' lengths
-    hull, *rates = hulls(points, begin, end)
-    return (min(hull), max(hull)), *(max(map(abs, rate)) for rate in rates)
+def ways(p, time, end):  # control points of a curve from a time until another, less its place at the former
+    return [polar(p, [time] * (len(p) - 1 - k) + [end] * k) - place(p, time) for k in range(len(p))]
+def bounds_of(way, progress):  # on the lengths of vectors, of the last, and of what its share of the progress leaves
+    return max(map(size, way)), size(way[-1]), max(size(plus(p, way[-1], -r)) for p, r in zip(way, progress))
 class Piece:
     def __init__(self, document, whole=None):
         core = document.get("core", {"kind": None, "size": [1, 1, 1]})  # if missing, the hull of the vertices
@@ -126,6 +122,7 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         require(all(key == str(int(key)) for key in (*self.poses, *self.positions)), "whose end is it")
         points = {*map(len, self.positions.values()), *map(len, self.poses.values())} or {count}  # of each curve
         require(len(points) == 1 and count <= min(points) <= 8 ** (count - 1), "a control point is missing")
+        self.late, self.still = [0] * (min(points) - 1) + [1], [[ZERO] * min(points)] * 2
     def steps(self, id, time):  # each in the previous: (pose, axis, curve along or about it, whether it turns)
         if str(id) in self.poses:
             given = self.poses[str(id)]  # an eighth number is its growth
@@ -163,33 +160,40 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
         mine, his = self.at(id, time)[1], self.at(seer, time)[1] if seer is not None else []
         shared = sum(x is y for x, y in zip(mine, his))
         return [(times(-1, axis), *more) for axis, *more in reversed(his[shared:])] + mine[shared:]
-    def rates(self, seer, id, time, begin, end):  # bounds on a point's way from its place and acceleration, in a span
-        (centre, rest), (o, R, _), speeds, angles, way, bent = self.bodies[id].ball, self.at(id, time)[0], [], [], 0, 0
-        arms, slid = [plus(o, turned(R, centre))], []  # less the point of the next turn: wherever sliding joints lead
+    def rates(self, seer, id, time, sides):  # bounds on a point's way from its place, and for each side on its distance
+        (centre, rest), (o, R, _), movers = self.bodies[id].ball, self.at(id, time)[0], []  # from a uniform motion
+        slid, arms = self.still, [plus(o, turned(R, centre))]  # arms lead from the point of the next turn
         for axis, point, turns, curve in [*reversed(self.path(seer, id, time)), (ZERO, ZERO, True, (0,))]:
-            reach, now, (ends, fast, bend) = size(axis), place(curve, time), extent(curve, begin, end)
-            if not turns:
-                arms = [plus(v, axis, x - now) for v in arms for x in ends]
-                way_and_rates = zip(hulls(curve, begin, end), (now, 0, 0))
-                slid.append([[times(x - y, axis) for x in hull] for hull, y in way_and_rates])
-                require(len(arms) <= 4096 and [*map(len, slid[0])] == [*map(len, slid[-1])], "too many joints slide")
+            hulls = [ways(curve, time, end) for end, _ in sides]
+            own = [[times(x, axis) for x in hull] for hull in hulls]
+            if not turns:  # slides without a turn between are one; they lead anywhere
+                slid = [[*map(plus, u, v)] for u, v in zip(slid, own)]
+                arms = [plus(v, axis, f(map(f, hulls))) for v in arms for f in (min, max)]
+                require(len(arms) <= 4096, "too many joints slide")
                 continue
-            both = [max(size(tuple(map(sum, zip(*v)))) for v in zip(*hull)) for hull in zip(*slid)] or [0, 0, 0]
-            arms, slid, angles = [plus(v, point, -1) for v in arms], [], [*angles, 0, reach * fast]
+            arms, reach = [plus(v, point, -1) for v in arms], size(axis)
             reach = reach and reach * rest + max(size(cross(axis, v)) for v in arms)  # its rest may be infinite
-            rest += max(map(size, arms))
-            arms, speeds = [point], [*speeds, both[1], reach * fast]  # slides without a turn between are one
-            way, bent = way + both[0] + reach * max(abs(x - now) for x in ends), bent + both[2] + reach * bend
-        return way, bent + sum(v * (w + 2 * sum(angles[k:])) for k, (v, w) in enumerate(zip(speeds, angles), 1))
-    def growth(self, id, time, begin, end):  # metres: at a time, its rate then, and bounds on its rates in a span
+            movers, rest = [*movers, (1, 0, slid), (reach, size(axis), own)], rest + max(map(size, arms))
+            slid, arms = self.still, [point]
+        way, bends = 0, [[0, 0], [0, 0]]
+        for k, share in SIDES:
+            found, turning = [(*x, *bounds_of(hulls[k], sides[k][1])) for *x, hulls in movers], 0
+            way = max(way, sum(reach * farthest for reach, _, farthest, *_ in found))
+            for reach, turn, _, last, more in reversed(found):  # from the seer on: joints turn those behind them
+                bends[k][share] += reach * (more + (share * last + more) * (turn * (share * last + more) / 2 + turning))
+                turning += turn * (share * last + more)
+        return way, bends
+    def growth(self, id, time, sides):  # metres: at a time, bound on its change, for each side its last and rest
         curve = tuple(length(pose[7]) for pose in self.poses.get(str(id), ()) if len(pose) == 8) or (Fraction(0),)
-        return place(curve, time), place(slopes(curve), time), *extent(curve, begin, end)[1:]
+        grown = [(ways(curve, time, end), progress) for end, progress in sides]
+        rests = [(way[-1], max(x - r * way[-1] for x, r in zip(way, progress))) for way, progress in grown]
+        return place(curve, time), max(max(way) for way, _ in grown), rests
     def frames(self, id):  # the bodies that it follows, outermost first, without other links of its robot
         on, joint = self.bodies[id].on, self.bodies[id].joint
         while joint and self.bodies[on].joint:
             on = self.bodies[on].on
         return [] if on is None else [*self.frames(on), on]
-    def slack(self, id, frames, time, begin, end):  # metres: inner slack in the middle of a span, and throughout it
+    def slack(self, id, frames, time, sides):  # metres: inner slack in the middle of a span, and throughout it
         shift, turn, along, body = 0, 0, 0, self.bodies[id]
         for frame, next_ in zip(frames, [*frames[1:], id]):
             own = self.bodies[frame].position + self.bodies[frame].moved
@@ -197,28 +201,28 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
             along = size(plus(self.at(next_, time)[0][0], self.at(frame, time)[0][0], -1))
         known = body.inner + body.moved + shift + (body.chord and body.chord * body.reach)
         known += turn and turn * (along + body.moved + body.reach)
-        return known, known + (turn and turn * self.rates(None, id, time, begin, end)[0])
+        return known, known + (turn and turn * self.rates(None, id, time, sides)[0])
     def check_span(self, ids, span, bound):
-        begin, middle, end = (exact(span[key]) for key in ("begin", "at", "end"))
-        half, rates = max(end - middle, middle - begin), {}
+        begin, middle, end, rates = *(exact(span[key]) for key in ("begin", "at", "end")), {}
+        sides = [(t, [*map(exact, r or self.late)]) for t, r in zip((begin, end), several(span.get("progress"), 2))]
+        require(all(len(r) == len(self.late) and 0 <= min(r) <= max(r) <= 1 for _, r in sides), "it is no progress")
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, middle)[0] for id in ids)  # first: it detects cycles
         a, b, *frames = *(self.bodies[id] for id in ids), *map(self.frames, ids)
         require(begin <= middle <= end and a.pieces and b.pieces, "a time beyond the ends, or a body without pieces")
         shared = sum(x == y for x, y in zip(*frames))  # common carriers move neither body relative to the other
-        known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, begin, end) for id, f in zip(ids, frames))))
+        known, inner = map(sum, zip(*(self.slack(id, f[shared:], middle, sides) for id, f in zip(ids, frames))))
         require(sum(length(term["inner"]) for term in span["slack"]["terms"]) >= known, "slack is too little")
-        grown, grows, fast, swells = map(sum, zip(*(self.growth(id, middle, begin, end) for id in ids)))
-        counts = len(a.pieces), len(b.pieces)
+        growths, counts = [self.growth(id, middle, sides) for id in ids], (len(a.pieces), len(b.pieces))
         cover = [list(map(run, several(claim["pieces"], 2), counts)) for claim in span["lower"]]
         for claim, ((i, i_end), (j, j_end)) in zip(span["lower"], cover):  # directions are from a towards b
             named, seer, moves = claim["direction"], claim["seer"], {1: False, 2: True}[claim["order"]]
             n = times(-1, turned(R_b, AXES[2])) if named is None else turned(R_a, vector(named, high_and_low))
-            rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, begin, end) for id in ids]
-            way, bend = map(sum, zip(*rates[seer]))
-            for s in (begin - middle, end - middle) if moves else (0,):  # the proved gap is concave between these
-                need = s * grows + (bend + swells) * s * s / 2 if moves else way + fast * half
-                need += bound + inner + grown + blur_a + blur_b
-                (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, n, s) for id in ids)
+            rates[seer] = rates.get(seer) or [self.rates(seer, id, middle, sides) for id in ids]
+            for k, share in SIDES[2 * (len(self.late) < 3):] if moves else SIDES[:1]:  # the gap is concave in between
+                need = bound + blur_a + blur_b + inner + sum(grown for grown, *_ in growths)
+                for (way, bends), (_, swells, rests) in zip(rates[seer], growths):
+                    need += bends[k][share] + share * rests[k][0] + rests[k][1] if moves else way + swells
+                (n_a, to_a), (n_b, to_b) = (self.lean(seer, id, middle, sides[k][0], n, share) for id in ids)
                 gap = dot(n_b, t_b) + to_b - dot(n_a, t_a) - to_a
                 n_a, n_b = turned(zip(*R_a), n_a), times(-1, turned(zip(*R_b), n_b))
                 gap -= max(p.support(n_a) for p in a.pieces[i:i_end]) + max(p.support(n_b) for p in b.pieces[j:j_end])
@@ -237,16 +241,15 @@ class Motion:  # bodies between the two ends of a configuration, at times in [0,
                         f"a part of {held.name!r} is within {holder.name!r}")
         require(bound > 0 or len(cover) == 1 or a.pieces + b.pieces == a.wholes + b.wholes, "a depth of surfaces")
         return begin, end
-    def lean(self, seer, id, time, n, s):  # upper bound at s of n.x for points x of constant velocity: lean.x + more
-        path = [(times(place(slopes(curve), time), axis), point, turns)
-                for axis, point, turns, curve in (self.path(seer, id, time) if s else [])]
+    def lean(self, seer, id, time, end, n, share):  # upper bound on n.x for points x after a share of a uniform motion
+        path = [(times(share * ways(c, time, end)[-1], axis), *more) for axis, *more, c in self.path(seer, id, time)]
         turn = tuple(map(sum, zip(ZERO, *(rate for rate, _, turns in path if turns))))
-        return plus(n, cross(n, turn), s), s * sum(dot(n, cross(p, v) if turns else v) for v, p, turns in path)
+        return plus(n, cross(n, turn)), sum(dot(n, cross(p, v) if turns else v) for v, p, turns in path)
     def check_upper(self, ids, claim, bound):
         time, (i, j), (a, b) = exact(claim["time"]), claim["pieces"], (self.bodies[id] for id in ids)
         (t_a, R_a, blur_a), (t_b, R_b, blur_b) = (self.at(id, time)[0] for id in ids)
         cores, named = (at(a.pieces, i, "piece"), at(b.pieces, j, "piece")), []
-        reach = bound - a.outer - b.outer - blur_a - blur_b + sum(self.growth(id, time, time, time)[0] for id in ids)
+        reach = bound - a.outer - b.outer - blur_a - blur_b + sum(self.growth(id, time, [(time, [0])])[0] for id in ids)
         for core, found in zip(cores, several(claim.get("points"), 2)):  # for a core in closed form, points near it
             named.append([vector(p, high_and_low) for p in found] if core.kind else core.vertices)
             reach += core.radius - (max(0, *map(core.off, named[-1])) if core.kind else 0)

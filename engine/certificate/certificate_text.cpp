@@ -90,11 +90,12 @@ void CertificateText::begin_pair(BodyPair pair, const BodyPoses& here, double ma
 }
 
 void CertificateText::begin_span(BodyPair pair, const SpanPlace& span) {
-  add_item(open_text({{"begin", span.begin},
-                      {"end", span.end},
-                      {"at", span.at},
-                      {"slack", slack_json(span, scene_.bodies()[pair.a], scene_.bodies()[pair.b])}}),
-           first_span_);
+  Json json{{"begin", span.begin},
+            {"end", span.end},
+            {"at", span.at},
+            {"slack", slack_json(span, scene_.bodies()[pair.a], scene_.bodies()[pair.b])}};
+  if (!span.progress[0].empty()) json["progress"] = Json::array({Json(span.progress[0]), Json(span.progress[1])});
+  add_item(open_text(json), first_span_);
   add(",\"lower\":[");
   first_lower_ = true;
 }

@@ -6,6 +6,7 @@
 #include <map>
 #include <optional>
 #include <set>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -38,6 +39,7 @@ struct SpanPlace {
   SlackParts parts_a, parts_b;
   double joints = 0;                    ///< between links of one robot: joints_between()
   double between_a = 0, between_b = 0;  ///< BodyPoses::chain_slack()
+  std::span<const double> progress[2];  ///< CurveSides::progress(); none if unused
 };
 
 /// Two points no farther apart than an upper bound, or a closed surface that proves a penetration depth.

@@ -32,8 +32,18 @@ void MotionMoment::move_to(double time) {
   rotations_.resize(plan_.bodies.size());
   rotations_of(given.poses, rotations_);
   placed_.configure(moments_++, given, rotations_);
-  twists_.resize(plan_.moved.size());
-  poses_.twists(0, placed_, twists_);
+  for (std::vector<Twist>& twists : twists_) twists.resize(plan_.moved.size());
+  poses_.twists(0, placed_, twists_[0]);
+  twists_[1] = twists_[0];
+}
+
+void MotionMoment::follow(int side) {
+  slopes_.clear();
+  for (const CurveSides::Curve& curve : moving_->sides.curves()) slopes_.push_back(curve.chord[side]);
+  poses_.follow(0, slopes_);
+  poses_.twists(0, placed_, twists_[side]);
+  const std::size_t first = slopes_.size() - moving_->growths.size();
+  for (std::size_t i = 0; i < moving_->growths.size(); ++i) moving_->growth[i].slope = slopes_[first + i];
 }
 
 PairProver::PairProver(const engine::Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
@@ -56,18 +66,30 @@ PairProver::PairProver(const engine::Scene& scene, const MotionBounds& bounds, c
 
 // Starts the current span.
 void PairProver::begin_span() {
-  const Span& span = left_.back();
-  moment_.move_to(span.middle());
-  moment_.restrict_to(bounds_, span.begin, span.end);
-  rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
-  growth_ = bounds_.growth(pair_, moment_.moving(), span.middle());
+  Span& span = left_.back();
+  span.at =
+      is_curved() ? middle_of_length(moment_.moving().curves, span.begin, span.end) : 0.5 * span.begin + 0.5 * span.end;
+  moment_.move_to(span.at);
+  take_rates();
   slack_ = pair_slack(moment_.placed(), pair_);
-  slack_.inner = sum_above(slack_.inner, growth_.most);
-  way_ = way_of_pair(rates_, span.half());
+  slack_.inner = sum_above(slack_.inner, growth_[0].most);
   i_ = j_ = 0;
   halves_ = {};
   claims_.clear();
   has_begun_span_ = true;
+}
+
+void PairProver::take_rates() {
+  const Span& span = left_.back();
+  moment_.restrict_to(bounds_, span.begin, span.end);
+  rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
+  rest_ = bounds_.rest(position_, pair_, moment_.moving(), rates_.seer);
+  for (int side = 0; side < 2; ++side) {
+    if (is_curved()) moment_.follow(side);
+    growth_[side] = bounds_.growth(pair_, moment_.moving(), span.at);
+  }
+  reach_ = is_curved() ? 1 : span.half();
+  way_ = way_of_pair(rates_, reach_);
 }
 
 // Processes one more pair of convex parts. Returns true once a span is proved and can be written.
@@ -142,7 +164,7 @@ bool PairProver::step_cover(WorkMeter& meter) {
 // Queues the unproved half or halves next.
 void PairProver::end_span(const Halves& proved) {
   const Span span = left_.back();
-  const double middle = span.middle();
+  const double middle = span.at;
   left_.pop_back();
   has_begun_span_ = false;
   if (!proved.after) left_.push_back({middle, span.end});
@@ -157,6 +179,9 @@ void PairProver::write(SpanPlace place) {
   place.begin = proved_.begin;
   place.end = proved_.end;
   place.at = proved_.at;
+  const bool is_along = std::any_of(claims_.begin(), claims_.end(), [](const PartProof& p) { return p.order == 2; });
+  if (is_curved() && is_along)
+    for (int side = 0; side < 2; ++side) place.progress[side] = moment_.moving().sides.progress(side);
   text_.begin_span(pair_, place);
   for (const PartProof& claim : claims_) text_.add_lower(claim);
   text_.end_span();
@@ -219,21 +244,25 @@ PairProver::Halves PairProver::try_parts(const ConvexPart& p, const ConvexPart& 
   return {false, false};
 }
 
-// Lower bounds on the pair's distance in either half of the span, along a direction in world axes.
+// Whether a direction in world axes proves the span until either end.
 // \param p, q null for all parts
 PairProver::Halves PairProver::by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const {
+  return {is_proved_along(n, p, q, 0), is_proved_along(n, p, q, 1)};
+}
+
+bool PairProver::is_proved_along(const Vec3d& n, const ConvexPart* p, const ConvexPart* q, int side) const {
   const BodyPoses& here = moment_.placed();
-  const double half = left_.back().half();
   const auto moving_body = [&](std::uint32_t body, const ConvexPart* part) {
     return MovingBody{scene_.bodies()[body], here[body].pose,
-                      bounds_.twist_before(rates_.seer, body, moment_.twists(), here), nullptr, part};
+                      bounds_.twist_before(rates_.seer, body, moment_.twists(side), here), nullptr, part};
   };
   MovingBody b = moving_body(pair_.b, q);
   // Growth brings the bodies nearer along every direction.
-  if (growth_.any()) b.twist.shift = b.twist.shift - n * (growth_.slope / norm(n));
-  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), b, half, bend_of_pair(rates_, half));
-  const double less = (slack_.inner + rates_.drift * half) * (1 + 0x1p-40);
-  return {difference_below(gaps.before, less) >= lower_, difference_below(gaps.after, less) >= lower_};
+  if (growth_[side].any()) b.twist.shift = b.twist.shift - n * (growth_[side].slope / norm(n));
+  const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), b, reach_, bend_of_pair(rates_, reach_) - rest_);
+  const double less = (slack_.inner + rest_ + rates_.drift * reach_) * (1 + 0x1p-40);
+  // The progress of a curve is positive on both sides.
+  return difference_below(side == 0 && !is_curved() ? gaps.before : gaps.after, less) >= lower_;
 }
 
 }  // namespace clearance

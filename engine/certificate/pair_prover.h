@@ -27,16 +27,19 @@ class MotionMoment {
   /// Begins with another motion.
   /// \param moving must outlive its use
   void begin(MovingBodies& moving);
-  /// Restricts the rates of curves to a span.
-  void restrict_to(const MotionBounds& bounds, double begin, double end) {
-    bounds.take_derivatives(begin, end, *moving_);
-  }
   /// \param time in [0, 1]
   void move_to(double time);
+  /// Restricts the rates of curves to both sides of the moment in a span.
+  void restrict_to(const MotionBounds& bounds, double begin, double end) {
+    bounds.take_sides(begin, time_, end, *moving_);
+  }
+  /// Follows a side's chord, as CurveSides has it. Not for straight motions.
+  void follow(int side);
 
   const MovingBodies& moving() const { return *moving_; }
   const BodyPoses& placed() const { return placed_; }
-  std::span<const Twist> twists() const { return twists_; }
+  /// On side 0 until the span's begin, or 1 until its end; the same for straight motions.
+  std::span<const Twist> twists(int side) const { return twists_[side]; }
 
  private:
   const Plan& plan_;
@@ -46,7 +49,8 @@ class MotionMoment {
   double time_ = -1;
   std::uint64_t moments_ = 0;  // number of moments so far; each has a number of its own
   std::vector<Mat3d> rotations_;
-  std::vector<Twist> twists_;
+  std::vector<double> slopes_;
+  std::vector<Twist> twists_[2];
 };
 
 /// Halves the motion until each span is proved by the pair's speed, or by a direction along which the motion is
@@ -76,9 +80,9 @@ class PairProver {
  private:
   struct Span {
     double begin, end;
-    double middle() const { return 0.5 * begin + 0.5 * end; }
+    double at = 0;  // time of its evaluation
     // Exact, even where the middle is rounded: a span begins at 0, or no earlier than it is long.
-    double half() const { return std::max(end - middle(), middle() - begin); }
+    double half() const { return std::max(end - at, at - begin); }
   };
   // Halves of the current span that are proved so far.
   struct Halves {
@@ -86,7 +90,9 @@ class PairProver {
     bool any() const { return before || after; }
   };
 
+  bool is_curved() const { return !moment_.moving().curves.empty(); }
   void begin_span();
+  void take_rates();
   bool step(WorkMeter& meter);
   Vec3d towards_b() const;
   bool try_boxes();
@@ -94,6 +100,7 @@ class PairProver {
   bool is_too_near_somewhere(WorkMeter& meter);
   Halves try_parts(const ConvexPart& p, const ConvexPart& q, PartProof claim, bool in_all_ways);
   Halves by_direction(const Vec3d& n, const ConvexPart* p, const ConvexPart* q) const;
+  bool is_proved_along(const Vec3d& n, const ConvexPart* p, const ConvexPart* q, int side) const;
   bool by_speed(double lower) const { return difference_below(slack_.true_lower(lower), way_) >= lower_; }
   void write(SpanPlace place);
   void end_span(const Halves& proved);
@@ -113,7 +120,9 @@ class PairProver {
 
   // Of the current span.
   PairRates rates_;
-  PairGrowth growth_;
+  double reach_ = 0;  // until its ends, in the units of rates_: time, or the progress of a curve
+  double rest_ = 0;   // MotionBounds::rest()
+  PairGrowth growth_[2];
   Slack slack_;  // of the parts, which do not grow: growth in its middle is inner slack
   double way_ = 0;
   std::uint32_t i_ = 0, j_ = 0;     // the current pair of parts

@@ -283,6 +283,16 @@ PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const Movin
   return rates;
 }
 
+double MotionBounds::rest(std::uint64_t position, BodyPair pair, const MovingBodies& moving, std::uint32_t seer) const {
+  if (moving.chain_rests.empty()) return 0;
+  const auto of = [&](std::uint32_t chain) { return chain == kStill ? 0 : moving.chain_rests[chain]; };
+  double rest = of(chain_of_body_[pair.a]) + of(chain_of_body_[pair.b]);
+  if (const auto views = views_.find(position); seer != kNone && views != views_.end())
+    for (std::uint32_t v = 0; v < views->second.count; ++v)
+      if (const View& view = views->second.view[v]; view.seer == seer) rest = of(view.a) + of(view.b);
+  return (rest + 0.5 * growth(pair, moving, 0).bend) * kUp;
+}
+
 Twist MotionBounds::twist_before(std::uint32_t seer, std::uint32_t body, std::span<const Twist> twists,
                                  const BodyPoses& placed) const {
   const auto twist_of = [&](std::uint32_t of) { return slot_[of] == kNone ? Twist() : twists[slot_[of]]; };

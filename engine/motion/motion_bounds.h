@@ -12,6 +12,7 @@
 #include "engine/robot/motion_path.h"
 #include "engine/selection/body_motion.h"
 #include "engine/selection/body_poses.h"
+#include "engine/selection/curve_sides.h"
 #include "engine/selection/joint_curve.h"
 #include "engine/selection/plan.h"
 
@@ -34,9 +35,10 @@ struct MovingBodies {
   std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
   std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of control points
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
-  /// Likewise: bound on the distance of the points from their places in the middle of the span, for each unit of time
-  /// until its ends; only after MotionBounds::take_derivatives().
-  std::vector<double> chain_ways;
+  CurveSides sides;                           ///< of `curves`, after MotionBounds::take_sides()
+  /// For each chain, in metres, only after take_sides(): bounds on the distance of the points from their places at the
+  /// time, and on that distance where the progress is 0.
+  std::vector<double> chain_ways, chain_rests;
   std::vector<double> chain_errors;     ///< likewise: bound on the error of the points' places in at()
   std::vector<double> chain_turns;      ///< likewise: bound on the carrier's rotation error, in radians
   std::vector<double> errors;           ///< for each of Plan::moved: ConfigurationPoses::PoseBlock::errors
@@ -65,8 +67,12 @@ class MotionBounds {
   void take(std::uint64_t motion, MovingBodies& moving) const;
   /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
   void take_span(double begin, double end, MovingBodies& moving) const;
-  /// Likewise, by bounds on the derivatives of curves: docs/bounds_robots.md, "Certificates of curves".
-  void take_derivatives(double begin, double end, MovingBodies& moving) const;
+  /// Restricts them to both sides of a time in a span: docs/bounds_robots.md, "Certificates of curves". Rates are then
+  /// by progress, and each side is a unit of it.
+  void take_sides(double begin, double time, double end, MovingBodies& moving) const;
+  /// Bound on a pair's approach where the progress is 0, in metres. After take_sides().
+  /// \param seer PairRates::seer
+  double rest(std::uint64_t position, BodyPair pair, const MovingBodies& moving, std::uint32_t seer) const;
   /// Growth of a pair in the span.
   /// \param middle of the span
   PairGrowth growth(BodyPair pair, const MovingBodies& moving, double middle) const;
@@ -121,9 +127,9 @@ class MotionBounds {
   void take_given(MovingBodies& moving) const;
   void take_curves(MovingBodies& moving) const;
   void take_joints(std::size_t robot, MovingBodies& moving) const;
-  /// \param span_of JointSpan of a JointCurve
+  /// \param span_of JointSpan of a CurveSides::Curve
   template <class SpanOf>
-  void take_spans(MovingBodies& moving, const SpanOf& span_of) const;
+  void take_parts(MovingBodies& moving, const SpanOf& span_of) const;
   void take_rates(MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
   double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;

@@ -39,9 +39,7 @@ void MotionPoses::take_row(std::size_t k) {
       const double middle = is_span ? span_.joints()[j].middle : curves[j].at(instant.time());
       row[j] = are_usable(curves[j]) ? middle : std::numeric_limits<double>::quiet_NaN();
     }
-    for (std::size_t c = 0; c < columns_; ++c)
-      slopes_[k * columns_ + c] =
-          is_span ? span_.joints()[c].slope : curves[c].derivatives(instant.begin, instant.end).slope;
+    for (std::size_t c = 0; c < columns_; ++c) slopes_[k * columns_ + c] = is_span ? span_.joints()[c].slope : 0;
     return;
   }
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
@@ -134,6 +132,12 @@ ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants)
     for (std::size_t i = 0; i < instants[k].moving->end_facts.size(); ++i)
       facts_[k * bodies + given + i] |= instants[k].moving->end_facts[i];
   return {poses_, facts_, travels_, {}};
+}
+
+void MotionPoses::follow(std::size_t k, std::span<const double> slopes) {
+  std::copy_n(slopes.begin(), columns_, &slopes_[k * columns_]);
+  std::size_t at = plan_.given_bodies;
+  for (std::size_t m = 0; m < plan_.motions.size(); at += plan_.motions[m++].links().size()) take_twists(m, at);
 }
 
 // For a robot's links, after they have been placed.

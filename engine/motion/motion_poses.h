@@ -27,7 +27,9 @@ class MotionPoses {
   void find_end_facts(MovingBodies& moving);
   /// Poses and facts, without errors, at some instants; valid until the next call.
   ConfigurationPoses::PoseBlock at(std::span<const Instant> instants);
-  /// Velocities of bodies at instant k of the last at().
+  /// Makes twists() those of other rates of curves than at(): (MovingBodies::curves,).
+  void follow(std::size_t k, std::span<const double> slopes);
+  /// Velocities of bodies at instant k of the last at(); along curves for a span only.
   /// \param placed the bodies placed at that instant
   /// \param twists (Plan::moved,) world axes, rounded
   void twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const;

@@ -126,33 +126,30 @@ void MotionBounds::take_span(double begin, double end, MovingBodies& moving) con
   take_rates(moving);
 }
 
-// The error of a velocity counts as an acceleration.
-void MotionBounds::take_derivatives(double begin, double end, MovingBodies& moving) const {
+void MotionBounds::take_sides(double begin, double time, double end, MovingBodies& moving) const {
   if (moving.curves.empty()) return;
-  const double middle = 0.5 * begin + 0.5 * end, half = std::max(end - middle, middle - begin);
-  take_spans(moving, [&](const JointCurve& curve) {
-    const JointDerivatives span = curve.derivatives(begin, end);
-    return JointSpan{0, span.slope, span.way / half * kMotionSlack, 0};
-  });
+  using Curve = CurveSides::Curve;
+  moving.sides.take(moving.curves, begin, time, end);
   moving.chain_ways.clear();
+  moving.chain_rests.clear();
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.way, 0}; });
   for (const MotionRates& rates : moving.chains) moving.chain_ways.push_back(rates.speed);
-  take_spans(moving, [&](const JointCurve& curve) {
-    const JointDerivatives span = curve.derivatives(begin, end);
-    return JointSpan{0, span.slope, span.change, (span.bend + 2 * span.error / half) * kMotionSlack};
-  });
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.rest, 2 * curve.rest}; });
+  for (const MotionRates& rates : moving.chains) moving.chain_rests.push_back(0.5 * rates.acceleration);
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.change, 2 * curve.rest}; });
 }
 
 // Takes the rates of all curves, and those of the chains.
 template <class SpanOf>
-void MotionBounds::take_spans(MovingBodies& moving, const SpanOf& span_of) const {
+void MotionBounds::take_parts(MovingBodies& moving, const SpanOf& span_of) const {
+  const std::span<const CurveSides::Curve> curves = moving.sides.curves();
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
-      const JointSpan span = span_of(moving.curves[joint.at]);
-      moving.along[m][joint.column] = span.slope;
+      const JointSpan span = span_of(curves[joint.at]);
       moving.change[m][joint.column] = span.change;
       moving.bend[m][joint.column] = span.bend;
     }
-  const JointCurve* by = moving.curves.data() + plan_.joints.size();
+  const CurveSides::Curve* by = curves.data() + plan_.joints.size();
   moving.given_rates.assign(plan_.given_bodies, {});
   for (MotionRates& rates : moving.given_rates) {
     const JointSpan x = span_of(by[0]), y = span_of(by[1]), z = span_of(by[2]);
@@ -160,7 +157,7 @@ void MotionBounds::take_spans(MovingBodies& moving, const SpanOf& span_of) const
              0};
     by += 3;
   }
-  std::transform(moving.growths.begin(), moving.growths.end(), moving.growth.begin(), span_of);
+  std::transform(by, by + moving.growths.size(), moving.growth.begin(), span_of);
   take_rates(moving);
 }
 

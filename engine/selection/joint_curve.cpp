@@ -16,7 +16,6 @@ constexpr double kStepUnits = 6;             // error of position_between(), in 
 constexpr double kSpanErrors = 6;            // error of a span's control points and differences, in errors of at()
 constexpr double kCurveSlack = 1 + 0x1p-30;  // covers the rounding of sums and products
 constexpr int kMostHalvings = 14;            // of a curve near a limit
-constexpr double kDerivativeUnits = 32;      // error of derivatives() by degree^order, in roundings of the positions
 
 double position_between(double a, double b, double t) {
   return a + t * (b - a);
@@ -41,14 +40,6 @@ double polar(const double* points, std::uint32_t degree, double begin, double en
     for (std::uint32_t i = 0; i < degree - level; ++i)
       p[i] = position_between(p[i], p[i + 1], level < ends ? end : begin);
   return p[0];
-}
-
-// Greatest distance of the control points in a span from a place.
-double greatest_in(const double* points, std::uint32_t degree, double begin, double end, double from = 0) {
-  double most = 0;
-  for (std::uint32_t i = 0; i <= degree; ++i)
-    most = std::max(most, std::abs(polar(points, degree, begin, end, i) - from));
-  return most;
 }
 
 bool is_curve_within(const double* points, std::uint32_t degree, double lower, double upper, int halvings) {
@@ -78,6 +69,11 @@ JointCurve::JointCurve(const double* points, std::uint32_t count, std::size_t st
   if (least_ != greatest_) rounding_ = degree_ * kStepUnits * kCurveUnit * farthest * kCurveSlack;
 }
 
+// Otherwise it must not affect the progress of others.
+bool JointCurve::has_positions() const {
+  return -kMaxPosition <= least_ && greatest_ <= kMaxPosition;
+}
+
 double JointCurve::at(double time) const {
   double points[kMostPoints];
   std::copy_n(points_, degree_ + 1, points);
@@ -97,26 +93,13 @@ void JointCurve::part(double begin, double end, double* points, std::size_t stri
   std::copy_n(points_, degree_ + 1, part);
   if (begin > 0) keep_after(part, degree_, begin);
   if (end < 1) keep_before(part, degree_, (end - begin) / (1 - begin));
-  // Otherwise the joint has no positions, and must not affect the progress of others.
-  const bool is_usable = -kMaxPosition <= least_ && greatest_ <= kMaxPosition;
-  for (std::uint32_t i = 0; i <= degree_; ++i) points[i * stride] = is_usable ? part[i] : 0;
+  for (std::uint32_t i = 0; i <= degree_; ++i) points[i * stride] = has_positions() ? part[i] : 0;
 }
 
-JointDerivatives JointCurve::derivatives(double begin, double end) const {
-  JointDerivatives found;
-  if (!(least_ < greatest_) || !std::isfinite(greatest_ - least_)) return found;
-  const double d = degree_, unit = kDerivativeUnits * kCurveUnit * d * d * std::max(-least_, greatest_);
-  double first[kMostPoints], second[kMostPoints];
-  for (std::uint32_t i = 0; i < degree_; ++i) first[i] = d * (points_[i + 1] - points_[i]);
-  for (std::uint32_t i = 0; i + 1 < degree_; ++i) second[i] = (d - 1) * (first[i + 1] - first[i]);
-  const double middle = 0.5 * begin + 0.5 * end;
-  found.error = unit;
-  found.slope = polar(first, degree_ - 1, middle, middle, 0);
-  found.change = (greatest_in(first, degree_ - 1, begin, end) + unit) * kCurveSlack;
-  const double middle_place = polar(points_, degree_, middle, middle, 0);
-  found.way = (greatest_in(points_, degree_, begin, end, middle_place) + unit) * kCurveSlack;
-  if (degree_ > 1) found.bend = (greatest_in(second, degree_ - 2, begin, end) + 2 * d * unit) * kCurveSlack;
-  return found;
+void JointCurve::from(double time, double end, double* points, std::size_t stride) const {
+  const double first = polar(points_, degree_, time, end, 0);
+  for (std::uint32_t i = 0; i <= degree_; ++i)
+    points[i * stride] = has_positions() ? polar(points_, degree_, time, end, i) - first : 0;
 }
 
 bool JointCurve::stays_within(double lower, double upper) const {

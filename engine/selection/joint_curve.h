@@ -9,15 +9,6 @@
 
 namespace clearance {
 
-/// Bounds on a curve and its derivatives in a span of time, and the first derivative at its middle. Rounded up.
-struct JointDerivatives {
-  double slope = 0;   ///< q'(m), rounded
-  double change = 0;  ///< bound on |q'|
-  double bend = 0;    ///< bound on |q''|
-  double error = 0;   ///< bound on the error of `slope`
-  double way = 0;     ///< bound on |q - q(m)|
-};
-
 /// A joint in a span of time [m - h, m + h], as a part of a straight motion and a remainder. For |s| <= h, q(m + s) is
 /// within `change` h of q(m), and within `bend` h^2 / 2 of q(m) + `slope` r, where r in [-h, h] is the same for all
 /// joints. Bounds are rounded up.
@@ -53,13 +44,17 @@ class JointCurve {
   /// \param points receives degree() + 1 numbers at intervals of `stride`
   void part(double begin, double end, double* points, std::size_t stride) const;
   std::uint32_t degree() const { return degree_; }
-  /// Derivatives by time, from their control points in the span.
-  /// \param begin, end ascending, in [0, 1]
-  JointDerivatives derivatives(double begin, double end) const;
+  /// Control points from a time until another one, earlier or later, relative to the position at the former, each within
+  /// 3 rounding(); 0 for a curve without positions.
+  /// \param time, end in [0, 1]
+  /// \param points receives degree() + 1 numbers at intervals of `stride`
+  void from(double time, double end, double* points, std::size_t stride) const;
   /// Returns whether all positions are within limits, apart from rounding. False if subdivision does not show it.
   bool stays_within(double lower, double upper) const;
 
  private:
+  bool has_positions() const;
+
   double points_[kMostPoints];
   std::uint32_t degree_;
   double least_, greatest_, rounding_ = 0;

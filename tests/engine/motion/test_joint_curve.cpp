@@ -4,8 +4,10 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdio>
+#include <span>
 #include <vector>
 
+#include "engine/selection/curve_sides.h"
 #include "engine/selection/joint_curve.h"
 #include "tests/engine/robot/exact_curve.h"
 #include "tests/engine/robot/random_robot.h"
@@ -202,56 +204,83 @@ TEST(JointCurve, AJointBeyondAllPositionsDoesNotAffectOthers) {
   }
 }
 
-// A derivative of a curve at a time, exactly.
-Real derivative_at(const std::vector<double>& points, int order, const Real& t) {
-  std::vector<Real> p(points.begin(), points.end());
-  for (int k = 0; k < order; ++k) {
-    const Real degree = static_cast<double>(p.size() - 1);
-    for (std::size_t i = 0; i + 1 < p.size(); ++i) p[i] = degree * (p[i + 1] - p[i]);
-    if (p.size() == 1) return 0;
-    p.pop_back();
+// Both sides of a time, with the progress that belongs to its control points.
+void expect_sides(const Joints& joints, const CurveSides& sides, double time, const double (&ends)[2]) {
+  for (int side = 0; side < 2; ++side) {
+    const std::span<const double> progress = sides.progress(side);
+    for (const double r : progress) EXPECT_TRUE(0 <= r && r <= 1 && std::abs(r * 1e6 - std::round(r * 1e6)) < 1e-9);
+    for (int k = 0; k <= 16; ++k) {
+      const Real x = Real(k) / 16, t = Real(time) + (Real(ends[side]) - Real(time)) * x;
+      const Real r = test::real_curve(progress.data(), progress.size(), 1, x);
+      const std::vector<Real> q = joints.at(time, t - time);
+      for (std::size_t j = 0; j < q.size(); ++j) {
+        const CurveSides::Curve& curve = sides.curves()[j];
+        ASSERT_LE(abs(q[j]), Real(curve.way) + kDigits);
+        ASSERT_LE(abs(q[j] - r * curve.chord[side]), Real(curve.rest) + kDigits);
+        ASSERT_LE(abs(curve.chord[side]) + curve.rest, curve.change);
+      }
+    }
   }
-  for (; p.size() > 1; p.pop_back())
-    for (std::size_t i = 0; i + 1 < p.size(); ++i) p[i] += t * (p[i + 1] - p[i]);
-  return p[0];
 }
 
-TEST(JointCurve, DerivativesAreBoundedInSpans) {
+// Three curves of one degree; on a line in one of two cases.
+Joints random_joints(RobotRandom& random, bool is_on_line) {
+  Joints joints;
+  const std::vector<double> first = random_points(random);
+  joints.add(first);
+  while (joints.points.size() < 3) {
+    std::vector<double> points = random_points(random);
+    const double by = random.uniform(-2, 2), size = std::pow(10.0, random.uniform(-6, 1));
+    points.resize(first.size());
+    for (std::size_t i = 0; i < first.size(); ++i)
+      points[i] = is_on_line ? by * (first[i] - first[0]) : size * random.uniform(-1, 1);
+    joints.add(points);
+  }
+  return joints;
+}
+
+TEST(JointCurve, SidesHoldTheExactCurve) {
   RobotRandom random(17);
-  Real worst = 0, loosest = 0, loosest_way = 0;
-  int close = 0;
-  for (int i = 0; i < 3000; ++i) {
-    const std::vector<double> points = random_points(random);
+  int lines = 0, bent = 0, rounded = 0;
+  for (int i = 0; i < 2000; ++i) {
+    const bool is_on_line = random.below(2);
+    const Joints joints = random_joints(random, is_on_line);
     double begin = random.uniform(0, 1), end = random.uniform(0, 1);
     if (random.below(2)) end = begin + std::pow(10.0, random.uniform(-12, -1)) * (1 - begin);
     if (end < begin) std::swap(begin, end);
-    const JointDerivatives found = curve_of(points).derivatives(begin, end);
-    const double middle = 0.5 * begin + 0.5 * end;
-    const Real off = abs(Real(found.slope) - derivative_at(points, 1, middle));
-    EXPECT_LE(off, Real(found.error)) << i;
-    if (found.error > 0) worst = std::max<Real>(worst, off / found.error);
-    Real fastest = 0, farthest = 0;
-    for (int k = 0; k <= 16; ++k) {
-      const Real t = Real(begin) + (Real(end) - Real(begin)) * k / 16, rate = abs(derivative_at(points, 1, t));
-      EXPECT_LE(rate, Real(found.change)) << i;
-      const Real way = abs(derivative_at(points, 0, t) - derivative_at(points, 0, middle));
-      EXPECT_LE(way, Real(found.way)) << i;
-      farthest = std::max(farthest, way);
-      EXPECT_LE(abs(derivative_at(points, 2, t)), Real(found.bend)) << i;
-      fastest = std::max(fastest, rate);
+    const double time = random.below(4) ? begin + random.uniform(0, 1) * (end - begin) : random.below(2) ? begin : end;
+    CurveSides sides;
+    sides.take(joints.curves, begin, time, end);
+    expect_sides(joints, sides, time, {begin, end});
+    const CurveSides::Curve& first = sides.curves()[0];
+    rounded += first.way > 0 && joints.curves[0].rounding() > 1e-3 * first.way;
+    const double chord = std::max(std::abs(first.chord[0]), std::abs(first.chord[1]));
+    if (first.way > 1e6 * joints.curves[0].rounding()) {
+      lines += is_on_line && chord > 0 && first.rest < 1e-4 * chord;
+      bent += !is_on_line && first.rest > 0.01 * chord;
     }
-    if (end - begin > 1e-3 || !(fastest > 100 * found.error)) continue;
-    ++close;
-    loosest = std::max<Real>(loosest, Real(found.change) / fastest);
-    if (farthest > 100 * found.error) loosest_way = std::max<Real>(loosest_way, Real(found.way) / farthest);
   }
-  std::printf("error of a velocity up to %.2f of its bound; bounds up to %.3f of the speed in short spans\n",
-              static_cast<double>(worst), static_cast<double>(loosest));
-  EXPECT_GT(worst, 0.001);
-  EXPECT_GT(close, 500);
-  EXPECT_LT(loosest, 1.3);
-  EXPECT_GT(loosest_way, 1);
-  EXPECT_LT(loosest_way, 1.3);
+  std::printf("%d lines, %d bent, %d rounded\n", lines, bent, rounded);
+  EXPECT_GT(lines, 100);
+  EXPECT_GT(bent, 100);
+  EXPECT_GT(rounded, 100);
+}
+
+TEST(JointCurve, TheMiddleDividesItsLength) {
+  Joints joints;
+  joints.add({0, 0, 0, 1, 1, 1});
+  joints.add({5, 5, 5, 3, 3, 3});
+  for (double begin = 0, end = 1; end > 1e-4;) {
+    const double middle = middle_of_length(joints.curves, begin, end), grid = std::exp2(5 - std::floor(std::log2(end)));
+    ASSERT_EQ(middle * grid, std::floor(middle * grid));
+    const double before = joints.curves[0].at(middle) - joints.curves[0].at(begin),
+                 after = joints.curves[0].at(end) - joints.curves[0].at(middle);
+    EXPECT_LT(std::abs(before - after), 0.25 * (before + after)) << end;
+    end = middle;
+  }
+  Joints still;
+  still.add({1, 1, 1});
+  EXPECT_EQ(middle_of_length(still.curves, 0.25, 0.75), 0.5);
 }
 
 }  // namespace

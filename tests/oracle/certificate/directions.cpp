@@ -14,33 +14,44 @@ struct Look {
   const Body &a, &b;
   const Pose &X_wa, &X_wb;
   Span span;
-  Dyadic target;   // required distance of the parts without motion, which do not grow
-  Dyadic growing;  // rate of both bodies' growth in the middle
-  Rates growth;    // bounds on it in the span
+  Dyadic target;     // required distance of the parts without motion, which do not grow
+  Growth growth[2];  // of either body
 
   Rates rates(Frame seer) const {
-    const Rates of_a = motion.rates(seer, ids[0], span), of_b = motion.rates(seer, ids[1], span);
-    return {of_a.way + of_b.way + growth.way, of_a.bend + of_b.bend + growth.bend};
+    Rates sum;
+    for (const Rates& rates :
+         {motion.rates(seer, ids[0], span), motion.rates(seer, ids[1], span), growth[0].most, growth[1].most}) {
+      sum.way += rates.way;
+      for (std::size_t side = 0; side < 2; ++side)
+        for (std::size_t share = 0; share < 2; ++share) sum.rest[side][share] += rates.rest[side][share];
+    }
+    return sum;
   }
 };
 
-// Points x that keep their velocity as observed by `seer` move along n, in s, to n_moved·x + more.
+// Points x that keep their velocity as observed by `seer` move along n to n_moved·x + more.
 struct Lean {
   Vector n_moved;
   Dyadic more;
 };
 
-Lean lean(const Motion& motion, Frame seer, Id id, double time, const Vector& n, const Dyadic& s) {
+// A place in a span: 0 or 1 on one of its sides.
+struct Progress {
+  std::size_t side;
+  int share;
+};
+
+// In a uniform motion to the end of a side.
+Lean lean(const Look& look, Frame seer, Id id, const Vector& n, const Progress& progress) {
   Lean lean{n, {}};
-  if (s.sign() == 0) return lean;
+  if (progress.share == 0) return lean;
   Vector turn;
-  for (const Mover& mover : motion.path(seer, id, time)) {
-    const Vector rate = mover.curve.rate(time) * mover.axis;
+  for (const Mover& mover : look.motion.path(seer, id, look.span.at)) {
+    const Vector rate = mover.curve.way(look.span.at, look.span.end_of(progress.side)).back() * mover.axis;
     if (mover.turns) turn = turn + rate;
     lean.more += dot(n, mover.turns ? cross(mover.point, rate) : rate);
   }
-  lean.more = s * lean.more;
-  lean.n_moved = n + s * cross(n, turn);
+  lean.n_moved = n + cross(n, turn);
   return lean;
 }
 
@@ -69,11 +80,10 @@ Dyadic support(const Body& body, const Pose& pose, const Vector& n, const Run& r
   return most;
 }
 
-// Checks that the parts are apart by `need` along n (in the world's axes, of any length) after s.
-void check_gap(const Look& look, Frame seer, const Vector& n, const Dyadic& s, const Dyadic& need,
+// Checks that the parts are apart by `need` along n (in the world's axes, of any length) at some progress.
+void check_gap(const Look& look, Frame seer, const Vector& n, const Progress& progress, const Dyadic& need,
                const RunPair& runs) {
-  const Lean of_a = lean(look.motion, seer, look.ids[0], look.span.at, n, s);
-  const Lean of_b = lean(look.motion, seer, look.ids[1], look.span.at, n, s);
+  const Lean of_a = lean(look, seer, look.ids[0], n, progress), of_b = lean(look, seer, look.ids[1], n, progress);
   const Dyadic ahead = support(look.a, look.X_wa, of_a.n_moved, runs.a);
   const Dyadic behind = support(look.b, look.X_wb, Dyadic(-1.0) * of_b.n_moved, runs.b);
   // The root is above |n|, so that a negative product is too low. It is raised a little.
@@ -96,11 +106,13 @@ void check_direction(const Look& look, const Value& claim, const Rates& rates, c
   const std::int64_t order = claim["order"].integer();
   require(!is_zero(n), "a direction is 0");
   require(order == 1 || order == 2, "a proof is of no known order");
-  if (order == 1) return check_gap(look, seer, n, {}, look.target + rates.way, runs);
-  for (const double end : {look.span.begin, look.span.end}) {
-    const Dyadic s = Dyadic(end) - look.span.at;
-    check_gap(look, seer, n, s, look.target + s * look.growing + Dyadic(0.5) * rates.bend * s * s, runs);
-  }
+  if (order == 1) return check_gap(look, seer, n, {0, 0}, look.target + rates.way, runs);
+  for (const std::size_t side : {0, 1})
+    for (const int share : {0, 1}) {
+      Dyadic need = look.target + rates.rest[side][share];
+      for (const Growth& growth : look.growth) need += Dyadic(static_cast<double>(share)) * growth.more[side];
+      check_gap(look, seer, n, {side, share}, need, runs);
+    }
 }
 
 RunPair named_runs(const Look& look, const Value& claim) {
@@ -187,23 +199,20 @@ IdPair pair_of(const Value& ids) {
 }
 
 ProvedTime check_span(const Motion& motion, const IdPair& ids, const Value& claims, const Dyadic& bound) {
-  const Span span{claims["begin"].finite(), claims["at"].finite(), claims["end"].finite()};
+  Span span{claims["begin"].finite(), claims["at"].finite(), claims["end"].finite(), {}};
+  const Value* const progress = claims.find("progress");
+  const bool has_progress = progress && !progress->is_null();
+  if (has_progress) require(progress->list().size() == 2, "a progress has not two sides");
+  for (std::size_t side = 0; side < 2; ++side)
+    span.progress[side] = motion.progress(has_progress ? &progress->at(side) : nullptr);
   const Body &a = motion.body(ids[0]), &b = motion.body(ids[1]);
   require(span.begin <= span.at && span.at <= span.end, "a span is looked at beyond its ends");
   require(!a.parts.empty() && !b.parts.empty(), "a body has no pieces");
   const Pose &X_wa = motion.at(ids[0], span.at).pose, &X_wb = motion.at(ids[1], span.at).pose;
   const Dyadic inner = checked_slack(motion, ids, claims["slack"], span);
   const Growth of_a = motion.growth(ids[0], span), of_b = motion.growth(ids[1], span);
-  const Look look{motion,
-                  ids,
-                  a,
-                  b,
-                  X_wa,
-                  X_wb,
-                  span,
-                  bound + inner + of_a.size + of_b.size + blur_of(X_wa, X_wb),
-                  of_a.rate + of_b.rate,
-                  {of_a.most.way + of_b.most.way, of_a.most.bend + of_b.most.bend}};
+  const Look look{motion,      ids, a, b, X_wa, X_wb, span, bound + inner + of_a.size + of_b.size + blur_of(X_wa, X_wb),
+                  {of_a, of_b}};
   std::vector<RunPair> covered;
   std::map<Frame, Rates> rates;
   for (const Value& claim : claims["lower"].list()) {

@@ -36,15 +36,6 @@ Id id_of(std::string_view text) {
   return id;
 }
 
-// Places at both ends of the range of a sliding joint in a span.
-std::vector<Vector> slid(const std::vector<Vector>& places, const Mover& mover, const CurveExtent& extent,
-                         const Dyadic& now) {
-  std::vector<Vector> all;
-  for (const Vector& place : places)
-    for (const Dyadic& end : {extent.least, extent.greatest}) all.push_back(place + (end - now) * mover.axis);
-  return all;
-}
-
 }  // namespace
 
 Frame frame_of(const Value& id) {
@@ -92,33 +83,6 @@ const Dyadic& Body::ball() const {
   return *ball_;
 }
 
-namespace {
-
-// Sliding joints without a turn between them, which move points along the sum of their curves.
-class Slides {
- public:
-  void add(const Mover& mover, const Span& span) {
-    auto hulls = mover.curve.hulls(span.begin, span.end);
-    for (Dyadic& place : hulls[0]) place -= mover.curve.at(span.at);
-    for (std::size_t k = 0; k < hulls.size(); ++k) {
-      if (sums_[k].empty()) sums_[k].resize(hulls[k].size());
-      require(sums_[k].size() == hulls[k].size(), "curves have different degrees");
-      for (std::size_t i = 0; i < sums_[k].size(); ++i) sums_[k][i] = sums_[k][i] + hulls[k][i] * mover.axis;
-    }
-  }
-  // Bound on the length of the way from the place at the span's time, or of the derivative of order k.
-  Dyadic longest(std::size_t k) const {
-    Dyadic most;
-    for (const Vector& control : sums_[k]) most = std::max(most, length_above(control));
-    return most;
-  }
-
- private:
-  std::array<std::vector<Vector>, 3> sums_;  // control points of the way and of both derivatives
-};
-
-}  // namespace
-
 Motion::Motion(const Bodies& bodies, const Value& configuration, bool moves)
     : bodies_(&bodies), poses_(ends_of(configuration["poses"])), positions_(ends_of(configuration["positions"])) {
   const std::size_t ends = moves ? 2 : 1, most = moves ? kMostPoints : 1;
@@ -127,6 +91,7 @@ Motion::Motion(const Bodies& bodies, const Value& configuration, bool moves)
     for (const auto& [name, values] : *given) {
       require(values.size() == any.begin()->second.size(), "a control point is missing");
       require(ends <= values.size() && values.size() <= most, "a curve has too few control points, or too many");
+      degree_ = values.size() - 1;
     }
 }
 
@@ -256,69 +221,6 @@ std::vector<Mover> Motion::path(Frame seer, Id id, double time) const {
   return path;
 }
 
-Rates Motion::rates(Frame seer, Id id, const Span& span) const {
-  const std::vector<Mover> path = this->path(seer, id, span.at);
-  if (path.empty()) return {};
-  const Pose& pose = at(id, span.at).pose;
-  // From the axis of each mover there is a chain of lengths to the body's points: across to the next axis (or to the
-  // centre of its ball), wherever the sliding joints between them lead, and then `beyond`.
-  std::vector<Vector> nexts{rounded(pose.divisor * pose.origin + turned(pose.rows, body(id).centre), pose.divisor)};
-  const bool is_turned = std::any_of(path.begin(), path.end(), [](const Mover& mover) { return mover.turns; });
-  Dyadic beyond = is_turned ? body(id).ball() : Dyadic(), nearer_turns;  // the speed of a slide does not depend on size
-  Rates rates;
-  std::vector<Dyadic> speeds, turns;
-  Slides slides;
-  const auto end_slides = [&] {
-    rates.way += slides.longest(0);
-    speeds.push_back(slides.longest(1));
-    turns.emplace_back();
-    rates.bend += slides.longest(2);
-    slides = {};
-  };
-  for (auto mover = path.rbegin(); mover != path.rend(); ++mover) {
-    const CurveExtent extent = mover->curve.extent(span.begin, span.end);
-    const Dyadic length = length_above(mover->axis), now = mover->curve.at(span.at);
-    if (!mover->turns) {
-      slides.add(*mover, span);
-      nexts = slid(nexts, *mover, extent, now);
-      continue;
-    }
-    end_slides();
-    Dyadic across, farthest;
-    for (const Vector& next : nexts) {
-      across = std::max(across, length_above(cross(mover->axis, next - mover->point)));
-      farthest = std::max(farthest, length_above(next - mover->point));
-    }
-    const Dyadic reach = length * beyond + across;
-    rates.way += reach * std::max(extent.greatest - now, now - extent.least);
-    speeds.push_back(reach * extent.change);
-    turns.push_back(length * extent.change);
-    rates.bend += reach * extent.bend;
-    beyond += farthest;
-    nexts = {mover->point};
-  }
-  end_slides();
-  for (std::size_t k = speeds.size(); k-- > 0;) {  // from the observer on: nearer movers rotate farther ones
-    rates.bend += speeds[k] * (turns[k] + nearer_turns + nearer_turns);
-    nearer_turns += turns[k];
-  }
-  return rates;
-}
-
-Growth Motion::growth(Id id, const Span& span) const {
-  const auto found = poses_.find(id);
-  if (found == poses_.end()) return {};
-  const auto grows = [](const Value& pose) { return pose.list().size() == 8; };
-  const auto count = static_cast<std::size_t>(std::count_if(found->second.begin(), found->second.end(), grows));
-  if (count == 0) return {};
-  require(count == found->second.size(), "a growth is missing");
-  std::vector<Dyadic> points;
-  for (const Value& pose : found->second) points.emplace_back(pose.at(7).length());
-  const Curve curve(std::move(points));
-  const CurveExtent extent = curve.extent(span.begin, span.end);
-  return {curve.at(span.at), curve.rate(span.at), {extent.change * span.half(), extent.bend}};
-}
-
 std::vector<Id> Motion::frames(Id id) const {
   std::vector<Id> frames;
   for (const Body* body = &this->body(id); body->on;) {
@@ -351,8 +253,7 @@ MotionUncertainty Motion::uncertainty(Id id, const std::vector<Id>& frames, cons
   if (body.chord.sign() != 0) uncertainty.in_the_middle += body.chord * body.reach();
   if (turn.sign() != 0) uncertainty.in_the_middle += turn * (along + body.moved + body.reach());
   uncertainty.all_along = uncertainty.in_the_middle;
-  const Dyadic half = span.half();
-  if (turn.sign() != 0 && half.sign() != 0) uncertainty.all_along += turn * rates({}, id, span).way;
+  if (turn.sign() != 0) uncertainty.all_along += turn * rates({}, id, span).way;
   return uncertainty;
 }
 

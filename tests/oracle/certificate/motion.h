@@ -1,6 +1,7 @@
 // Bodies of a certificate, their poses in one of its configurations, and bounds on their speeds.
 #pragma once
 
+#include <array>
 #include <map>
 #include <memory>
 #include <optional>
@@ -61,21 +62,24 @@ struct Place {
   std::vector<std::shared_ptr<const Mover>> movers;  ///< from the world on
 };
 
-/// A part of a motion, and the time in it at which bodies are placed.
+/// A part of a motion, and the time in it at which bodies are placed. It has two sides, until either end.
 struct Span {
   double begin, at, end;
-  /// From `at` to the farther end.
-  Dyadic half() const { return std::max(Dyadic(end) - at, Dyadic(at) - begin); }
+  /// For each side, control points of a progress from 0 to 1.
+  std::array<std::vector<Dyadic>, 2> progress;
+  double end_of(std::size_t side) const { return side == 0 ? begin : end; }
 };
 
-/// Bounds in a span: on the way of a body's points from their places at its time `at`, and on their acceleration.
+/// Bounds in a span, in metres: on the way of a body's points from their places at its time `at` and, for each side, on
+/// their distance from a uniform motion to its end, at a progress of 0 and 1.
 struct Rates {
-  Dyadic way, bend;
+  Dyadic way;
+  Dyadic rest[2][2];
 };
 
-/// How much a body is grown in the middle of a span, in metres, its rate there, and bounds on its rates in the span.
+/// How much a body is grown at a span's time `at`, in metres, how much more at either end, and as Rates.
 struct Growth {
-  Dyadic size, rate;
+  Dyadic size, more[2];
   Rates most;
 };
 
@@ -96,6 +100,10 @@ class Motion {
   std::vector<Mover> path(Frame seer, Id id, double time) const;
   Rates rates(Frame seer, Id id, const Span& span) const;
   Growth growth(Id id, const Span& span) const;
+  /// At one time, in metres.
+  Dyadic growth(Id id, double time) const;
+  /// The progress that a span's document has for a side.
+  std::vector<Dyadic> progress(const Value* given) const;
   /// The bodies that it follows, the farthest first, without links of its own robot that carry it.
   std::vector<Id> frames(Id id) const;
   /// \param frames those of them that count
@@ -112,6 +120,7 @@ class Motion {
   using Ends = std::map<Id, std::span<const Value>>;
 
   Ends ends_of(const Value& document) const;
+  std::optional<Curve> curve_of_growth(Id id) const;
   std::vector<Step> steps(Id id, double time) const;
   std::vector<Step> steps_between(Id id, std::span<const Value> ends, double time) const;
   std::vector<Step> steps_along(std::span<const Value> controls, double time) const;
@@ -120,6 +129,7 @@ class Motion {
 
   const Bodies* bodies_;
   Ends poses_, positions_;
+  std::size_t degree_ = 1;  // of curves
   mutable std::map<std::pair<Id, double>, Place> places_;
   mutable std::map<Id, Turn> turns_;
   mutable std::size_t depth_ = 0;

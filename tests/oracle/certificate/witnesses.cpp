@@ -118,7 +118,7 @@ void check_witness(const Motion& motion, const IdPair& ids, const Value& witness
   const Pose &X_wa = motion.at(ids[0], time).pose, &X_wb = motion.at(ids[1], time).pose;
   const Named of_a = named(a, witness, 0), of_b = named(b, witness, 1);
   Dyadic reach = bound - a.outer - b.outer;
-  for (const Id id : ids) reach += motion.growth(id, {time, time, time}).size;
+  for (const Id id : ids) reach += motion.growth(id, time);
   for (const Pose* pose : {&X_wa, &X_wb})
     if (pose->is_rounded) reach -= blur();
   const bool is_rounded = X_wa.is_rounded || X_wb.is_rounded;

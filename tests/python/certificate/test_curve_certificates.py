@@ -89,30 +89,25 @@ def test_every_front_has_them(checker, arm_front, arm_engine):
     assert document["rows"] == expected["rows"] and document["configurations"] == expected["configurations"]
 
 
-def test_the_checkers_derive_the_same_bounds_from_control_points(checker):
-    """Bounds on derivatives hold samples, and are those of the exact polynomial at its ends."""
+def test_the_checker_derives_control_points_of_both_sides(checker):
+    """Those from a time to an end are of the exact polynomial, which their bounds hold for any progress."""
     rng = np.random.default_rng(1)
     for count in range(2, 9):
         points = tuple(Fraction(float(x)) for x in rng.uniform(-3, 3, count))
-        begin, end = sorted(Fraction(int(x), 64) for x in rng.choice(65, 2, replace=False))
-        (low, high), speed, bend = checker.checker.extent(points, begin, end)
+        time, end = (Fraction(int(x), 64) for x in rng.choice(65, 2, replace=False))
+        progress = [Fraction(float(x)) for x in rng.uniform(0, 1, count)]
+        way = checker.checker.ways(points, time, end)
 
-        def derivative(time, order, points=points):
-            """The derivative by Bernstein's polynomials."""
-            values = list(points)
-            for _ in range(order):
-                values = [(len(values) - 1) * (b - a) for a, b in zip(values, values[1:])] or [Fraction(0)]
-            n = len(values) - 1
-            return sum(math.comb(n, i) * time**i * (1 - time) ** (n - i) * p for i, p in enumerate(values))
+        def value(points, t, n=count - 1):
+            return sum(math.comb(n, i) * t**i * (1 - t) ** (n - i) * p for i, p in enumerate(points))
 
-        times = [begin + k * (end - begin) / 16 for k in range(17)]
-        assert all(low <= derivative(t, 0) <= high for t in times)
-        assert all(abs(derivative(t, 1)) <= speed and abs(derivative(t, 2)) <= bend for t in times)
-        assert low <= min(derivative(t, 0) for t in (begin, end))
-        if count == 2:
-            assert (speed, bend) == (abs(points[1] - points[0]), 0)
-        if count == 3:
-            assert (speed, bend) == (max(abs(derivative(t, 1)) for t in (begin, end)), abs(derivative(begin, 2)))
+        farthest, last, rest = checker.checker.bounds_of([(x, 0, 0) for x in way], progress)
+        for t in (Fraction(k, 16) for k in range(17)):
+            moved = value(points, time + t * (end - time)) - value(points, time)
+            assert moved == value(way, t)
+            assert abs(moved) <= farthest and abs(moved - value(progress, t) * way[-1]) <= rest
+        assert abs(way[-1]) <= last <= abs(way[-1]) + Fraction(1, 1 << 300)
+        assert rest <= max(abs(x - r * way[-1]) for x, r in zip(way, progress)) + Fraction(1, 1 << 300)
 
 
 SLIDER = """<robot name="r"><link name="base"/><link name="ball"><collision><geometry><sphere radius="0.25"/></geometry>
@@ -120,24 +115,31 @@ SLIDER = """<robot name="r"><link name="base"/><link name="ball"><collision><geo
   <limit lower="-2" upper="2" effort="1" velocity="1"/></joint></robot>"""
 
 
-@pytest.fixture(scope="module")
-def slide(tmp_path_factory):
-    """A ball that slides along x towards a wall at x = 1: 3/4 - q m apart."""
-    urdf = tmp_path_factory.mktemp("slider") / "slider.urdf"
-    urdf.write_text(SLIDER)
+TURNER = """<robot name="r"><link name="base"/><link name="upper"/><link name="ball"><collision><origin xyz="1 0 0"/>
+  <geometry><sphere radius="0.25"/></geometry></collision></link>
+  <joint name="x" type="continuous"><parent link="base"/><child link="upper"/><axis xyz="0 0 1"/></joint>
+  <joint name="y" type="continuous"><parent link="upper"/><child link="ball"/><axis xyz="0 0 1"/><origin xyz="1 0 0"/>
+  </joint></robot>"""
+
+
+def single_spans(folder, robot, wall):
+    """Documents of one span of a whole motion, of a robot's ball and a wall at an x."""
+    urdf = folder / "robot.urdf"
+    urdf.write_text(robot)
     scene = clearance.Scene()
     scene.add_robot("r", urdf, home={}, base=at(0))
-    scene.add_box("wall", [1, 1, 1], static=True, pose=at(1.5))
+    scene.add_box("wall", [1, 1, 1], static=True, pose=at(wall + 0.5))
     engine = clearance.Engine(scene, covers="off")  # noqa: F811
 
-    def document(points, place, order, lower):
-        """One span of the whole motion, evaluated at a time."""
-        found = engine.certificate(joints="r", start=[[[x] for x in points]], pairs=[("r/ball", "wall")]).document
+    def document(points, place, order, lower, progress=None, turned=0.0):
+        """Evaluated at a time, where the ball is turned, with one progress for both sides. points: (P, J)"""
+        found = engine.certificate(joints="r", start=[points], pairs=[("r/ball", "wall")]).document
         (row,) = found["rows"]
         (pair,) = row["pairs"]
-        claim = {"pieces": [0, 0], "order": order, "seer": None, "direction": [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
-                 "arithmetic": "float64"}  # fmt: skip
+        direction = [[math.cos(turned), 0.0], [-math.sin(turned), 0.0], [0.0, 0.0]]  # along x, in the ball's axes
+        claim = {"pieces": [0, 0], "order": order, "seer": None, "direction": direction, "arithmetic": "float64"}
         pair["spans"] = [{**pair["spans"][0], "begin": 0, "end": 1, "at": place, "lower": [claim]}]
+        pair["spans"][0]["progress"] = progress and [progress, progress]
         pair["free"] = row["first_contact"] = None
         row["lower"] = pair["lower"] = lower
         return found
@@ -145,22 +147,86 @@ def slide(tmp_path_factory):
     return document
 
 
+@pytest.fixture(scope="module")
+def slide(tmp_path_factory):
+    """A ball that slides along x towards a wall at x = 1: 3/4 - q m apart."""
+    document = single_spans(tmp_path_factory.mktemp("slider"), SLIDER, 1)
+    return lambda points, *more: document([[x] for x in points], *more)
+
+
+@pytest.fixture(scope="module")
+def turn(tmp_path_factory):
+    """A ball 1 m from an axis, which turns about another one 1 m away; a wall at x = 3."""
+    return single_spans(tmp_path_factory.mktemp("turner"), TURNER, 3)
+
+
+def sides_of(points, place):
+    """Control points of a parabola from a time to its begin and to its end, less its place there, exactly."""
+    sides = []
+    for end in (0.0, 1.0):
+        way = [
+            sum(w * p for w, p in zip(((1 - s) * (1 - t), (1 - s) * t + s * (1 - t), s * t), points))
+            for s, t in ((place, place), (place, end), (end, end))
+        ]
+        sides.append([x - way[0] for x in way])
+    return sides
+
+
 @pytest.mark.parametrize("points", [(0.0, -0.5, 0.0), (0.0, 0.125, 0.5), (0.25, 0.0, -0.125), (-0.5, 0.0, 0.5)])
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5, 1.0])
-def test_bounds_of_parabolas_are_tight(checker, slide, points, place):
-    """Velocity and acceleration are exact, so one span proves the distance at the nearer end, and no more."""
-    nearest = 0.75 - max(points[0], points[2])
-    assert checker.each_rejects(slide(points, place, 2, nearest - 2**-40)) == [False, False]
-    assert checker.each_rejects(slide(points, place, 2, nearest + 2**-40)) == [True, True]
+@pytest.mark.parametrize("progress", [None, [0.0, 0.5, 1.0], [0.0, 0.125, 1.0], [0.25, 1.0, 0.75]])
+def test_bounds_along_parabolas_are_tight(checker, slide, points, place, progress):
+    """One span proves the distance at either end of a side, less the rest of the way, and no more."""
+    now = sum(w * p for w, p in zip(((1 - place) ** 2, 2 * place * (1 - place), place**2), points))
+    nearest = 0.75 - now
+    for way in sides_of(points, place):
+        rest = max(abs(x - r * way[2]) for x, r in zip(way, progress or [0, 0, 1]))
+        nearest = min(nearest, 0.75 - now - max(way[2], 0) - rest)
+    if nearest > 0:
+        assert checker.each_rejects(slide(points, place, 2, nearest - 2**-40, progress)) == [False, False]
+    least = max(nearest, 0) + 2**-40  # no other bound of a row without depths claims anything
+    assert checker.each_rejects(slide(points, place, 2, least, progress)) == [True, True]
+
+
+@pytest.mark.parametrize("place", [0.25, 0.5, 1.0])
+@pytest.mark.parametrize("progress", [None, [0.0, 0.5, 1.0], [0.0, 0.25, 1.0]])
+def test_bounds_of_turning_joints_are_tight(checker, turn, place, progress):
+    """Both joints reach as far as their chain of lengths, and the outer one is turned by the inner one."""
+    curves = np.array([[0.1, 0.15, 0.05], [-0.2, -0.1, -0.05]])
+    first, second = (
+        sum(w * p for w, p in zip(((1 - place) ** 2, 2 * place * (1 - place), place**2), c)) for c in curves
+    )
+    reach, nearest = np.array([2.25, 1.25]), math.inf
+    for ways in zip(*(sides_of(c, place) for c in curves)):
+        last = np.array([way[2] for way in ways])
+        rest = np.array([max(abs(x - r * way[2]) for x, r in zip(way, progress or [0, 0, 1])) for way in ways])
+        for share in (0, 1):
+            by, turned = share * abs(last) + rest, share * last
+            n = np.array([1, -turned.sum()])
+            axis, arm = (np.array([math.cos(q), math.sin(q)]) for q in (first, first + second))
+            gap = 3 - n @ axis - turned[1] * axis[1] - n @ arm - 0.25 * np.linalg.norm(n) - reach @ rest
+            nearest = min(nearest, gap - reach[0] * by[0] ** 2 / 2 - reach[1] * by[1] * (by[1] / 2 + by[0]))
+    points = curves.T.tolist()
+    assert nearest > 0.2
+    for by, rejects in ((-(2**-40), False), (2**-40, True)):
+        document = turn(points, place, 2, float(nearest + by), progress, float(first + second))
+        assert checker.each_rejects(document) == [rejects, rejects]
 
 
 @pytest.mark.parametrize("place", [0.0, 0.25, 0.5, 1.0])
-def test_bounds_by_speed_are_those_of_the_hull(checker, slide, place):
+def test_bounds_by_speed_are_those_of_the_hulls(checker, slide, place):
     points = (0.0, -0.25, 0.125)
     middle = 2 * place * (1 - place) * points[1] + place**2 * points[2]
-    apart = 0.75 - middle - max(abs(p - middle) for p in points)
+    apart = 0.75 - middle - max(abs(p) for way in sides_of(points, place) for p in way)
     assert checker.each_rejects(slide(points, place, 1, apart - 2**-40)) == [False, False]
     assert checker.each_rejects(slide(points, place, 1, apart + 2**-40)) == [True, True]
+
+
+def test_rules_of_progress(checker, slide):
+    """A progress has a number from 0 to 1 for each control point."""
+    for progress in ([0.0, 0.5], [0.0, 0.5, 1.0, 1.0], [0.0, -0.5, 1.0], [0.0, 1.5, 1.0], [0.0, "inf", 1.0], 1.0):
+        assert checker.each_rejects(slide((0.0, 0.125, 0.5), 0.5, 2, 0.125, progress)) == [True, True], progress
+    assert checker.each_rejects(slide((0.0, 0.125, 0.5), 0.5, 2, 0.125, [0.0, 0.5, 1.0])) == [False, False]
 
 
 # ---- tampering -------------------------------------------------------------------------------------------------------
@@ -223,6 +289,7 @@ TAMPERINGS = {
     "spans merged": lambda d: (spans(d)[0].update(end=spans(d)[1]["end"]), spans(d).pop(1)),
     "evaluated at the beginning": lambda d: [span.update(at=span["begin"]) for span in spans(d)],
     "bends ignored": lambda d: [claim.update(order=1) for claim in claims(d)],
+    "no progress": lambda d: [span.pop("progress", None) for span in spans(d)],
     "the witness at another time": lambda d: d["rows"][0]["witness"].update(time=d["rows"][0]["witness"]["time"] / 2),
     "a joint that turns farther": lambda d: [m.update(multiplier=1.5 * m["multiplier"]) for body in d["bodies"]
                                              for m in body["moves"]],

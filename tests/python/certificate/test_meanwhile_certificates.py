@@ -10,7 +10,7 @@ import clearance
 from certificates import NAMES
 from clearance import BodyPath
 from scenes import at
-from test_curve_certificates import SLIDER, curves
+from test_curve_certificates import SLIDER, curves, sides_of
 from test_motion_certificates import check, claims, engine, kind_of_contact, spans  # noqa: F401  (a fixture)
 from test_surface_certificates import ball, torus
 
@@ -141,7 +141,7 @@ def hall(tmp_path_factory):
     scene.add_sphere("crate", 0.25, pose=at(1))
     made = clearance.Engine(scene, covers="off")
 
-    def document(places, growths, at_time, order, lower):
+    def document(places, growths, at_time, order, lower, progress=None):
         """One span of the whole motion, evaluated at a time."""
         poses = [[at(x) for x in places]]
         grows = BodyPath(poses, radius=0.5)
@@ -155,6 +155,7 @@ def hall(tmp_path_factory):
         claim = {"pieces": [0, 0], "order": order, "seer": None, "direction": [[1.0, 0.0], [0.0, 0.0], [0.0, 0.0]],
                  "arithmetic": "float64"}  # fmt: skip
         pair["spans"] = [{"begin": 0, "end": 1, "at": at_time, "lower": [claim],
+                          "progress": progress and [progress, progress],
                           "slack": {"inner": 0, "outer": 0, "terms": []}}]  # fmt: skip
         pair["free"] = row["first_contact"] = row["witness"] = None
         row.update(lower=lower, upper="inf", status="unconverged", proved=True)
@@ -170,30 +171,26 @@ SMALL = 2**-40
 @pytest.mark.parametrize("growths", [(0.0, 0.0, 0.0), (0.125, 0.0, 0.25), (0.0, 0.125, 0.0), (0.25, 0.25, 0.25)])
 @pytest.mark.parametrize("place", [0.0, 0.25, 1.0])
 def test_growth_and_curves_are_bounded_tightly(checker, hall, growths, place):
-    """Positions, rates and accelerations of parabolas are exact: a span along the normal proves the least gap at its
-    ends, by as much as the body bends between them and the middle. By speed it proves the gap less the way to the
-    farthest control point.
+    """Control points of parabolas are exact: along the normal a span proves the least gap at the ends of its sides,
+    less the rest that the progress leaves of way and growth. By speed it proves the gap less the greatest way to a
+    control point.
     """
-    places = (2.0, 1.875, 1.625)
+    places, progress = (2.0, 1.875, 1.625), [0.0, 0.5, 1.0]
 
     def quadratic(p, t):
         return (1 - t) ** 2 * p[0] + 2 * t * (1 - t) * p[1] + t**2 * p[2]
 
-    def bend(p):
-        return 2 * abs(p[0] - 2 * p[1] + p[2])
-
-    def slope(p, t):
-        return 2 * ((1 - t) * (p[1] - p[0]) + t * (p[2] - p[1]))
-
     gap = quadratic(places, place) - 0.5 - quadratic(growths, place)
-    rate = slope(places, place) - slope(growths, place)
-    ends = [gap + s * rate - (bend(places) + bend(growths)) * s * s / 2 for s in (-place, 1 - place)]
-    least = min(ends)
+    least, farthest, grown = gap, 0.0, 0.0
+    for way, growing in zip(sides_of(places, place), sides_of(growths, place)):
+        rest = max(abs(x - r * way[2]) for x, r in zip(way, progress))
+        rest += max(x - r * growing[2] for x, r in zip(growing, progress))
+        least = min(least, gap - rest, gap + way[2] - growing[2] - rest)
+        farthest, grown = max([farthest, *map(abs, way)]), max([grown, *growing])
     assert least > SMALL
-    assert checker.each_rejects(hall(places, growths, place, 2, least - SMALL)) == [False, False]
-    assert checker.each_rejects(hall(places, growths, place, 2, least + SMALL)) == [True, True]
-    way = max(abs(p - quadratic(places, place)) for p in places)
-    by_speed = gap - way - max(abs(slope(growths, t)) for t in (0, 1)) * max(place, 1 - place)
+    assert checker.each_rejects(hall(places, growths, place, 2, least - SMALL, progress)) == [False, False]
+    assert checker.each_rejects(hall(places, growths, place, 2, least + SMALL, progress)) == [True, True]
+    by_speed = gap - farthest - grown
     if by_speed > SMALL:
         assert checker.each_rejects(hall(places, growths, place, 1, by_speed - SMALL)) == [False, False]
         assert checker.each_rejects(hall(places, growths, place, 1, by_speed + SMALL)) == [True, True]
