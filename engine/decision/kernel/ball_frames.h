@@ -145,7 +145,7 @@ inline Bits usable_states(const DecidedBody& body, const double* frame, std::siz
   CLEARANCE_LANES
   for (int k = 0; k < kBalls; ++k) {
     const auto is_near = [&](int i) { return std::abs(frame[i * kBalls + k]) <= farthest; };
-    usable |= is_near(4) & is_near(5) & is_near(6) ? std::uint64_t{1} << k : 0;
+    usable |= (is_near(4) & is_near(5) & is_near(6)) ? std::uint64_t{1} << k : 0;
   }
   return static_cast<Bits>(usable) & first(static_cast<std::uint32_t>(states));
 }
