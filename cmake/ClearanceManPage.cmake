@@ -12,8 +12,8 @@ function(clearance_man_page target section component)
   set(_page ${PROJECT_BINARY_DIR}/man/${_name}.${section}.gz)
   file(MAKE_DIRECTORY ${PROJECT_BINARY_DIR}/man)
   add_custom_command(OUTPUT ${_page}
-    COMMAND ${Python_EXECUTABLE} ${PROJECT_SOURCE_DIR}/cli/man_page.py $<TARGET_FILE:${target}> ${section} ${_page}
-    DEPENDS ${target} ${ARGN} ${PROJECT_SOURCE_DIR}/cli/man_page.py VERBATIM)
+    COMMAND ${Python_EXECUTABLE} ${PROJECT_SOURCE_DIR}/tools/docs/man_page.py $<TARGET_FILE:${target}> ${section} ${_page}
+    DEPENDS ${target} ${ARGN} ${PROJECT_SOURCE_DIR}/tools/docs/man_page.py VERBATIM)
   add_custom_target(${target}_man_page ALL DEPENDS ${_page})
   install(FILES ${_page} DESTINATION ${CMAKE_INSTALL_MANDIR}/man${section} COMPONENT ${component})
 endfunction()

@@ -17,7 +17,7 @@ adapters+=" client/python/clearance/_poses.py client/python/clearance/_scene cli
 extras=(
   "client_install   3  pyproject.toml CMakeLists.txt cmake client planner wire cli lcmtypes"
   "wheels          25  pyproject.toml CMakeLists.txt cmake client lcmtypes tests/install tools/wheel.sh tools/root.sh"
-  "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt cli/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
+  "deb             15  CMakeLists.txt cmake cli/CMakeLists.txt tools/docs/man_page.py server/CMakeLists.txt server/app/clearanced.service.in tests/install tools/root.sh"
   "arm             60  CMakeLists.txt CMakePresets.json cmake client cli engine lcmtypes server wire tests/golden tests/oracle tests/install/try_arm.py tests/engine/robot tools/root.sh"
   "coal             2  $adapters client/python/clearance/pinocchio.py client/python/clearance/pink.py client/python/clearance/placo.py tests/install/try_coal.py tests/install/try_pinocchio.py tests/install/try_placo.py"
   "mujoco           2  $adapters client/python/clearance/mink.py tests/install/try_mujoco.py tests/install/try_mink.py tests/install/mujoco"

@@ -15,7 +15,7 @@ RECORD = Path(__file__).with_suffix(".txt")
 RENEW = f".venv/bin/python {Path(__file__).relative_to(ROOT)}"
 #: Subcommands of `clearance` that are Python modules.
 MODULES = {"sweep": "clearance.sweep.__main__", "view": "clearance.view.command"}
-sys.path.insert(0, str(ROOT / "cli"))
+sys.path.insert(0, str(ROOT / "tools" / "docs"))
 
 import man_page  # noqa: E402
 

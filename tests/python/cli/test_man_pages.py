@@ -12,7 +12,7 @@ import pytest
 from conftest import BUILD
 
 ROOT = Path(__file__).resolve().parents[3]
-sys.path.insert(0, str(ROOT / "cli"))
+sys.path.insert(0, str(ROOT / "tools" / "docs"))
 
 import man_page  # noqa: E402
 
