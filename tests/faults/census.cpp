@@ -55,14 +55,12 @@ std::string Census::text() const {
 std::string left_behind(const Census& before, const Census& now) {
   std::string text;
   const auto compare = [&text](const char* what, int was, int is, int spared = 0) {
-    if (is != was && (is > was + spared || spared == 0))
-      text += std::to_string(is) + " " + what + " instead of " + std::to_string(was) + "; ";
+    if (is > was + spared) text += std::to_string(is) + " " + what + " instead of " + std::to_string(was) + "; ";
   };
   compare("descriptors", before.descriptors, now.descriptors);
   compare("segments", before.segments, now.segments);
   compare("mappings", before.mappings, now.mappings, kMappingsSpared);
-  if (now.threads > before.threads)
-    compare("threads", before.threads, now.threads);  // a thread that loaded a scene may end later
+  compare("threads", before.threads, now.threads);
   for (const std::string& file : now.files)
     if (std::find(before.files.begin(), before.files.end(), file) == before.files.end())
       text += "a file " + file + "; ";
