@@ -23,27 +23,20 @@ void MotionMoment::begin(MovingBodies& moving) {
   time_ = -1;
 }
 
-void MotionMoment::move_to(double time) {
-  if (time == time_) return;
-  time_ = time;
-  const Instant instant{moving_, time, time};
+void MotionMoment::move_to(double begin, double time, double end) {
+  if (moving_->curves.empty()) begin = end = time;  // all spans have the same velocities
+  if (begin == begin_ && time == time_ && end == end_) return;
+  begin_ = begin, time_ = time, end_ = end;
+  const Instant instant{moving_, begin, time, end};
   ConfigurationPoses::PoseBlock given = poses_.at({&instant, 1});
   given.errors = moving_->errors;
   rotations_.resize(plan_.bodies.size());
   rotations_of(given.poses, rotations_);
   placed_.configure(moments_++, given, rotations_);
-  for (std::vector<Twist>& twists : twists_) twists.resize(plan_.moved.size());
-  poses_.twists(0, placed_, twists_[0]);
-  twists_[1] = twists_[0];
-}
-
-void MotionMoment::follow(int side) {
-  slopes_.clear();
-  for (const CurveSides::Curve& curve : moving_->sides.curves()) slopes_.push_back(curve.chord[side]);
-  poses_.follow(0, slopes_);
-  poses_.twists(0, placed_, twists_[side]);
-  const std::size_t first = slopes_.size() - moving_->growths.size();
-  for (std::size_t i = 0; i < moving_->growths.size(); ++i) moving_->growth[i].slope = slopes_[first + i];
+  for (int side = 0; side < 2; ++side) {
+    twists_[side].resize(plan_.moved.size());
+    poses_.twists(0, side, placed_, twists_[side]);
+  }
 }
 
 PairProver::PairProver(const engine::Scene& scene, const MotionBounds& bounds, const EvaluateOptions& options,
@@ -69,10 +62,10 @@ void PairProver::begin_span() {
   Span& span = left_.back();
   span.at =
       is_curved() ? middle_of_length(moment_.moving().curves, span.begin, span.end) : 0.5 * span.begin + 0.5 * span.end;
-  moment_.move_to(span.at);
+  moment_.move_to(span.begin, span.at, span.end);
   take_rates();
   slack_ = pair_slack(moment_.placed(), pair_);
-  slack_.inner = sum_above(slack_.inner, growth_[0].most);
+  slack_.inner = sum_above(slack_.inner, growth_.most);
   i_ = j_ = 0;
   halves_ = {};
   claims_.clear();
@@ -81,13 +74,10 @@ void PairProver::begin_span() {
 
 void PairProver::take_rates() {
   const Span& span = left_.back();
-  moment_.restrict_to(bounds_, span.begin, span.end);
+  bounds_.take_sides(span.begin, span.at, span.end, moment_.moving());
   rates_ = bounds_.rates(position_, pair_, moment_.moving(), moment_.placed());
   rest_ = bounds_.rest(position_, pair_, moment_.moving(), rates_.seer);
-  for (int side = 0; side < 2; ++side) {
-    if (is_curved()) moment_.follow(side);
-    growth_[side] = bounds_.growth(pair_, moment_.moving(), span.at);
-  }
+  growth_ = bounds_.growth(pair_, moment_.moving(), span.at);
   reach_ = is_curved() ? 1 : span.half();
   way_ = way_of_pair(rates_, reach_);
 }
@@ -258,7 +248,7 @@ bool PairProver::is_proved_along(const Vec3d& n, const ConvexPart* p, const Conv
   };
   MovingBody b = moving_body(pair_.b, q);
   // Growth brings the bodies nearer along every direction.
-  if (growth_[side].any()) b.twist.shift = b.twist.shift - n * (growth_[side].slope / norm(n));
+  if (growth_.any()) b.twist.shift = b.twist.shift - n * (growth_.slope[side] / norm(n));
   const HalfSpans gaps = gaps_along(n, moving_body(pair_.a, p), b, reach_, bend_of_pair(rates_, reach_) - rest_);
   const double less = (slack_.inner + rest_ + rates_.drift * reach_) * (1 + 0x1p-40);
   // The progress of a curve is positive on both sides.

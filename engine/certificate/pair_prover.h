@@ -28,15 +28,11 @@ class MotionMoment {
   /// \param moving must outlive its use
   void begin(MovingBodies& moving);
   /// \param time in [0, 1]
-  void move_to(double time);
-  /// Restricts the rates of curves to both sides of the moment in a span.
-  void restrict_to(const MotionBounds& bounds, double begin, double end) {
-    bounds.take_sides(begin, time_, end, *moving_);
-  }
-  /// Follows a side's chord, as CurveSides has it. Not for straight motions.
-  void follow(int side);
+  void move_to(double time) { move_to(time, time, time); }
+  /// To a time in a span, with velocities for both sides of it.
+  void move_to(double begin, double time, double end);
 
-  const MovingBodies& moving() const { return *moving_; }
+  MovingBodies& moving() const { return *moving_; }
   const BodyPoses& placed() const { return placed_; }
   /// On side 0 until the span's begin, or 1 until its end; the same for straight motions.
   std::span<const Twist> twists(int side) const { return twists_[side]; }
@@ -46,10 +42,9 @@ class MotionMoment {
   MotionPoses poses_;
   BodyPoses placed_;
   MovingBodies* moving_ = nullptr;
-  double time_ = -1;
+  double begin_ = -1, time_ = -1, end_ = -1;
   std::uint64_t moments_ = 0;  // number of moments so far; each has a number of its own
   std::vector<Mat3d> rotations_;
-  std::vector<double> slopes_;
   std::vector<Twist> twists_[2];
 };
 
@@ -122,7 +117,7 @@ class PairProver {
   PairRates rates_;
   double reach_ = 0;  // until its ends, in the units of rates_: time, or the progress of a curve
   double rest_ = 0;   // MotionBounds::rest()
-  PairGrowth growth_[2];
+  PairGrowth growth_;
   Slack slack_;  // of the parts, which do not grow: growth in its middle is inner slack
   double way_ = 0;
   std::uint32_t i_ = 0, j_ = 0;     // the current pair of parts

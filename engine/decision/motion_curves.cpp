@@ -58,7 +58,7 @@ void MotionDecider::take_middle(const Span& span, double* row) const {
 
 // Takes the rates of a span, which are those of a straight motion apart from the bend.
 void MotionDecider::take_curves(const Span& span, double half) {
-  curve_span_.take_points(curves_, &curve_points_[span.curve], half);
+  curve_span_.take(curves_, &curve_points_[span.curve], half);
   for (std::size_t m = 0; m < plan_.motions.size(); ++m)
     for (const LinkMotion::Moving& moving : plan_.motions[m].moving()) {
       const JointSpan& joint = curve_span_.joints()[moving.at];

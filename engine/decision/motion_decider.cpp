@@ -100,10 +100,8 @@ double MotionDecider::begin_spans() {
   spans_.clear();
   items_.clear();
   for (std::size_t i = 0; i < count; ++i) spans_.push_back({static_cast<double>(2 * i + 1) * half, 0, 0});
-  if (curves_.empty())
-    std::reverse(spans_.begin(), spans_.end());  // most motions begin free, so that the last span hits most often
-  else
-    cut_curves();
+  if (!curves_.empty()) cut_curves();
+  std::reverse(spans_.begin(), spans_.end());  // most motions begin free, so that the last span hits most often
   first_ = spans_;
   for (std::size_t i = 1; curves_.empty() && i <= count && first_.size() < kTogether; ++i)
     first_.push_back({static_cast<double>(i) / static_cast<double>(count), 0, 0});

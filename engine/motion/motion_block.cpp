@@ -114,7 +114,8 @@ bool MotionBlock::collect_pairs(WorkMeter& meter) {
     MotionSearch& search = searches_[turn_ % count_];
     for (std::size_t k = 0; k < together && !search.is_done() && search.next(places_[used_].node); ++k) {
       places_[used_].search = &search;
-      instants_.push_back({&search.moving, places_[used_].node.begin, places_[used_].node.end});
+      const MotionSearch::Node& node = places_[used_].node;
+      instants_.push_back({&search.moving, node.begin, node.at, node.end});
       ++used_;
     }
   }
@@ -123,7 +124,7 @@ bool MotionBlock::collect_pairs(WorkMeter& meter) {
   to_evaluate_.clear();
   requests_.clear();
   for (std::size_t k = 0; k < used_; ++k) {
-    places_[k].search->collect_pairs(places_[k].node, {placements_[k], places_[k].twists}, to_evaluate_, requests_);
+    places_[k].search->collect_pairs(places_[k].node, places_[k].moment(placements_[k]), to_evaluate_, requests_);
     places_[k].end = to_evaluate_.size();
   }
   meter.count(to_evaluate_.size() / kPairsPerUnit);
@@ -140,8 +141,10 @@ void MotionBlock::place(WorkMeter& meter) {
     ConfigurationPoses::PoseBlock own = given.of(k, bodies);
     own.errors = instants_[k].moving->errors;
     placements_[k].configure(placed_++, own, std::span(rotations_).subspan(k * bodies, bodies));
-    places_[k].twists.resize(motion_query_.plan.moved.size());
-    poses_.twists(k, placements_[k], places_[k].twists);
+    for (int side = 0; side < poses_.sides(); ++side) {
+      places_[k].twists[side].resize(motion_query_.plan.moved.size());
+      poses_.twists(k, side, placements_[k], places_[k].twists[side]);
+    }
   }
   meter.count(used_ * motion_query_.plan.moved.size() / kBodiesPerUnit + used_);
 }
@@ -150,7 +153,7 @@ void MotionBlock::take() {
   std::size_t begin = 0;
   for (std::size_t k = 0; k < used_; ++k) {
     const std::size_t count = places_[k].end - begin;
-    places_[k].search->take(places_[k].node, {placements_[k], places_[k].twists},
+    places_[k].search->take(places_[k].node, places_[k].moment(placements_[k]),
                             std::span(requests_).subspan(begin, count), std::span(answers_).subspan(begin, count));
     begin = places_[k].end;
   }

@@ -56,8 +56,12 @@ class MotionBlock {
   struct Place {
     MotionSearch* search = nullptr;
     MotionSearch::Node node;
-    std::vector<Twist> twists;  // of Plan::moved
-    std::size_t end = 0;        // end of its pair requests
+    std::vector<Twist> twists[2];  // of Plan::moved, for each of MotionPoses::sides()
+    std::size_t end = 0;           // end of its pair requests
+
+    MotionSearch::Moment moment(const BodyPoses& placed) const {
+      return {placed, {twists[0], twists[twists[1].empty() ? 0 : 1]}};
+    }
   };
   template <class At>
   void begin_each(std::uint64_t count, const At& motion, WorkMeter& meter) {

@@ -218,6 +218,13 @@ MotionRates MotionBounds::rates_of(const Chain& chain, const MovingBodies& movin
   return sum;
 }
 
+MotionRates MotionBounds::rates_of_chain(std::uint32_t chain, const MovingBodies& moving) {
+  if (chain == kStill) return {};
+  MotionRates rates = moving.chains[chain];
+  if (!moving.chain_ways.empty()) rates.speed = moving.chain_ways[chain];
+  return rates;
+}
+
 // Radians by which the frames behind a body's slack may be rotated. As the body moves relative to them, its slack
 // changes by this much per metre.
 double MotionBounds::turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const {
@@ -238,35 +245,30 @@ void MotionBounds::speeds(const MovingBodies& moving, const BodyPoses& placed, s
   for (const std::uint32_t body : plan_.moved) {
     const std::uint32_t chain = chain_of_body_[body];
     const double grown = moving.growth.empty() || given_of_[body] == kNone ? 0 : moving.growth[given_of_[body]].change;
-    const double speed = chain == kStill ? 0 : moving.chains[chain].speed + drift_of(body, moving, placed);
+    const double speed = chain == kStill ? 0 : rates_of_chain(chain, moving).speed + drift_of(body, moving, placed);
     speeds.push_back((speed + grown) * kUp);
   }
 }
 
-PairGrowth MotionBounds::growth(BodyPair pair, const MovingBodies& moving, double middle) const {
+PairGrowth MotionBounds::growth(BodyPair pair, const MovingBodies& moving, double time) const {
   PairGrowth sum;
   if (moving.growth.empty()) return sum;
   for (const std::uint32_t body : {pair.a, pair.b}) {
     const std::uint32_t given = given_of_[body];
     if (given == kNone) continue;
-    const double at = moving.growths[given].at(middle), rounding = moving.growths[given].rounding();
+    const double at = moving.growths[given].at(time), rounding = moving.growths[given].rounding();
     sum.least += std::max(at - rounding, 0.0);
     sum.most += at + rounding;
-    sum.slope += moving.growth[given].slope;
+    for (int side = 0; side < 2; ++side) sum.slope[side] += moving.growth[given].slope[side];
     sum.change += moving.growth[given].change;
     sum.bend += moving.growth[given].bend;
   }
-  return {sum.least * (2 - kUp), sum.most * kUp, sum.slope, sum.change * kUp, sum.bend * kUp};
+  return {sum.least * (2 - kUp), sum.most * kUp, {sum.slope[0], sum.slope[1]}, sum.change * kUp, sum.bend * kUp};
 }
 
 PairRates MotionBounds::rates(std::uint64_t position, BodyPair pair, const MovingBodies& moving,
                               const BodyPoses& placed) const {
-  const auto of = [&](std::uint32_t chain) {
-    if (chain == kStill) return MotionRates();
-    MotionRates rates = moving.chains[chain];
-    if (!moving.chain_ways.empty()) rates.speed = moving.chain_ways[chain];
-    return rates;
-  };
+  const auto of = [&](std::uint32_t chain) { return rates_of_chain(chain, moving); };
   const std::uint32_t chain_a = chain_of_body_[pair.a], chain_b = chain_of_body_[pair.b];
   const MotionRates a = of(chain_a), b = of(chain_b);
   PairRates rates{a.speed + b.speed, a.acceleration + b.acceleration};

@@ -18,20 +18,25 @@
 
 namespace clearance {
 
+/// A body's growth in a span, in the units of MotionRates, as JointSpan. Its slope is until either end.
+struct GrowthSpan {
+  double slope[2] = {0, 0};
+  double change = 0, bend = 0;
+};
+
 /// Data derived from the control points of one motion by MotionBounds::take().
 struct MovingBodies {
   std::uint64_t motion = 0;  ///< index in the plan
   /// Of Plan::joints, of three coordinates of each given body, and of their growths if there are any. None for straight
   /// motions.
   std::vector<JointCurve> curves;
-  CurveSpan span;                             ///< of them: the last one in MotionBounds::take_span()
   std::vector<BodyMotion> given;              ///< for the bodies whose poses the query gives; their rotation in curves
   std::vector<MotionRates> given_rates;       ///< likewise, of their positions along curves, in the span
   std::vector<JointCurve> growths;            ///< likewise, metres; none if no body grows
-  std::vector<JointSpan> growth;              ///< likewise, in the span, without `middle`
+  std::vector<GrowthSpan> growth;             ///< likewise, in the span
   std::vector<std::vector<double>> along;     ///< for each of Plan::motions, by column: q1 - q0, rounded
-  std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up; JointSpan::change of curves
-  std::vector<std::vector<double>> bend;      ///< likewise: JointSpan::bend; 0 for straight motions
+  std::vector<std::vector<double>> change;    ///< likewise: |q1 - q0|, rounded up; of curves, by take_sides()
+  std::vector<std::vector<double>> bend;      ///< likewise, of curves by take_sides(); 0 for straight motions
   std::vector<std::vector<double>> rounding;  ///< likewise: bound on the error of q(t) as computed
   std::vector<double> travel;                 ///< for each of Plan::motions: Kinematics::travel(), of control points
   std::vector<MotionRates> chains;            ///< for each chain of MotionBounds
@@ -46,10 +51,11 @@ struct MovingBodies {
   std::vector<std::uint8_t> end_facts;  ///< LinkFact bits of the motion, for links in Plan::bodies; empty if 0
 };
 
-/// How much both bodies of a pair are grown in a span, in metres: together, as JointSpan. Rounded outward.
+/// How much both bodies of a pair are grown in a span, in metres: together, as GrowthSpan. Rounded outward.
 struct PairGrowth {
-  double least = 0, most = 0;  ///< in the middle
-  double slope = 0, change = 0, bend = 0;
+  double least = 0, most = 0;  ///< where it is evaluated
+  double slope[2] = {0, 0};
+  double change = 0, bend = 0;
   bool any() const { return most > 0 || change > 0; }
 };
 
@@ -63,19 +69,17 @@ class MotionBounds {
   /// \param position of the pair in the plan
   void take_views(std::uint64_t position);
 
-  /// With the rates of the whole motion.
+  /// With the rates of the whole motion if it is straight. Curves have rates after take_sides().
   void take(std::uint64_t motion, MovingBodies& moving) const;
-  /// Restricts the rates of curves to a span, around its middle. Straight motions have the same rates in all spans.
-  void take_span(double begin, double end, MovingBodies& moving) const;
-  /// Restricts them to both sides of a time in a span: docs/bounds_robots.md, "Certificates of curves". Rates are then
-  /// by progress, and each side is a unit of it.
+  /// Sets the rates of curves on both sides of a time in a span: docs/bounds_robots.md, "Sides of a time". They are by progress,
+  /// and each side is a unit of it. Straight motions have the same rates in all spans.
   void take_sides(double begin, double time, double end, MovingBodies& moving) const;
   /// Bound on a pair's approach where the progress is 0, in metres. After take_sides().
   /// \param seer PairRates::seer
   double rest(std::uint64_t position, BodyPair pair, const MovingBodies& moving, std::uint32_t seer) const;
   /// Growth of a pair in the span.
-  /// \param middle of the span
-  PairGrowth growth(BodyPair pair, const MovingBodies& moving, double middle) const;
+  /// \param time in the span
+  PairGrowth growth(BodyPair pair, const MovingBodies& moving, double time) const;
   /// Speed bound of each of Plan::moved, growth included, in metres per unit of time. A pair's speed is at most the sum
   /// of its bodies'.
   /// \param placed at any time of the motion
@@ -132,6 +136,7 @@ class MotionBounds {
   void take_parts(MovingBodies& moving, const SpanOf& span_of) const;
   void take_rates(MovingBodies& moving) const;
   const Kinematics& kinematics(const Link& link) const { return plan_.motions[link.robot].robot().kinematics; }
+  static MotionRates rates_of_chain(std::uint32_t chain, const MovingBodies& moving);
   double turn_uncertainty(std::uint32_t body, const BodyPoses& placed) const;
   double drift_of(std::uint32_t body, const MovingBodies& moving, const BodyPoses& placed) const;
 

@@ -33,20 +33,19 @@ void MotionPoses::take_row(std::size_t k) {
   const std::size_t joints = plan_.joints.size();
   double* const row = rows_.data() + k * joints;
   if (const std::span<const JointCurve> curves = instant.moving->curves; !curves.empty()) {
-    const bool is_span = instant.begin < instant.end;
-    if (is_span) span_.take(curves, instant.begin, instant.end);
-    for (std::size_t j = 0; j < joints; ++j) {
-      const double middle = is_span ? span_.joints()[j].middle : curves[j].at(instant.time());
-      row[j] = are_usable(curves[j]) ? middle : std::numeric_limits<double>::quiet_NaN();
-    }
-    for (std::size_t c = 0; c < columns_; ++c) slopes_[k * columns_ + c] = is_span ? span_.joints()[c].slope : 0;
+    for (std::size_t j = 0; j < joints; ++j)
+      row[j] = are_usable(curves[j]) ? curves[j].at(instant.time) : std::numeric_limits<double>::quiet_NaN();
+    curve_sides_.take(curves, instant.begin, instant.time, instant.end);
+    for (int side = 0; side < 2; ++side)
+      for (std::size_t c = 0; c < columns_; ++c)
+        slopes_[slot(k, side) * columns_ + c] = curve_sides_.curves()[c].chord[side];
     return;
   }
   const double* const start = plan_.positions.data() + 2 * instant.moving->motion * joints;
   for (std::size_t j = 0; j < joints; ++j) {
     const double q0 = start[j], q1 = start[joints + j];
     const bool good = std::abs(q0) <= kMaxPosition && std::abs(q1) <= kMaxPosition;
-    row[j] = good ? position_at(q0, q1, instant.time()) : std::numeric_limits<double>::quiet_NaN();
+    row[j] = good ? position_at(q0, q1, instant.time) : std::numeric_limits<double>::quiet_NaN();
   }
 }
 
@@ -55,10 +54,10 @@ void MotionPoses::take_given(std::size_t k) {
   const MovingBodies& moving = *instants_[k].moving;
   for (std::size_t i = 0; i < plan_.given_bodies; ++i) {
     Pose& X = poses_[k * plan_.bodies.size() + i];
-    X = moving.given[i].at(instants_[k].time());
+    const double time = instants_[k].time;
+    X = moving.given[i].at(time);
     if (moving.curves.empty() || !moving.given[i].is_good()) continue;
     const JointCurve* const by = &moving.curves[plan_.joints.size() + 3 * i];
-    const double time = instants_[k].time();
     X.translation = {by[0].at(time), by[1].at(time), by[2].at(time)};
   }
 }
@@ -112,10 +111,11 @@ ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants)
   poses_.resize(instants.size() * bodies);
   facts_.assign(instants.size() * bodies, 0);
   rows_.resize(instants.size() * joints);
-  slopes_.resize(instants.size() * columns_);
+  sides_ = columns_ > 0 ? 2 : 1;
+  slopes_.resize(slot(instants.size(), 0) * columns_);
   travels_.assign(instants.size() * bodies, 0);
   instants_.assign(instants.begin(), instants.end());
-  twists_.assign(instants.size() * bodies, {});
+  twists_.assign(slot(instants.size(), 0) * bodies, {});
   for (std::size_t k = 0; k < instants.size(); ++k) {
     take_row(k);
     take_given(k);
@@ -134,32 +134,27 @@ ConfigurationPoses::PoseBlock MotionPoses::at(std::span<const Instant> instants)
   return {poses_, facts_, travels_, {}};
 }
 
-void MotionPoses::follow(std::size_t k, std::span<const double> slopes) {
-  std::copy_n(slopes.begin(), columns_, &slopes_[k * columns_]);
-  std::size_t at = plan_.given_bodies;
-  for (std::size_t m = 0; m < plan_.motions.size(); at += plan_.motions[m++].links().size()) take_twists(m, at);
-}
-
 // For a robot's links, after they have been placed.
 void MotionPoses::take_twists(std::size_t motion, std::size_t at) {
   const LinkMotion& made = plan_.motions[motion];
   const std::size_t links = made.robot().kinematics.links();
   links_.resize(links);
-  for (std::size_t k = 0; k < instants_.size(); ++k) {
+  for (std::size_t s = 0; s < slot(instants_.size(), 0); ++s) {
+    const std::size_t k = s / static_cast<std::size_t>(sides_);
     const MovingBodies& moving = *instants_[k].moving;
     const std::vector<double>* along = &moving.along[motion];
-    if (!moving.curves.empty()) {
+    if (columns_ > 0) {
       slopes_of_robot_.assign(along->size(), 0);
-      for (const LinkMotion::Moving& m : made.moving()) slopes_of_robot_[m.column] = slopes_[k * columns_ + m.at];
+      for (const LinkMotion::Moving& m : made.moving()) slopes_of_robot_[m.column] = slopes_[s * columns_ + m.at];
       along = &slopes_of_robot_;
     }
     robots_[motion].at(std::span(scratch_.poses).subspan(k * links, links), *along, links_);
     for (std::size_t i = 0; i < made.links().size(); ++i)
-      twists_[k * plan_.bodies.size() + at + i] = links_[made.links()[i]];
+      twists_[s * plan_.bodies.size() + at + i] = links_[made.links()[i]];
   }
 }
 
-void MotionPoses::twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const {
+void MotionPoses::twists(std::size_t k, int side, const BodyPoses& placed, std::span<Twist> twists) const {
   assert(twists.size() == plan_.moved.size());
   for (std::size_t i = 0; i < twists.size(); ++i) {
     const std::uint32_t place = place_[i], carrier = carrier_[i];
@@ -169,11 +164,11 @@ void MotionPoses::twists(std::size_t k, const BodyPoses& placed, std::span<Twist
       const BodyMotion& motion = instants_[k].moving->given[place];
       own = {motion.axis() * motion.angle(), motion.along()};
       if (columns_ > 0) {
-        const double* const s = &slopes_[k * columns_ + plan_.joints.size() + 3 * std::size_t{place}];
+        const double* const s = &slopes_[slot(k, side) * columns_ + plan_.joints.size() + 3 * std::size_t{place}];
         own.shift = {s[0], s[1], s[2]};
       }
     } else if (place != kNone) {
-      own = twists_[k * plan_.bodies.size() + place];
+      own = twists_[slot(k, side) * plan_.bodies.size() + place];
     }
     const std::uint32_t parent = plan_.snapshot->parent[plan_.moved[i]];
     const Mat3d* const R_wp = parent == kNone ? nullptr : &placed[parent].pose.R_wb;

@@ -10,11 +10,10 @@
 
 namespace clearance {
 
-/// The middle of a span of a motion. At a single time the velocities of curves are exact, and not those of a chord.
+/// A time of a motion, in a span of it.
 struct Instant {
   const MovingBodies* moving;
-  double begin, end;  ///< in [0, 1]
-  double time() const { return 0.5 * begin + 0.5 * end; }
+  double begin, time, end;  ///< ascending, in [0, 1]
 };
 
 /// Counterpart of ConfigurationPoses for times of motions. Each worker has its own.
@@ -27,30 +26,35 @@ class MotionPoses {
   void find_end_facts(MovingBodies& moving);
   /// Poses and facts, without errors, at some instants; valid until the next call.
   ConfigurationPoses::PoseBlock at(std::span<const Instant> instants);
-  /// Makes twists() those of other rates of curves than at(): (MovingBodies::curves,).
-  void follow(std::size_t k, std::span<const double> slopes);
-  /// Velocities of bodies at instant k of the last at(); along curves for a span only.
+  /// Number of sides of a span with velocities of their own: 2 along curves, otherwise 1.
+  int sides() const { return sides_; }
+  /// Velocities of bodies at instant k of the last at(), on one side of its span: along curves those of CurveSides'
+  /// chord, by progress.
   /// \param placed the bodies placed at that instant
   /// \param twists (Plan::moved,) world axes, rounded
-  void twists(std::size_t k, const BodyPoses& placed, std::span<Twist> twists) const;
+  void twists(std::size_t k, int side, const BodyPoses& placed, std::span<Twist> twists) const;
 
  private:
   void take_row(std::size_t k);
   void take_given(std::size_t k);
   void take_end_rows(const MovingBodies& moving);
   void take_twists(std::size_t motion, std::size_t at);
+  std::size_t slot(std::size_t k, int side) const {
+    return static_cast<std::size_t>(sides_) * k + static_cast<std::size_t>(sides_ > 1 ? side : 0);
+  }
 
   const Plan& plan_;
   std::vector<LinkTwists> robots_;      // for each of Plan::motions
   std::vector<std::uint32_t> place_;    // for each of Plan::moved: index in Plan::bodies, or kNone
   std::vector<std::uint32_t> carrier_;  // likewise: index of its parent in Plan::moved, or kNone
   std::vector<Instant> instants_;
-  std::vector<Twist> twists_;                     // (instants, Plan::bodies) of links, relative to their roots
+  int sides_ = 1;                                 // see sides()
+  std::vector<Twist> twists_;                     // (instants, sides_, Plan::bodies) of links, relative to their roots
   std::vector<Twist> links_;                      // of all links of a robot
   std::vector<double> rows_;                      // (instants, joints)
   std::size_t columns_ = 0;                       // MovingBodies::curves
-  std::vector<double> slopes_, slopes_of_robot_;  // (instants, columns_); by column of a robot
-  CurveSpan span_;
+  std::vector<double> slopes_, slopes_of_robot_;  // (instants, sides_, columns_); by column of a robot
+  CurveSides curve_sides_;
   std::vector<Pose> poses_;
   std::vector<std::uint8_t> facts_;
   std::vector<double> travels_;  // (instants, Plan::bodies)

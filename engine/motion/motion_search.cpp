@@ -35,7 +35,7 @@ void MotionSearch::begin(std::span<const OpenPair> open) {
 }
 
 void MotionSearch::open_all() {
-  Node root{0, 1, {}, {}, 0, false};
+  Node root;
   root.open.resize(motion_query_.plan.pairs.size());
   std::iota(root.open.begin(), root.open.end(), std::uint64_t{0});
   root.low.assign(root.open.size(), 0);
@@ -49,7 +49,9 @@ void MotionSearch::open_some(std::span<const OpenPair> open) {
     begin = std::min(begin, pair.begin);
     end = std::max(end, pair.end);
   }
-  Node root{begin, end, {}, {}, 0, false};
+  Node root;
+  root.begin = begin;
+  root.end = end;
   for (const OpenPair& pair : open) root.open.push_back(pair.position);
   root.low.assign(root.open.size(), 0);
   push(std::move(root));
@@ -59,7 +61,7 @@ void MotionSearch::open_some(std::span<const OpenPair> open) {
 // false if first contact is known or not requested.
 bool MotionSearch::seek_contact() {
   if (seeks_contact_ || !wants_contact() || steps_ >= motion_query_.plan.query.max_evaluations) return false;
-  Node root{0, 1, {}, {}, 0, false};
+  Node root;
   for (std::uint64_t i = 0; i < motion_query_.plan.pairs.size(); ++i)
     if (goal_of(i).unproved < kInf) root.open.push_back(i);
   if (root.open.empty()) return false;
@@ -120,8 +122,10 @@ bool MotionSearch::next(Node& node) {
     node.open.resize(kept);
     node.low.resize(kept);
     if (kept == 0) continue;
-    steps_ += !node.has_steps;
-    node.has_steps = true;
+    if (!std::exchange(node.has_steps, true)) {
+      ++steps_;
+      node.at = is_curved() ? middle_of_length(moving.curves, node.begin, node.end) : 0.5 * node.begin + 0.5 * node.end;
+    }
     ++under_way_;
     return true;
   }

@@ -49,38 +49,39 @@ struct MotionQuery {
 /// The answer for a pair whose bodies are grown. Points stay on the bodies as they are without growth.
 PairAnswer grown_answer(PairAnswer answer, const PairGrowth& growth);
 
-/// The search for one motion's rows: a tree of spans of time, each evaluated at its middle. A pair leaves a span once
+/// The search for one motion's rows: a tree of spans of time, each evaluated at a time in it. A pair leaves a span once
 /// its motion until the span's ends cannot bring it to its target: the margin (Reduce::kAny), or the required bound on
 /// the least distance. The search evaluates nothing itself: the caller fetches nodes and returns answers.
 class MotionSearch {
  public:
-  /// A span whose middle is evaluated next.
+  /// A span that is evaluated next.
   struct Node {
-    double begin, end;
+    double begin = 0, end = 1;
+    double at = -1;                   // the time of its evaluation: its middle, or that of a curve's length
     std::vector<std::uint64_t> open;  // positions of unproved pairs
     std::vector<double> low;          // lower bound for each of them throughout the span
     double least = 0;                 // minimum of `low`
     bool has_steps = false;           // already counted as a step: evaluated in part
     bool seeds = false;               // one pair is evaluated before the others
 
-    double middle() const { return 0.5 * begin + 0.5 * end; }
     double half() const { return 0.5 * (end - begin); }
   };
   /// A pair that a node needs evaluated.
   struct PairRequest {
-    std::uint32_t open;  // index in Node::open
-    double target;       // metres: the pair leaves once this lower bound is proved throughout
-    double way;          // upper bound on the approach until the ends of the span, in metres
-    double inner;        // Slack::inner of the pair
-    PairRates rates;
-    double pace = 1;  // CurveSpan::pace(); 1 for straight motions
+    std::uint32_t open = 0;  // index in Node::open
+    double target = 0;       // metres: the pair leaves once this lower bound is proved throughout
+    double way = 0;          // upper bound on the approach until the ends of the span, in metres
+    double inner = 0;        // Slack::inner of the pair
+    PairRates rates{};
+    double rest = 0;  // MotionBounds::rest()
     PairGrowth growth{};
+    double pace[2] = {1, 1};  // CurveSides::pace(); 1 for straight motions
   };
 
-  /// Poses and velocities of bodies in the middle of a span.
+  /// Poses and velocities of bodies at the time of a node.
   struct Moment {
     const BodyPoses& placed;
-    std::span<const Twist> twists;  // of Plan::moved
+    std::span<const Twist> twists[2];  // of Plan::moved, for both sides
   };
 
   explicit MotionSearch(const MotionQuery& request) : motion_query_(request) {}
@@ -93,7 +94,7 @@ class MotionSearch {
   bool is_done() const { return done_; }
   /// Fetches the most promising span. Returns false if there is none at present.
   bool next(Node& node);
-  /// Appends the pairs to evaluate in the middle of a span, and their requests in the same order.
+  /// Appends the pairs to evaluate in a span, and their requests in the same order.
   void collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                      std::vector<PairRequest>& requests);
   /// Processes the answers to those requests. The node must not be used afterwards.
@@ -130,10 +131,10 @@ class MotionSearch {
     double upper() const { return pair == kNowhere ? kInf : best.upper; }
   };
 
-  // Half a span, with the pairs that continue in it.
+  // One side of a span, with the pairs that continue in it.
   struct Half {
     Node node;
-    double proved = 0;               // time from the middle on for which all pairs are proved
+    double proved = 0;               // time from the evaluation on for which all pairs are proved
     std::vector<double> proved_low;  // lower bound of each pair in that time
   };
 
@@ -151,9 +152,11 @@ class MotionSearch {
   bool is_proved(double low, double target) const { return decides() ? low > target : low >= target; }
   void divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
               Half (&halves)[2]);
-  void push_rest(Half& half, double middle);
+  void push_rest(Half& half, double at);
   HalfSpans half_spans(BodyPair pair, const PairRequest& request, const Vec3d& n, double inner, const Moment& moment,
-                       double half, bool of_boxes) const;
+                       double reach, bool of_boxes) const;
+  /// Length of either side in the units of its rates: time, or the progress of a curve.
+  double reach_of(const Node& node) const { return is_curved() ? 1 : node.half(); }
   void open_all();
   void open_some(std::span<const OpenPair> open);
   bool seek_contact();

@@ -1,4 +1,4 @@
-// One span of a search: the pairs evaluated in its middle, and what their answers prove in both halves.
+// One span of a search: the pairs evaluated at a time in it, and what their answers prove on both sides.
 #include <algorithm>
 #include <cassert>
 #include <cmath>
@@ -33,7 +33,7 @@ PairAnswer grown_answer(PairAnswer answer, const PairGrowth& growth) {
 void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<PlacedBodies>& to_evaluate,
                                  std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
-  motion_query_.bounds.take_span(node.begin, node.end, moving);
+  motion_query_.bounds.take_sides(node.begin, node.at, node.end, moving);
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
@@ -67,8 +67,8 @@ bool MotionSearch::leaves_by_boxes(std::size_t i, const Node& node, BodyPair pai
   };
   Goal& goal = goal_of(node.open[i]);
   const double gap = difference_below(box_gap(motion_query_.scene, placed, pair),
-                                      motion_query_.bounds.growth(pair, moving, node.middle()).most),
-               low = difference_below(gap, sum_above(speed(pair.a), speed(pair.b)) * node.half() * (1 + 0x1p-50));
+                                      motion_query_.bounds.growth(pair, moving, node.at).most),
+               low = difference_below(gap, sum_above(speed(pair.a), speed(pair.b)) * reach_of(node) * (1 + 0x1p-50));
   if (!(low > target_of(node.open[i], goal, 0))) return false;
   leave(goal, node.open[i], std::max(low, node.low[i]), node.begin);
   return true;
@@ -82,7 +82,7 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& no
   const Vec3d n = way_between(*a, *b);
   const double length = norm(n);
   if (!(length > request.target + request.growth.most)) return false;
-  const HalfSpans gaps = half_spans(pair, request, n, 0, moment, node.half(), true);
+  const HalfSpans gaps = half_spans(pair, request, n, 0, moment, reach_of(node), true);
   const double low = std::min(gaps.before, gaps.after);
   Goal& goal = goal_of(node.open[request.open]);
   if (!(low > (decides() ? request.target : target_of(node.open[request.open], goal, 0)))) return false;
@@ -93,12 +93,15 @@ bool MotionSearch::leaves_along_boxes(const PairRequest& request, const Node& no
 MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& node, BodyPair pair,
                                                     const BodyPoses& placed) {
   const std::uint64_t position = node.open[i];
-  PairRequest request{static_cast<std::uint32_t>(i), 0, 0, 0, {}, is_curved() ? moving.span.pace() : 1};
+  PairRequest request;
+  request.open = static_cast<std::uint32_t>(i);
+  for (int side = 0; is_curved() && side < 2; ++side) request.pace[side] = moving.sides.pace(side);
   Slack slack;
   if (!is_unusable(motion_query_.scene, placed, pair)) {
     request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
-    request.growth = motion_query_.bounds.growth(pair, moving, node.middle());
-    request.way = way_of_pair(request.rates, node.half());
+    request.rest = motion_query_.bounds.rest(position, pair, moving, request.rates.seer);
+    request.growth = motion_query_.bounds.growth(pair, moving, node.at);
+    request.way = way_of_pair(request.rates, reach_of(node));
     slack = pair_slack(placed, pair);
     request.inner = slack.inner;
   }
@@ -137,26 +140,29 @@ void MotionSearch::see(Goal& goal, std::uint64_t position, double time, const Pa
   goal.decided = any() ? within : answer.upper <= 0;
 }
 
-// Lower bounds in either half, along a direction that separates the pair in the middle.
+// Lower bounds on either side, along a direction that separates the pair at the time of evaluation.
 // \param of_boxes uses the bodies' boxes, which include their uncertainty
 HalfSpans MotionSearch::half_spans(BodyPair pair, const PairRequest& request, const Vec3d& n, double inner,
-                                   const Moment& moment, double half, bool of_boxes) const {
+                                   const Moment& moment, double reach, bool of_boxes) const {
   const PairRates& rates = request.rates;
-  const auto moving_body = [&](std::uint32_t body) {
-    return MovingBody{motion_query_.scene.bodies()[body], moment.placed[body].pose,
-                      motion_query_.bounds.twist_before(rates.seer, body, moment.twists, moment.placed),
-                      of_boxes ? moment.placed.known_box(body) : nullptr};
+  const double bend = bend_of_pair(rates, reach) - request.rest;
+  const auto gaps_on = [&](int side) {
+    const auto moving_body = [&](std::uint32_t body) {
+      return MovingBody{motion_query_.scene.bodies()[body], moment.placed[body].pose,
+                        motion_query_.bounds.twist_before(rates.seer, body, moment.twists[side], moment.placed),
+                        of_boxes ? moment.placed.known_box(body) : nullptr};
+    };
+    MovingBody b = moving_body(pair.b);
+    // Growth brings the bodies nearer along every direction.
+    if (request.growth.any()) b.twist.shift = b.twist.shift - n * (request.growth.slope[side] / norm(n));
+    return gaps_along(n, moving_body(pair.a), b, reach, bend);
   };
-  // What remains of a curve is bounded throughout the span, and not by the square of the time.
-  const double bend = bend_of_pair(rates, half), always = is_curved() ? bend : 0;
-  MovingBody b = moving_body(pair.b);
-  // Growth brings the bodies nearer along every direction.
-  if (request.growth.any()) b.twist.shift = b.twist.shift - n * (request.growth.slope / norm(n));
-  const HalfSpans gaps = gaps_along(n, moving_body(pair.a), b, half, bend - always);
-  return without_uncertainty(gaps, inner + always + request.growth.most, rates.drift, half);
+  HalfSpans gaps = gaps_on(1);
+  if (is_curved()) gaps.before = gaps_on(0).after;  // the progress is positive on both sides
+  return without_uncertainty(gaps, inner + request.rest + request.growth.most, rates.drift, reach);
 }
 
-// Takes an answer's bounds for both halves of the span. A pair that is not proved in a half continues there.
+// Takes an answer's bounds for both sides of the span. A pair that is not proved on a side continues there.
 void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, const Moment& moment, const Node& node,
                           Half (&halves)[2]) {
   const std::uint64_t position = node.open[request.open];
@@ -170,12 +176,13 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
   const Vec3d& n = answer.normal;
   const bool has_normal = answer.lower > std::min(target, 0.0) && std::isfinite(n.x + n.y + n.z);
   if (!beyond && !is_proved(low, target) && request.way > 0 && has_normal)
-    gaps = half_spans(motion_query_.plan.pairs.at(position), request, n, inner, moment, node.half(), false);
-  // Shorter spans would not bring the proof past a middle that cannot be proved.
+    gaps = half_spans(motion_query_.plan.pairs.at(position), request, n, inner, moment, reach_of(node), false);
+  // Shorter spans would not bring the proof past a time at which the pair is too near.
   const bool ends_here = node.half() <= kLeastHalf || (seeks_contact_ && node.half() <= 0.5 * kContactTime && !beyond &&
                                                        answer.lower <= motion_query_.plan.margins.of(position));
-  for (Half& half : halves) {
-    const double along = &half == &halves[0] ? gaps.before : gaps.after, gap = std::max(low, along);
+  for (int side = 0; side < 2; ++side) {
+    Half& half = halves[side];
+    const double along = side == 0 ? gaps.before : gaps.after, gap = std::max(low, along);
     const bool proved = beyond || is_proved(gap, target);
     if (proved || request.way == 0 || ends_here) {
       goal.forced |= !proved && !decides();
@@ -187,22 +194,23 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
       // A curve's mean speed bounds nothing before the ends of the span.
       const ProvedShare by_way = is_curved() ? ProvedShare() : proved_until(answer.lower, by_speed, target),
                         most = std::max(by_way, by_normal);
-      half.proved = std::min(half.proved, most.share * request.pace * node.half());
+      half.proved = std::min(half.proved,
+                             most.share * request.pace[side] * (side == 0 ? node.at - node.begin : node.end - node.at));
       half.proved_low.push_back(most.low);
     }
   }
 }
 
-// Drops the time from the middle on for which all pairs of a half are proved, and queues the remainder. Its ends are
-// chosen such that its middle, and the middles of its halves, are exact.
-void MotionSearch::push_rest(Half& half, double middle) {
+// Drops the time from the evaluation on for which all pairs of a side are proved, and queues the remainder. Its ends
+// are chosen such that its middle, and the middles of its halves, are exact.
+void MotionSearch::push_rest(Half& half, double at) {
   Node& node = half.node;
   if (node.open.empty()) return;
-  const bool is_after = node.begin == middle;
-  const double end = rest_of_half(middle, half.proved, node.half(), is_after);
-  if (end != middle) {
+  const bool is_after = node.begin == at;
+  const double end = rest_of_half(at, half.proved, node.half(), is_after);
+  if (end != at) {
     for (std::size_t i = 0; i < node.open.size(); ++i)
-      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), is_after ? middle : end);
+      leave(goal_of(node.open[i]), node.open[i], std::max(half.proved_low[i], node.low[i]), is_after ? at : end);
     (is_after ? node.begin : node.end) = end;
   }
   push(std::move(node));
@@ -212,12 +220,12 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRe
                         std::span<const PairAnswer> answers) {
   assert(requests.size() == answers.size());
   --under_way_;
-  const double middle = node.middle();
+  const double at = node.at;
   Half halves[2];
-  for (Half& half : halves) half.proved = node.half();
   halves[0].node.begin = node.begin;
-  halves[0].node.end = halves[1].node.begin = middle;
+  halves[0].node.end = halves[1].node.begin = at;
   halves[1].node.end = node.end;
+  for (Half& half : halves) half.proved = half.node.end - half.node.begin;
   const bool seed = node.seeds;  // the pair continues together with the others
   for (std::size_t k = 0; k < requests.size(); ++k) {
     const PairAnswer answer = grown_answer(answers[k], requests[k].growth);
@@ -230,11 +238,11 @@ void MotionSearch::take(Node& node, const Moment& moment, std::span<const PairRe
     }
     evaluated_ += answer.upper < kInf;
     // A pair that does not move is there from the beginning on.
-    see(goal, position, requests[k].way > 0 ? middle : node.begin, answer, moment.placed);
+    see(goal, position, requests[k].way > 0 ? at : node.begin, answer, moment.placed);
     if (!seed) divide(requests[k], answer, moment, node, halves);
   }
   if (seed) push(std::move(node));
-  for (Half& half : halves) push_rest(half, middle);
+  for (Half& half : halves) push_rest(half, at);
   end_if_done();
 }
 

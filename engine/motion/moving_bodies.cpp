@@ -77,7 +77,7 @@ void MotionBounds::take_curves(MovingBodies& moving) const {
     for (std::size_t i = 0; i < bodies; ++i) {
       const JointCurve& growth = moving.growths.emplace_back(plan_.growths.data() + first * bodies + i, points, bodies);
       const double by = growth.at(1) - growth.begin();
-      moving.growth.push_back({0, by, std::abs(by) * kMotionSlack, 0});  // if it is linear
+      moving.growth.push_back({{by, by}, std::abs(by) * kMotionSlack, 0});  // if it is linear
     }
   if (points == 2) return;
   for (std::size_t j = 0; j < joints; ++j)
@@ -100,29 +100,9 @@ void MotionBounds::take(std::uint64_t motion, MovingBodies& moving) const {
   moving.rounding.resize(plan_.motions.size());
   moving.travel.resize(plan_.motions.size());
   for (std::size_t m = 0; m < plan_.motions.size(); ++m) take_joints(m, moving);
-  if (moving.curves.empty())
-    take_rates(moving);
-  else
-    take_span(0, 1, moving);
-}
-
-void MotionBounds::take_span(double begin, double end, MovingBodies& moving) const {
-  if (moving.curves.empty()) return;
+  moving.given_rates.assign(plan_.given_bodies, {});
   moving.chain_ways.clear();
-  moving.span.take(moving.curves, begin, end);
-  for (std::size_t m = 0; m < plan_.motions.size(); ++m)
-    for (const LinkMotion::Moving& joint : plan_.motions[m].moving()) {
-      const JointSpan& span = moving.span.joints()[joint.at];
-      moving.along[m][joint.column] = span.slope;
-      moving.change[m][joint.column] = span.change;
-      moving.bend[m][joint.column] = span.bend;
-    }
-  const JointSpan* by = moving.span.joints().data() + plan_.joints.size();
-  moving.given_rates.clear();
-  for (std::size_t i = 0; i < plan_.given_bodies; ++i, by += 3)
-    moving.given_rates.push_back({std::hypot(by[0].change, by[1].change, by[2].change) * kMotionSlack,
-                                  std::hypot(by[0].bend, by[1].bend, by[2].bend) * kMotionSlack, 0});
-  moving.growth.assign(by, by + moving.growths.size());
+  moving.chain_rests.clear();
   take_rates(moving);
 }
 
@@ -132,11 +112,13 @@ void MotionBounds::take_sides(double begin, double time, double end, MovingBodie
   moving.sides.take(moving.curves, begin, time, end);
   moving.chain_ways.clear();
   moving.chain_rests.clear();
-  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.way, 0}; });
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, curve.way, 0}; });
   for (const MotionRates& rates : moving.chains) moving.chain_ways.push_back(rates.speed);
-  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.rest, 2 * curve.rest}; });
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, curve.rest, 2 * curve.rest}; });
   for (const MotionRates& rates : moving.chains) moving.chain_rests.push_back(0.5 * rates.acceleration);
-  take_parts(moving, [](const Curve& curve) { return JointSpan{0, 0, curve.change, 2 * curve.rest}; });
+  take_parts(moving, [](const Curve& curve) { return JointSpan{0, curve.change, 2 * curve.rest}; });
+  const Curve* const growths = moving.sides.curves().data() + moving.curves.size() - moving.growths.size();
+  for (std::size_t i = 0; i < moving.growths.size(); ++i) std::copy_n(growths[i].chord, 2, moving.growth[i].slope);
 }
 
 // Takes the rates of all curves, and those of the chains.
@@ -157,7 +139,11 @@ void MotionBounds::take_parts(MovingBodies& moving, const SpanOf& span_of) const
              0};
     by += 3;
   }
-  std::transform(by, by + moving.growths.size(), moving.growth.begin(), span_of);
+  for (GrowthSpan& growth : moving.growth) {
+    const JointSpan span = span_of(*by++);
+    growth.change = span.change;
+    growth.bend = span.bend;
+  }
   take_rates(moving);
 }
 

@@ -57,6 +57,14 @@ void CurveSides::take_side(std::span<const JointCurve> curves, double time, doub
     }
 }
 
+double CurveSides::pace(int side) const {
+  const std::vector<double>& progress = progress_[side];
+  double step = 0;
+  for (std::size_t i = 1; i < progress.size(); ++i) step = std::max(step, progress[i] - progress[i - 1]);
+  const double fastest = static_cast<double>(progress.size() - 1) * step;
+  return fastest > 1 ? (1 - 0x1p-30) / fastest : 1;
+}
+
 double middle_of_length(std::span<const JointCurve> curves, double begin, double end) {
   const double step = std::exp2(std::floor(std::log2((end - begin) / kStepsOfLength)));
   std::vector<double> times, lengths, last(curves.size()), next(curves.size());

@@ -1,4 +1,4 @@
-// Curves on both sides of a time, for certificates (docs/bounds_robots.md, "Certificates of curves").
+// Curves on both sides of a time (docs/bounds_robots.md, "Sides of a time").
 #pragma once
 
 #include <span>
@@ -27,6 +27,8 @@ class CurveSides {
   std::span<const Curve> curves() const { return curves_; }
   /// Control points of r, degree + 1 of them; decimals of six places.
   std::span<const double> progress(int side) const { return progress_[side]; }
+  /// r is at most x for a share of pace(side) x of the side's time. At most 1; rounded down.
+  double pace(int side) const;
 
  private:
   void take_side(std::span<const JointCurve> curves, double time, double end, int side);

@@ -134,7 +134,6 @@ void CurveSpan::take_progress(std::uint32_t degree) {
     squared += chord * chord;
     for (std::uint32_t i = 0; i < points_; ++i) progress_[i] += chord * points_of_[i * count + j];
   }
-  double step = 0;
   farthest_ = 0;
   for (std::uint32_t i = 0; i < points_; ++i) {
     double& r = progress_[i];
@@ -142,20 +141,10 @@ void CurveSpan::take_progress(std::uint32_t degree) {
     r = squared > 0 && !is_middle ? r / squared : 0;
     r = i <= degree ? std::min(r, 0.0) : std::max(r, 0.0);
     farthest_ = std::max(farthest_, std::abs(r));
-    if (i != 0) step = std::max(step, std::abs(r - progress_[i - 1]));
   }
-  pace_ = step > 0 ? std::min(farthest_ / (degree * step), 1.0) * (1 - 0x1p-30) : 1;
 }
 
-void CurveSpan::take(std::span<const JointCurve> curves, double begin, double end) {
-  const std::uint32_t degree = curves.empty() ? 1 : curves[0].degree();
-  part_.resize((degree + 1) * curves.size());
-  for (std::size_t j = 0; j < curves.size(); ++j) curves[j].part(begin, end, &part_[j], curves.size());
-  take_points(curves, part_.data(), 0.5 * (end - begin));
-  for (std::size_t j = 0; j < curves.size(); ++j) joints_[j].middle = curves[j].at(0.5 * begin + 0.5 * end);
-}
-
-void CurveSpan::take_points(std::span<const JointCurve> curves, const double* points, double half) {
+void CurveSpan::take(std::span<const JointCurve> curves, const double* points, double half) {
   const std::uint32_t degree = curves.empty() ? 1 : curves[0].degree();
   const std::size_t count = curves.size(), each = (degree + 1) * count;
   points_ = 2 * (degree + 1);

@@ -11,10 +11,9 @@ namespace clearance {
 
 /// A joint in a span of time [m - h, m + h], as a part of a straight motion and a remainder. For |s| <= h, q(m + s) is
 /// within `change` h of q(m), and within `bend` h^2 / 2 of q(m) + `slope` r, where r in [-h, h] is the same for all
-/// joints. Bounds are rounded up.
+/// joints and has the sign of s. Bounds are rounded up.
 struct JointSpan {
-  double middle = 0;  ///< q(m), rounded
-  double slope = 0;   ///< per unit of time; at most `change`
+  double slope = 0;  ///< per unit of time; at most `change`
   double change = 0;
   double bend = 0;
 };
@@ -31,7 +30,7 @@ class JointCurve {
   double begin() const { return points_[0]; }
   /// Position at a time, rounded.
   double at(double time) const;
-  /// Bound on the error of at(), and of JointSpan::middle.
+  /// Bound on the error of at().
   double rounding() const { return rounding_; }
   /// Range of the control points, and so of the curve; infinite if one is NaN.
   double least() const { return least_; }
@@ -68,31 +67,27 @@ void halve_curves(const double* points, std::uint32_t degree, std::size_t count,
 /// All joints of a motion in a span of time. Reusable memory.
 class CurveSpan {
  public:
+  /// For a span that at most kMostHalvings halvings have cut out, or JointCurve::part().
   /// \param curves of the joints, of one degree
-  /// \param begin, end as in JointCurve::part()
-  void take(std::span<const JointCurve> curves, double begin, double end);
-  /// The same, without JointSpan::middle, for a span that at most kMostHalvings halvings have cut out.
   /// \param points (degree + 1, curves.size()) control points of the span
   /// \param half of its length
-  void take_points(std::span<const JointCurve> curves, const double* points, double half);
+  void take(std::span<const JointCurve> curves, const double* points, double half);
   static constexpr int kMostHalvings = 11;
 
   /// Control points of the parts before and after the middle, one after the other: (2, degree + 1, curves).
   std::span<const double> halves() const { return halves_; }
   std::span<const JointSpan> joints() const { return joints_; }
-  /// r (JointSpan) has the sign of s, and |r| <= h x for |s| <= pace() h x, if x <= 1. Rounded down; at most 1.
-  double pace() const { return pace_; }
 
  private:
   void take_progress(std::uint32_t degree);
 
-  std::uint32_t points_ = 0;           // of a joint, in both parts
-  std::vector<double> part_, halves_;  // (degree + 1, joints); see halves()
-  std::vector<double> points_of_;      // (points_, joints), relative to the middle
+  std::uint32_t points_ = 0;  // of a joint, in both parts
+  std::vector<double> halves_;
+  std::vector<double> points_of_;  // (points_, joints), relative to the middle
   std::vector<double> scratch_;
   std::vector<double> progress_;  // (points_,) of r: control points for a chord of 1
   std::vector<JointSpan> joints_;
-  double farthest_ = 0, pace_ = 1;  // greatest |progress_|
+  double farthest_ = 0;  // greatest |progress_|
 };
 
 }  // namespace clearance

@@ -53,8 +53,8 @@ MOTION_MUTANTS = [
         (
             "motion_boxes",
             "motion/motion_span.cpp",
-            "sum_above(speed(pair.a), speed(pair.b)) * node.half()",
-            "0.5 * sum_above(speed(pair.a), speed(pair.b)) * node.half()",
+            "sum_above(speed(pair.a), speed(pair.b)) * reach_of(node)",
+            "0.5 * sum_above(speed(pair.a), speed(pair.b)) * reach_of(node)",
         ),
         ("motion_slack", "motion/motion_step.h", "inner + drift * half", "drift * half"),
         ("motion_seer", "motion/motion_step.h", "twist.turn = twist.turn - @seer.turn@", "0.0 * seer.turn"),
@@ -75,8 +75,8 @@ MOTION_MUTANTS = [
         (
             "motion_span_of_curve",
             "motion/motion_span.cpp",
-            "take_span(@node.begin@, node.end, moving)",
-            "(0.5 * node.begin + 0.5 * node.end)",
+            "take_sides(@node.begin@, node.at, node.end, moving)",
+            "(0.5 * node.begin + 0.5 * node.at)",
         ),
         ("curve_way", "selection/joint_curve.cpp", "way = std::max(way, @std::abs(p)@)", "0.9 * std::abs(p)"),
         (
@@ -86,9 +86,9 @@ MOTION_MUTANTS = [
             "(1.1 * progress_[i])",
         ),
         ("curve_bend", "selection/joint_curve.cpp", "joint.bend = @2@ * (rest + error)", "1.9"),
-        ("curve_pace", "selection/joint_curve.cpp", "farthest_ / (@degree@ * step)", "1"),
         ("curve_sign", "selection/joint_curve.cpp", "i <= degree ? @std::min(r, 0.0)@", "r"),
         ("curve_error", "selection/joint_curve.cpp", "error = @kSpanErrors@ * curves[j].rounding()", "0.0"),
+        ("side_pace", "selection/curve_sides.cpp", "static_cast<double>(progress.size() - @1@) * step", "2"),
         ("side_error", "selection/curve_sides.cpp", "error = @kSideErrors@ * curves[j].rounding()", "0.0"),
         (
             "side_way",
@@ -110,6 +110,11 @@ MOTION_MUTANTS = [
             "0.0",
         ),
     ),
+    *mutants_of(
+        "motions *MotionOracleTest.*curve:*MotionOracleTest.*meanwhile",
+        ("motion_rest_of_curve", "motion/motion_span.cpp", "inner + @request.rest@ + request.growth.most", "0"),
+        ("motion_side_of_curve", "motion/motion_span.cpp", "gaps.before = gaps_on(@0@).after", "1"),
+    ),
     # Bodies that move or grow meanwhile.
     *mutants_of(
         "motions Meanwhile.*:*MotionOracleTest.*meanwhile",
@@ -118,17 +123,17 @@ MOTION_MUTANTS = [
         ("growth_most", "motion/motion_bounds.cpp", "sum.most += @at + rounding@", "0.99 * at"),
         ("growth_least", "motion/motion_bounds.cpp", "sum.least += std::max(@at@ - rounding, 0.0)", "1.001 * at"),
         ("growth_of_boxes", "motion/motion_bounds.cpp", "speeds.push_back((speed + @grown@) * kUp)", "0 * grown"),
-        ("growth_slope", "motion/motion_span.cpp", "n * (@request.growth.slope@ / norm(n))", "0.0"),
+        ("growth_slope", "motion/motion_span.cpp", "n * (@request.growth.slope[side]@ / norm(n))", "0.0"),
         (
             "given_way",
             "motion/moving_bodies.cpp",
-            "@std::hypot(by[0].change, by[1].change, by[2].change)@ * kMotionSlack",
-            "0.9 * std::hypot(by[0].change, by[1].change, by[2].change)",
+            "@std::hypot(x.change, y.change, z.change)@ * kMotionSlack",
+            "0.9 * std::hypot(x.change, y.change, z.change)",
         ),
         (
             "given_bend",
             "motion/moving_bodies.cpp",
-            "@std::hypot(by[0].bend, by[1].bend, by[2].bend)@ * kMotionSlack",
+            "@std::hypot(x.bend, y.bend, z.bend)@ * kMotionSlack",
             "0.0",
         ),
         ("given_velocity", "motion/motion_poses.cpp", "own.shift = {s[0], s[1], @s[2]@}", "0.0"),

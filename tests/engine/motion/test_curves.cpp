@@ -4,6 +4,7 @@
 #include <cstdio>
 #include <functional>
 
+#include "engine/selection/joint_curve.h"
 #include "tests/engine/arm_scene.h"
 #include "tests/engine/motion/motion_test.h"
 #include "tests/engine/robot/exact_curve.h"
@@ -121,6 +122,63 @@ TEST(Curves, AtRestAtBothEndsTakesAtMostTwiceTheSpansOfAStraightMotion) {
               static_cast<unsigned long long>(steps[0]), static_cast<unsigned long long>(steps[1]));
   EXPECT_EQ(free[0], free[1]);
   EXPECT_GT(free[0], 20);
+  EXPECT_LE(steps[1], 2 * steps[0]);
+}
+
+// Straight motions along the chords of cubic curves, as long as they are.
+Motions chords_of(const Motions& curves) {
+  Motions straight = curves;
+  const std::size_t joints = curves.joints.size(), each = curves.points * joints;
+  straight.points = 2;
+  straight.positions.clear();
+  for (std::size_t first = 0; first < curves.positions.size(); first += each) {
+    std::vector<double> middle, along;
+    double length = 0, chord = 0;
+    for (std::size_t j = 0; j < joints; ++j) {
+      const double *const q = &curves.positions[first + j], begin = q[0], end = q[each - joints];
+      middle.push_back(0.5 * (begin + end));
+      along.push_back(0.5 * (end - begin));
+      chord += (end - begin) * (end - begin);
+    }
+    constexpr int kSteps = 100;
+    for (int k = 0; k < kSteps; ++k) {
+      double squared = 0;
+      for (std::size_t j = 0; j < joints; ++j) {
+        const JointCurve curve(&curves.positions[first + j], curves.points, joints);
+        const double step = curve.at((k + 1.0) / kSteps) - curve.at(double(k) / kSteps);
+        squared += step * step;
+      }
+      length += std::sqrt(squared);
+    }
+    for (const double way : {-length, length})
+      for (std::size_t j = 0; j < joints; ++j)
+        straight.positions.push_back(middle[j] + way / std::sqrt(chord) * along[j]);
+  }
+  return straight;
+}
+
+TEST(Curves, BentOnesTakeAtMostTwiceTheSpansOfStraightMotionsOfTheirLength) {
+  ArmCurves c;
+  const Motions curves = c.curves(4, 300, 0.3, [&](double start, double end, std::vector<double>& q) {
+    const auto bend = [&] { return c.random.uniform(-0.3, 0.3) * (end - start); };
+    q = {start, start + (end - start) / 3 + bend(), end - (end - start) / 3 + bend(), end};
+  });
+  const Motions chords = chords_of(curves);
+  const engine::Engine engine = engine_of(std::move(c.scene));
+  const Answer bent = evaluate(engine, curves.view(Reduce::kAny)),
+               straight = evaluate(engine, chords.view(Reduce::kAny));
+  std::uint64_t steps[2] = {0, 0}, free = 0;
+  for (std::size_t m = 0; m < 300; ++m) {
+    if (static_cast<Status>(bent.view.status[m]) != Status::kBeyond ||
+        static_cast<Status>(straight.view.status[m]) != Status::kBeyond)
+      continue;
+    ++free;
+    steps[0] += straight.view.steps[m];
+    steps[1] += bent.view.steps[m];
+  }
+  std::printf("%llu free motions: %llu spans straight, %llu along bent curves\n", static_cast<unsigned long long>(free),
+              static_cast<unsigned long long>(steps[0]), static_cast<unsigned long long>(steps[1]));
+  EXPECT_GT(free, 150u);
   EXPECT_LE(steps[1], 2 * steps[0]);
 }
 

@@ -4,6 +4,7 @@ points, bounds and spans."""
 import copy
 import math
 from fractions import Fraction
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -73,6 +74,22 @@ def test_trajectories(checker, arm_engine, profile):
     assert len(document["rows"]) == len(made)
     assert all(is_proved for is_proved, _ in checker.verdicts(document))
     assert "beyond" in {row["status"] for row in document["rows"]}
+    assert checker.each_rejects(document) == [False, False]
+
+
+def test_two_robots(checker):
+    """Each robot's velocities are those of its own joints."""
+    scene = clearance.Scene()
+    for name, x in (("left", 0), ("right", 1.1)):
+        scene.add_robot(name, Path(__file__).parents[3] / "scenes/cell/arm.urdf", home={}, base=at(x))
+    scene.add_sphere("ball", 0.1, static=True, pose=at(0.5, 0.9, 0.5))
+    arms = clearance.Engine(scene, backend="cpu", covers="off")
+    joints = [joint.name for joint in arms.joint_states()]
+    rng = np.random.default_rng(3)
+    start = rng.uniform(-0.1, 0.1, (1, 3, len(joints)))
+    pairs = [("left", "right"), ("left", "ball")]
+    document = arms.certificate(start=start, joints=joints, pairs=pairs, reduce="any", margin=0.01).document
+    assert all(is_proved for is_proved, _ in checker.verdicts(document))
     assert checker.each_rejects(document) == [False, False]
 
 
