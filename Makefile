@@ -35,7 +35,7 @@ fuzz:  ## run libFuzzer on every parser of untrusted bytes, SECONDS=600 for each
 
 MINUTES ?= 60
 SEED ?= 1
-soak:  ## inject faults (docs/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
+soak:  ## inject faults (docs/service/safety.md): 1000 clients killed, 80 daemons, 30,000 bad inputs, then MINUTES=60 of all at random, SEED=1; rewrites docs/results/soak.csv
 	@tools/setup.sh
 	@tools/build.sh release test_client_faults test_daemon_faults test_limit_faults test_input_faults clearance-soak
 	@for test in client daemon limit input; do CLEARANCE_FAULT_ROUNDS=26 build/bin/test_$${test}_faults --gtest_brief=1 || exit 1; done
@@ -57,7 +57,7 @@ certify:  ## check a million pairs of every hard class of hulls and meshes, 30,0
 	@tools/build.sh release clearance-certify clearance-certificates
 	@tools/certify.sh
 
-prove:  ## have Coq check the proof of the float64 bounds against the source (docs/proof.md), and 36 random changes of it; installs Coq
+prove:  ## have Coq check the proof of the float64 bounds against the source (docs/trust/proof.md), and 36 random changes of it; installs Coq
 	@tools/setup.sh
 	@tools/extras.sh prove
 

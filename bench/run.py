@@ -56,7 +56,7 @@ SUITES = {
         "bench/peers/bench_peers.py", "peers_timing peers_accuracy",
         "--workload gap_1mm_42 --rounds 1 --seconds 0.01", options="--results {results}",
         targets="clearance-peers-export clearance-peers-ours", packages="tools/packages/peers.txt",
-        pages="docs/performance.md docs/pictures/performance.png docs/accuracy.md", draw="peers"),
+        pages="docs/performance.md docs/pictures/performance.png docs/trust/accuracy.md", draw="peers"),
     "broad": Suite(
         "Ways to find near pairs, alone and within queries.",
         "build/bin/clearance-broad", "broad", "--bodies 120 --rounds 2", targets="clearance-broad",
@@ -67,7 +67,7 @@ SUITES = {
     "classes": Suite(
         "Waiting times of a client of the class control, next to the worst clients of the class planning.",
         "bench/latency/bench_classes.py", "classes", "--seconds 0.5 --rounds 1 --kinds groups",
-        pages="docs/latency.md"),
+        pages="docs/service/latency.md"),
     "view": Suite(
         "Waiting times of a control loop while a viewer reads its daemon.",
         "bench/latency/bench_view.py", "view", "--seconds 0.5 --turns 1", pages="docs/examples.md"),
@@ -133,7 +133,7 @@ def show_suites():
         stamps = {stamp_of(ROOT / file) for file in suite.files() if file.endswith(".csv")}
         for found in sorted(filter(None, stamps)):
             print(f"  {'':<12} {found}")
-    print(f"  {'pages':<12} The tables of docs/*.md from docs/results, without measuring.")
+    print(f"  {'pages':<12} The tables of docs/ from docs/results, without measuring.")
 
 
 def call(*command, **more):

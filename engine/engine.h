@@ -185,7 +185,7 @@ class Engine {
 
   /// Evaluates rows of a query without reduction on the newest snapshot, as a job on the CPU does. Returns their
   /// answers with proofs of their bounds: a JSON document that tools/check_certificate.py checks independently
-  /// (docs/certificates.md). Takes ten times as long as the rows do. Throws QueryError, also for an unknown row.
+  /// (docs/trust/certificates.md). Takes ten times as long as the rows do. Throws QueryError, also for an unknown row.
   /// \param rows numbers in any order; by default all
   std::string certificate(const QueryView& query, std::optional<std::span<const std::uint64_t>> rows = {}) const;
   /// Makes a certificate in slices. The engine and the data of `query` must outlive it.

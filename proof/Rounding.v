@@ -175,7 +175,7 @@ Proof.
   pose proof (size_rotation m (proj1 (proj1 H))). num.
 Qed.
 
-(* The relative rotation, docs/bounds.md: 9 + 2 sqrt 3. *)
+(* The relative rotation, docs/trust/bounds.md: 9 + 2 sqrt 3. *)
 Lemma relative_err : forall A' A B' B, rounded_rotation A' A -> rounded_rotation B' B ->
   size (mminus (fturned A' B') (turned A B)) <= 12.4642 * u.
 Proof.
@@ -213,7 +213,7 @@ Proof.
   pose proof (size_rotation (turned A B) (proj1 (rotation_turned A B (proj1 HA) (proj1 HB)))). num.
 Qed.
 
-(* Turning a vertex of b, or a direction back: docs/bounds.md, (2). *)
+(* Turning a vertex of b, or a direction back: docs/trust/bounds.md, (2). *)
 Definition kTurn := 17.6605 * u.
 Lemma turn_err : forall A' A B' B v, rounded_rotation A' A -> rounded_rotation B' B ->
   len (minus (fapply (fturned A' B') v) (apply (turned A B) v)) <= kTurn * len v + 14 * eta.

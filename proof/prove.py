@@ -1,5 +1,6 @@
 #!/usr/bin/env python3
-"""Checks the proof of docs/proof.md: extracts the bounds' expressions from the source, and has Coq check every file.
+"""Checks the proof of docs/trust/proof.md: extracts the bounds' expressions from the source, and has Coq check
+every file.
 
     proof/prove.py [--source ROOT] [--build out/proof]
 

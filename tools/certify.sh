@@ -1,5 +1,5 @@
 #!/usr/bin/env bash
-# Runs the oracle (docs/accuracy.md) and rewrites docs/results/*accuracy.csv: make certify.
+# Runs the oracle (docs/trust/accuracy.md) and rewrites docs/results/*accuracy.csv: make certify.
 # It needs this folder with build/bin/clearance-{certify,certificates,mesh-loader} alone, so that it can be carried to a
 # larger machine. THREADS=n sets the threads; results do not depend on them. Of one core, the decisions about states and
 # edges take up to an hour for six robots, the meshes an hour and a half, ten million stops five hours.

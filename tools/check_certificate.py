@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Checks certificates of Clearance (docs/certificate_format.md) in exact arithmetic, with Python 3.9 alone.
+"""Checks certificates of Clearance (docs/trust/certificate_format.md) in exact arithmetic, with Python 3.9 alone.
 check_certificate.py [--all] FILE... prints why rows fail, and other rows' proofs. Exit code 0 if all are proved."""
 import functools
 import json

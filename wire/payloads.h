@@ -144,7 +144,7 @@ struct JointStateRecord {
   std::uint64_t reserved[2] = {};
 };
 
-/// A query in device memory that the client maps (docs/wire_queries.md).
+/// A query in device memory that the client maps (docs/service/wire_queries.md).
 struct PlanHeader {
   std::uint64_t plan = 0;               ///< its number, never 0; valid for the client that opened it
   std::uint64_t memory_bytes = 0;       ///< size of the memory

@@ -16,7 +16,7 @@
 //
 // ZeroMQ carries a frame as two message parts (header, payload), shared memory as one contiguous block that starts on a
 // 64-byte boundary, LCM in typed messages (lcmtypes/). Little-endian; metres, radians, nanoseconds.
-// Later additions travel in records (docs/wire.md, "Versions").
+// Later additions travel in records (docs/service/wire.md, "Versions").
 // Data from a peer is copied once and validated (wire.h) before use.
 #pragma once
 
@@ -69,7 +69,7 @@ enum class FrameType : std::uint16_t {
   kStats = 0x88,
   kSceneChanged = 0x89,  ///< payload SceneChange
   kJoints = 0x8A,        ///< payload JointsHeader, JointStateRecords, GroupRecords, uint32 members
-  kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/certificates.md
+  kCertificate = 0x8C,   ///< payload: the document (JSON, UTF-8), docs/trust/certificates.md
   kPlan = 0x8D,          ///< payload PlanHeader, PlanColumnRecords
   kPlanDone = 0x8E,      ///< payload PlanResult
   kError = 0xFF,

@@ -3,7 +3,7 @@
 // A row defines the member of Query in C++ (client.h) and in Python's extension modules, the option's place on the
 // wire, the accepted values and the error for others (query_frame.cpp), its translation from LCM where
 // query_t has it by that name, a flag of `clearance query`, a keyword argument of Python's calls, and its
-// row in docs/wire_queries.md, which a test compares. Only its use is written by hand: the daemon reads
+// row in docs/service/wire_queries.md, which a test compares. Only its use is written by hand: the daemon reads
 // QueryParts::options, and the engine receives it if QueryView has a member of that name.
 //
 // The first rows travel in QueryHeader, which is final. A new option takes the next free tag, and travels in a record

@@ -1,4 +1,4 @@
-"""Tables of docs/accuracy.md and docs/notes/accuracy.md: answers against exact arithmetic."""
+"""Tables of docs/trust/accuracy.md and docs/notes/accuracy.md: answers against exact arithmetic."""
 
 from pages import markdown, results
 

@@ -1,4 +1,4 @@
-"""Tables of docs/latency.md, docs/notes/latency.md, docs/control.md and docs/examples.md."""
+"""Tables of docs/service/latency.md, docs/notes/latency.md, docs/control.md and docs/examples.md."""
 
 from harness import grouped
 from pages import markdown, results

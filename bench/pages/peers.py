@@ -1,4 +1,4 @@
-"""Tables and picture of the peers in docs/performance.md and docs/accuracy.md."""
+"""Tables and picture of the peers in docs/performance.md and docs/trust/accuracy.md."""
 
 from harness import grouped
 from pages import markdown, plot, results, times

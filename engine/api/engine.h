@@ -92,7 +92,7 @@ class CLEARANCE_API Engine {
   PreparedPath prepare_path(const Query& query) const;
   std::vector<IdPair> pairs(const Query& query = {}) const;  ///< the pairs of a query, in row order
   /// Evaluates rows of a query without reduction again, and returns them with proofs of their bounds, as a JSON
-  /// document for tools/check_certificate.py (docs/certificates.md). Throws QueryError.
+  /// document for tools/check_certificate.py (docs/trust/certificates.md). Throws QueryError.
   /// \param rows row numbers, k P + p for pair p in configuration k; by default all
   std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {}) const;
 

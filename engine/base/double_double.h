@@ -4,7 +4,7 @@
 // double-word arithmetic", ACM TOMS 44(2), 2017: AccurateDWPlusDW (algorithm 6, relative error <= 3u^2 + 13u^3) and
 // DWTimesDW1 (algorithm 10, <= 7u^2), u = 2^-53. The quotient is Y. Hida, X. Li, D. Bailey, "Algorithms for quad-double
 // precision floating point arithmetic", ARITH 15, 2001; its bound, <= 10u^2 + O(u^3), and the root's, <= 33/8 u^2 +
-// O(u^3), are derived in docs/bounds.md. Needs round-to-nearest and no contraction.
+// O(u^3), are derived in docs/trust/bounds.md. Needs round-to-nearest and no contraction.
 #pragma once
 
 #include <cmath>

@@ -1,5 +1,5 @@
 // Bound on the position error of a link placed by joints. It grows with the travel of sliding joints and the distance
-// of the root (docs/bounds_robots.md, "Kinematics"). For host and device.
+// of the root (docs/trust/bounds_robots.md, "Kinematics"). For host and device.
 #pragma once
 
 #include <cstdint>

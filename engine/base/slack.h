@@ -1,4 +1,4 @@
-// Uncertainty of bodies as lengths that widen bounds (docs/bounds_bodies.md, "Slack"). For host and device.
+// Uncertainty of bodies as lengths that widen bounds (docs/trust/bounds_bodies.md, "Slack"). For host and device.
 #pragma once
 
 #include "engine/base/vec.h"

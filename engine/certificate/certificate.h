@@ -1,4 +1,4 @@
-// Certificates: rows of a query together with their proofs, for an independent checker. docs/certificates.md defines
+// Certificates: rows of a query together with their proofs, for an independent checker. docs/trust/certificates.md defines
 // the document and the limits of its proofs.
 #pragma once
 

@@ -1,4 +1,4 @@
-// JSON values of a certificate's document (docs/certificates.md).
+// JSON values of a certificate's document (docs/trust/certificates.md).
 #pragma once
 
 #include <cstdint>

@@ -9,7 +9,7 @@
 
 namespace clearance {
 
-/// Moves of a joint: docs/certificates.md, "moves".
+/// Moves of a joint: docs/trust/certificates.md, "moves".
 /// \param stands positions of all joints of the scene, used for those that no query moves
 nlohmann::ordered_json moves_of(const RobotJoint& joint, const SceneRobot& robot, std::span<const double> stands);
 

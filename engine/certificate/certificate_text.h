@@ -56,7 +56,7 @@ struct FirstContactProof {
   std::optional<WitnessProof> witness;  ///< unset if no pair is, or if that is not proved
 };
 
-/// Writes the document of docs/certificates.md: rows, then the bodies they name, their parts, and the values that
+/// Writes the document of docs/trust/certificates.md: rows, then the bodies they name, their parts, and the values that
 /// configurations give them.
 class CertificateText {
  public:

@@ -1,4 +1,4 @@
-// Certificates of motions: docs/certificates.md.
+// Certificates of motions: docs/trust/certificates.md.
 #pragma once
 
 #include <memory>

@@ -1,4 +1,4 @@
-// Covers: trees of balls that bound a body's distances from both sides at little cost (docs/bounds_covers.md).
+// Covers: trees of balls that bound a body's distances from both sides at little cost (docs/trust/bounds_covers.md).
 #pragma once
 
 #include <array>

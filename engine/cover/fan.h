@@ -18,7 +18,7 @@ struct Fan {
 };
 
 /// Tetrahedra from a point within the hull to each face that Qhull guesses. Nothing if the faces are not proved to
-/// close around the point (docs/bounds_covers.md, "Shares"), as for flat hulls.
+/// close around the point (docs/trust/bounds_covers.md, "Shares"), as for flat hulls.
 std::optional<Fan> fan_of(std::span<const Vec3d> vertices);
 
 /// The box around a part's core, which is not contained in the part.

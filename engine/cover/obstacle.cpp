@@ -4,7 +4,7 @@
 //   half: u H. Difference from half: u (D + H). Root of squares: 2.5 u D. radius: u radius. Last difference:
 //   u (D + H + radius). Squares below the least float: 2^-70.
 // A cylinder has two roots of 2 u D each, aligned obstacles no axes. Float64, the pose's rounding included: 2^-45 of
-// all lengths. Planes: docs/bounds_covers.md, "Obstacles".
+// all lengths. Planes: docs/trust/bounds_covers.md, "Obstacles".
 #include "engine/cover/obstacle.h"
 
 #include <algorithm>

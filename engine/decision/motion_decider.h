@@ -22,7 +22,7 @@ struct OpenPair {
 };
 
 /// Divides a motion into spans until covers prove each free, or prove a hit in the middle of one. Each worker has its
-/// own (docs/bounds_covers.md, "Motions").
+/// own (docs/trust/bounds_covers.md, "Motions").
 class MotionDecider {
  public:
   /// The arguments must outlive this. The covers know rates (CoverPlan::rates()).

@@ -1,4 +1,4 @@
-// Certified interval of how fast the distance of two parts changes: docs/bounds_robots.md, "Rates".
+// Certified interval of how fast the distance of two parts changes: docs/trust/bounds_robots.md, "Rates".
 #pragma once
 
 #include <vector>

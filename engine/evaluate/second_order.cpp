@@ -215,7 +215,7 @@ void SecondOrder::combine(const FeaturePair& features, const Chains& chains, Sec
   row.curvature = curvature;
 }
 
-// Relative errors of axes and lever arms as computed, far above those of links: docs/bounds_robots.md, "Rates".
+// Relative errors of axes and lever arms as computed, far above those of links: docs/trust/bounds_robots.md, "Rates".
 constexpr double kTwistUnits = 0x1p-36;
 
 Interval SecondOrder::bound_rate(const BodyPoses& placement, BodyPair pair, const PairAnswer& answer,

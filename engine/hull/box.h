@@ -29,7 +29,7 @@ CLEARANCE_HD inline Aabb certify_box(const Vec3d& centre, const Vec3d& half, dou
     const Vec3d& row = R_wb.row[k];
     const double turned = abs(row.x) * half.x + abs(row.y) * half.y + abs(row.z) * half.z;
     const double extent = (turned < spread ? turned : spread) + radius;
-    // 16 units cover the rotation, the products and the sums (docs/bounds.md, boxes).
+    // 16 units cover the rotation, the products and the sums (docs/trust/bounds.md, boxes).
     const double rounding =
         16 * 0x1p-53 * (rho + norm(half) + radius + abs(t_w[k])) + Arithmetic<double>::kUnderflowLength;
     box.low[k] = (c[k] + t_w[k]) - extent - rounding;
@@ -42,7 +42,7 @@ inline constexpr double kBeyondAll = 1e100;
 
 /// A box proved to contain a placed half-space, z <= radius in the body's frame, as far out as bodies may be. It leaves
 /// free space only if the plane lies along two of the world's axes. An entry of a rotation that is computed as 0 is 0
-/// (docs/bounds.md, boxes).
+/// (docs/trust/bounds.md, boxes).
 inline Aabb certify_half_space_box(double radius, const Mat3d& R_wb, const Vec3d& t_w) {
   Aabb box{{-kBeyondAll, -kBeyondAll, -kBeyondAll}, {kBeyondAll, kBeyondAll, kBeyondAll}};
   const Vec3d n{R_wb.row[0].z, R_wb.row[1].z, R_wb.row[2].z};

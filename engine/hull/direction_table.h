@@ -53,7 +53,7 @@ inline DirectionTable make_direction_table(std::span<const Vec3d> vertices, doub
 }
 
 /// The blur that lets float32 find a direction's list, for directions of lengths from 10^-30 to 10^30: see
-/// docs/bounds.md.
+/// docs/trust/bounds.md.
 /// \param spread bound on the vertices' distance from a point among them, metres
 constexpr double float_blur(double spread) {
   return 64 * 0x1p-24 * spread;

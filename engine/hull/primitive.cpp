@@ -1,4 +1,4 @@
-// Compiled with -ffp-contract=off: docs/bounds.md, round cores, counts each rounding.
+// Compiled with -ffp-contract=off: docs/trust/bounds.md, round cores, counts each rounding.
 #include "engine/hull/primitive.h"
 
 #include <algorithm>

@@ -17,7 +17,7 @@ struct SupportPoint {
 };
 
 /// The vertex with the largest computed n . v, ties to the lowest index (scan). Every other vertex has an exact n . v
-/// of at most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/bounds.md. n in the body's frame, of any
+/// of at most `value` + 3 u |n| rho, u the unit roundoff of T: see docs/trust/bounds.md. n in the body's frame, of any
 /// length.
 ///
 /// For a core in closed form (primitive.h) the index is 0, since its one vertex is a point of it, not the farthest. A

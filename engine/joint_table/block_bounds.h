@@ -1,4 +1,4 @@
-// Bounds on the distance of two links throughout blocks of positions (docs/bounds_covers.md, "Cells of a table").
+// Bounds on the distance of two links throughout blocks of positions (docs/trust/bounds_covers.md, "Cells of a table").
 #pragma once
 
 #include <cstddef>

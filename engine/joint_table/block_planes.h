@@ -1,5 +1,5 @@
 // Bounds on the distance of two links throughout a block of positions, from a plane that separates them in its middle,
-// or from a point that both hold there (docs/bounds_covers.md, "Planes of a table").
+// or from a point that both hold there (docs/trust/bounds_covers.md, "Planes of a table").
 #pragma once
 
 #include <array>

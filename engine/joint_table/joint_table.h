@@ -1,5 +1,5 @@
 // Bounds on the distance of two links of one robot, by the positions of the one or two joints between them
-// (docs/bounds_covers.md, Joint tables).
+// (docs/trust/bounds_covers.md, Joint tables).
 #pragma once
 
 #include <array>

@@ -51,7 +51,7 @@ void part_reaches(const ElementColumns& elements, const Vec3d& n, PartColumn& re
 
 /// Lower bound on the distance of each from `other`: from both boxes in the axes of the parts' body, along the line of
 /// their centres (towards a triangle: to its nearest point) and along the normals of the planes of both;
-/// docs/bounds_bodies.md, "Surfaces". Not below 0.
+/// docs/trust/bounds_bodies.md, "Surfaces". Not below 0.
 /// \param R,D convert the other body's coordinates to those of the parts' body
 /// \param stop_above the search for tighter bounds stops once all gaps exceed this
 void part_gaps(const NodeColumns& nodes, const PartBounds& other, const Mat3d& R, const Vec3d& D, double stop_above,

@@ -13,7 +13,7 @@ namespace clearance {
 namespace {
 
 constexpr double kInf = std::numeric_limits<double>::infinity();
-// Rounding units of a gap: of the rotation, its products and the sums (docs/bounds_bodies.md, surfaces).
+// Rounding units of a gap: of the rotation, its products and the sums (docs/trust/bounds_bodies.md, surfaces).
 constexpr double kGapUnits = 256 * 0x1p-53;
 // Levels that known_reach() descends: at most 4096 nodes, and 64 of a cloud, whose boxes are less tight.
 constexpr int kLevels = 12, kLevelsOfCloud = 6;

@@ -13,7 +13,7 @@
 
 namespace clearance {
 
-/// Bounds, for each pair of a plan, how much joints can reduce its distance (docs/bounds_robots.md, "Free regions")
+/// Bounds, for each pair of a plan, how much joints can reduce its distance (docs/trust/bounds_robots.md, "Free regions")
 /// if each joint moves by at most s times its weight.
 class FreeScale {
  public:

@@ -1,4 +1,4 @@
-// Bounds on the distance of two bodies within half a span, from their velocities at its middle: docs/bounds_robots.md,
+// Bounds on the distance of two bodies within half a span, from their velocities at its middle: docs/trust/bounds_robots.md,
 // "Motion".
 #pragma once
 

@@ -1,4 +1,4 @@
-// Bounds on the speed at which bodies of a pair approach during a motion: docs/bounds_robots.md, "Motion".
+// Bounds on the speed at which bodies of a pair approach during a motion: docs/trust/bounds_robots.md, "Motion".
 #pragma once
 
 #include <cstdint>
@@ -71,7 +71,7 @@ class MotionBounds {
 
   /// With the rates of the whole motion if it is straight. Curves have rates after take_sides().
   void take(std::uint64_t motion, MovingBodies& moving) const;
-  /// Sets the rates of curves on both sides of a time in a span: docs/bounds_robots.md, "Sides of a time". They are by progress,
+  /// Sets the rates of curves on both sides of a time in a span: docs/trust/bounds_robots.md, "Sides of a time". They are by progress,
   /// and each side is a unit of it. Straight motions have the same rates in all spans.
   void take_sides(double begin, double time, double end, MovingBodies& moving) const;
   /// Bound on a pair's approach where the progress is 0, in metres. After take_sides().

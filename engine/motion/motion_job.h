@@ -1,4 +1,4 @@
-// Jobs for motions, on the CPU: docs/bounds_robots.md, "Motion".
+// Jobs for motions, on the CPU: docs/trust/bounds_robots.md, "Motion".
 #pragma once
 
 #include <memory>

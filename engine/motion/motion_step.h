@@ -1,4 +1,4 @@
-// Arithmetic of bounds on motion for convex parts: same source for the CPU and for a GPU thread (docs/bounds_robots.md,
+// Arithmetic of bounds on motion for convex parts: same source for the CPU and for a GPU thread (docs/trust/bounds_robots.md,
 // "Motion").
 #pragma once
 

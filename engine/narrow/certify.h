@@ -2,7 +2,7 @@
 //
 // Works in the frame of body a, on the stored vertices of the convex parts, so that a bound does not depend on the
 // source of its proposal. One rotation takes b's vertices to that frame, and directions back; a's vertices stay as they
-// are stored. docs/bounds.md derives the rounding terms, and tests/oracle measures them.
+// are stored. docs/trust/bounds.md derives the rounding terms, and tests/oracle measures them.
 #pragma once
 
 #include <array>
@@ -27,7 +27,7 @@ struct Interval {
   bool is_possible() const { return lower <= upper; }  // false for a NaN
 };
 
-/// Rounding terms of the bounds, in units of Arithmetic<T>::kUnit times S. Derived in docs/bounds.md.
+/// Rounding terms of the bounds, in units of Arithmetic<T>::kUnit times S. Derived in docs/trust/bounds.md.
 template <class T>
 struct RoundingUnits;
 template <>
@@ -66,7 +66,7 @@ CLEARANCE_HD inline T rounding_error(const T& units, const T& scale) {
 }
 
 /// Lower bound on the distance of two placed parts other than half-spaces: from their balls, and from both boxes in the
-/// axes of each body. Much cheaper than a search; proves nothing unless positive. docs/bounds.md, boxes.
+/// axes of each body. Much cheaper than a search; proves nothing unless positive. docs/trust/bounds.md, boxes.
 /// \param R,D of their PairFrame<double>
 /// \param enough a bound above this is not raised further, in metres
 CLEARANCE_HD inline double certify_parts_gap(const HullExtents& a, const HullExtents& b, const Mat3d& R, const Vec3d& D,

@@ -42,7 +42,7 @@ CLEARANCE_HD inline int winding(const Vertices& w, const CsoFace<T>* faces, std:
 }
 
 /// No overlap is proved for pairs whose S is at most this, in metres: triple products, and squares of values far below
-/// S, underflow there, and with them the errors that they are compared with (docs/bounds.md).
+/// S, underflow there, and with them the errors that they are compared with (docs/trust/bounds.md).
 template <class T>
 inline constexpr double kLeastOverlapScale = Arithmetic<T>::kCareful ? 1e-63 : 1e-78;
 

@@ -57,7 +57,7 @@ CLEARANCE_INLINE PairFrame<S> pair_frame(const HullA& a, const Mat3d& R_wa, cons
     const double size = a.rho + b.rho + a.radius + b.radius + abs(D.x) + abs(D.y) + abs(D.z);
     if (!is_zero(a.centre)) D = D - a.centre;
     if (!is_zero(b.centre)) D = D + R * b.centre;
-    // Rotations, products and sums of float64: docs/bounds.md, float32.
+    // Rotations, products and sums of float64: docs/trust/bounds.md, float32.
     return {cast<S>(R), cast<S>(D), static_cast<S>(24 * 0x1p-53 * (1 + 0x1p-20) * size), size < 1e6};
   }
 }

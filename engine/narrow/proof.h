@@ -1,5 +1,5 @@
 // Proof of a pair's interval for an independent check. It is kept where the bounds are made, and only on request.
-// docs/certificates.md describes the check.
+// docs/trust/certificates.md describes the check.
 #pragma once
 
 #include <cstdint>

@@ -31,7 +31,7 @@ inline constexpr double kMaxCoordinate = 1e60;
 CLEARANCE_HD PoseQuality check(const Pose& X);
 
 /// The rotation M(q) / |q|^2, each entry rounded once from about 100 bits: |R_ij error| <= 2^-53 |R_ij| + 2^-90.
-/// The pose must not be kBad. The derivation of certify()'s constant rests on this (docs/bounds.md).
+/// The pose must not be kBad. The derivation of certify()'s constant rests on this (docs/trust/bounds.md).
 CLEARANCE_HD Mat3d rotation_of(const Pose& X);
 
 /// The same for many poses, in SIMD lanes, with the same bits.

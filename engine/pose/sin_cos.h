@@ -1,5 +1,5 @@
 // Sine and cosine from additions and products only, so that a scalar, a SIMD lane and a GPU thread give the same bits,
-// with a proved error bound (docs/bounds_robots.md, "Sine and cosine").
+// with a proved error bound (docs/trust/bounds_robots.md, "Sine and cosine").
 #pragma once
 
 #include "engine/base/lane.h"

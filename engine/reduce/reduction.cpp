@@ -15,7 +15,7 @@ constexpr double kInf = std::numeric_limits<double>::infinity();
 // Pairs of the first step, if an overlap ends the search; each step has twice as many as the one before.
 constexpr std::uint64_t kAtFirst = 8, kAtFirstOfMany = 2;  // the latter for each of many configurations
 
-// Tolerances below which the bits of a row depend on its state alone (docs/bounds_bodies.md, "Nearer pairs").
+// Tolerances below which the bits of a row depend on its state alone (docs/trust/bounds_bodies.md, "Nearer pairs").
 constexpr double kNarrowAbsTol = 1e-4, kNarrowRelTol = 1e-3;
 
 // Work that takes one thread a tenth of a millisecond or more.

@@ -37,7 +37,7 @@ struct PlacementError {
 ///
 /// The exact reference takes the numbers of the URDF as float64, with its roll, pitch and yaw, axes of length 1, mimic
 /// joints, sine and cosine in real arithmetic, and the rotations of the roots' poses as M(q)/|q|^2. The resulting poses
-/// are float64, and error() bounds their deviation from it (docs/bounds_robots.md, "Kinematics").
+/// are float64, and error() bounds their deviation from it (docs/trust/bounds_robots.md, "Kinematics").
 class Kinematics {
  public:
   explicit Kinematics(const RobotModel& robot);

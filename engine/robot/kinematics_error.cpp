@@ -1,4 +1,4 @@
-// Deviation of placed links from their poses in real arithmetic: docs/bounds_robots.md, "Kinematics", step by step.
+// Deviation of placed links from their poses in real arithmetic: docs/trust/bounds_robots.md, "Kinematics", step by step.
 #include <algorithm>
 #include <cmath>
 

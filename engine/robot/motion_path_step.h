@@ -1,5 +1,5 @@
 // Bounds on the speed of a link's points and its rotation, joint by joint, from the same source for a CPU and a GPU
-// thread (docs/bounds_robots.md, "Paths of points").
+// thread (docs/trust/bounds_robots.md, "Paths of points").
 #pragma once
 
 #include <cstdint>

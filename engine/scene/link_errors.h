@@ -1,4 +1,4 @@
-// Bounds on the rounding errors of a robot's link poses (docs/bounds_robots.md, "Kinematics").
+// Bounds on the rounding errors of a robot's link poses (docs/trust/bounds_robots.md, "Kinematics").
 #pragma once
 
 #include <cstddef>

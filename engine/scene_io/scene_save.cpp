@@ -1,4 +1,4 @@
-// Scene::save: writes a scene file (docs/scenes.md) and its geometry.
+// Scene::save: writes a scene file (docs/models/scenes.md) and its geometry.
 #include <yaml-cpp/emitter.h>
 
 #include <array>

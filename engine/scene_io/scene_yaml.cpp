@@ -1,4 +1,4 @@
-// Scene::load: reads a scene file (docs/scenes.md) into bodies, groups and ignored pairs.
+// Scene::load: reads a scene file (docs/models/scenes.md) into bodies, groups and ignored pairs.
 #include <algorithm>
 #include <filesystem>
 #include <optional>

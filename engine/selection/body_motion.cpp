@@ -13,7 +13,7 @@ namespace {
 
 constexpr double kUnit = 0x1p-53;
 constexpr double kUp = 1 + 0x1p-40;
-// Error of a rotation computed by at(), and of each coordinate of a translation: docs/bounds_robots.md, "Motion".
+// Error of a rotation computed by at(), and of each coordinate of a translation: docs/trust/bounds_robots.md, "Motion".
 constexpr double kTurnUnits = 128, kTimeUnits = 6;
 constexpr double kHalfTurn = 0x1p-20;  // radians: distance from half a turn that counts as half a turn
 

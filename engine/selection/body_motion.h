@@ -1,4 +1,4 @@
-// Motion of a body between two poses that a query gives: docs/bounds_robots.md, "Motion".
+// Motion of a body between two poses that a query gives: docs/trust/bounds_robots.md, "Motion".
 #pragma once
 
 #include "engine/pose/pose.h"

@@ -1,4 +1,4 @@
-// Curves on both sides of a time (docs/bounds_robots.md, "Sides of a time").
+// Curves on both sides of a time (docs/trust/bounds_robots.md, "Sides of a time").
 #pragma once
 
 #include <span>

@@ -1,4 +1,4 @@
-// A joint's position during a motion as a Bezier curve, and bounds on it in a span of time (docs/bounds_robots.md,
+// A joint's position during a motion as a Bezier curve, and bounds on it in a span of time (docs/trust/bounds_robots.md,
 // "Curves").
 #pragma once
 

@@ -1,5 +1,5 @@
 // Uncertainty of the placed bodies of a scene: declared by the user, from their shapes, from the rounding of chained
-// poses, and from the age of poses (docs/bounds_bodies.md, "Slack").
+// poses, and from the age of poses (docs/trust/bounds_bodies.md, "Slack").
 #pragma once
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-// Uncertainty of a body, derived from that of the body that it follows (docs/bounds_robots.md, "Chains"). For host
+// Uncertainty of a body, derived from that of the body that it follows (docs/trust/bounds_robots.md, "Chains"). For host
 // and device.
 #pragma once
 

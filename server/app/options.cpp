@@ -273,9 +273,10 @@ bool parse_options(int argc, const char* const* argv, DaemonOptions& o, int& exi
   app.add_option("--limit", limits, "one of the limits below; may be repeated")
       ->type_name("NAME=N")
       ->configurable(false);
-  app.add_flag("--require-epoch", o.require_epoch,
-               "reject requests that involve poses and have no epoch (docs/wire.md): a client that would not notice "
-               "a\nrestart gets no answer");
+  app.add_flag(
+      "--require-epoch", o.require_epoch,
+      "reject requests that involve poses and have no epoch (docs/service/wire.md): a client that would not notice "
+      "a\nrestart gets no answer");
   add_watching(app, o);
 
   try {

@@ -9,7 +9,7 @@ _GAP = "evaluate/part_gap.h"
 _KINEMATIC = "dot(features.normal(), @cross(carrier.spin, carried.shift)@)"
 
 SECOND_ORDER_MUTANTS = [
-    # Terms of the Hessian: docs/bounds_robots.md, "Second order".
+    # Terms of the Hessian: docs/trust/bounds_robots.md, "Second order".
     *mutants_of(
         "second_order SecondOrder.O*:SecondOrder.T*:SecondOrder.W*",
         ("term_across", _PAIR, "(motion.shift - @normal_ * dot(normal_, motion.shift)@)", "normal_ * 0.0"),

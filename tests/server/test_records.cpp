@@ -1,4 +1,4 @@
-// Records of requests and replies (docs/wire.md, "Versions").
+// Records of requests and replies (docs/service/wire.md, "Versions").
 #include <gtest/gtest.h>
 
 #include <cstring>

@@ -41,7 +41,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "tools/wheel.sh native": NEEDS + "minutes; make test-extras EXTRAS=wheels",
         "pip install numpy": NEEDS + "a network; make test-extras EXTRAS=wheels installs it so",
     },
-    "docs/accuracy.md": {
+    "docs/trust/accuracy.md": {
         "make ": LONG + "make test has a part of it",
         "build/bin/clearance-certify": LONG + "tests/oracle",
         "build/bin/clearance-certificates": LONG + "tests/oracle",
@@ -54,7 +54,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     "docs/control.md": {
         "python3 client/examples/": LONG + "make test-extras EXTRAS=examples",
     },
-    "docs/daemon.md": {
+    "docs/service/daemon.md": {
         "clearanced --scene scenes/nineteen/scene.yaml --shm /run": NEEDS + "the right to real-time priorities",
         "clearance stat --watch": "never ends; tests/server/base/test_stats.cpp has the counters",
     },
@@ -64,7 +64,7 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "pip install": NEEDS + "a network",
         "clearance view": "never ends; make test-extras EXTRAS=viewer",
     },
-    "docs/lcm.md": {
+    "docs/service/lcm.md": {
         "ip ": "changes the machine's network",
         "lcm-logger": "never ends",
         "lcm-logplayer": NEEDS + "a log",
@@ -72,13 +72,13 @@ LEFT_OUT: dict[str, dict[str, str]] = {
     },
     "docs/planning.md": {"import clearance.ompl": NEEDS + "OMPL; make test-extras EXTRAS=ompl"},
     "docs/notes/report.md": {"make ": LONG + "make test has a part of it"},
-    "docs/ros.md": {
+    "docs/service/ros.md": {
         "ln -s $PWD/ros": NEEDS + "colcon; make test-extras EXTRAS=ros has the node",
         "tools/wheel.sh client": NEEDS + "a network; make test-extras EXTRAS=wheels installs it",
         "cd ~/ws": NEEDS + "colcon",
         "ros2 launch": NEEDS + "colcon",
     },
-    "docs/safety.md": {"make ": LONG + "make test has a part of it"},
+    "docs/service/safety.md": {"make ": LONG + "make test has a part of it"},
     "docs/start.md": {
         "git clone": "the repository is there",
         "make build": "it is built",
@@ -94,13 +94,13 @@ LEFT_OUT: dict[str, dict[str, str]] = {
         "docker run": NEEDS + "Docker",
         "clearance bodies": NEEDS + "Docker",
     },
-    "docs/wire.md": {"import struct": ELSEWHERE + "tests/python/docs/test_docs.py"},
+    "docs/service/wire.md": {"import struct": ELSEWHERE + "tests/python/docs/test_docs.py"},
 }
 #: Pages whose indented blocks are formulas or drawings.
 FORMULAS = {
-    "docs/bounds.md",
-    "docs/bounds_bodies.md",
-    "docs/bounds_robots.md",
+    "docs/trust/bounds.md",
+    "docs/trust/bounds_bodies.md",
+    "docs/trust/bounds_robots.md",
     "docs/architecture.md",
 }
 

@@ -1,4 +1,4 @@
-"""Frames as they travel: a header, a payload, and the records that a payload may end in (docs/wire.md)."""
+"""Frames as they travel: a header, a payload, and the records that a payload may end in (docs/service/wire.md)."""
 
 from __future__ import annotations
 

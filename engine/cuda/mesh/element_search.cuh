@@ -2,7 +2,7 @@
 //
 // Subtrees wait on a stack in shared memory, each with a lower bound on its distance from the other body's convex part:
 // by boxes, along the line between their centres, and along the direction that proved the nearest point so far
-// (docs/bounds_bodies.md, "Surfaces"). A subtree proved farther than an upper bound is skipped, and its gap counts in
+// (docs/trust/bounds_bodies.md, "Surfaces"). A subtree proved farther than an upper bound is skipped, and its gap counts in
 // the lower bound. The resulting interval contains the distance and is as narrow as requested, but the traversal order
 // differs from the CPU's, so the interval may too. It depends only on the pair and on the cutoff of its group's seed.
 // If all triangles of a solid are apart from a convex part, one point of the part decides whether it lies inside.
@@ -162,7 +162,7 @@ class HullSearch : public WarpSearch {
   }
 
   // Whether a convex part lies inside the solid, given that all triangles are farther than `apart`
-  // (docs/bounds_bodies.md, "Surfaces"). kNone if none does.
+  // (docs/trust/bounds_bodies.md, "Surfaces"). kNone if none does.
   __device__ PairOutcome look_within(double apart, PairAnswer& answer) {
     const PlacedFrame &outer = elements_first_ ? of_a_ : of_b_, &inner = elements_first_ ? of_b_ : of_a_;
     const Vec3d shift = inner.t_w - outer.t_w;

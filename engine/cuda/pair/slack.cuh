@@ -1,4 +1,4 @@
-// Slack of a pair from the uncertainty of its bodies (docs/bounds_bodies.md, "Slack"): pair_slack() of
+// Slack of a pair from the uncertainty of its bodies (docs/trust/bounds_bodies.md, "Slack"): pair_slack() of
 // engine/selection/body_poses.h.
 #pragma once
 

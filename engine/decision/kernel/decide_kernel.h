@@ -2,7 +2,7 @@
 // similar).
 //
 // Lanes are balls of one body against one obstacle or ball, so that one state costs as much as its share of many. All
-// versions do the same operations on each ball, and give the same results (docs/bounds_covers.md, "Decisions").
+// versions do the same operations on each ball, and give the same results (docs/trust/bounds_covers.md, "Decisions").
 #pragma once
 
 #include <cmath>

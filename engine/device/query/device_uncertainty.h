@@ -9,7 +9,7 @@
 
 namespace clearance::cuda {
 
-/// The uncertain body with the least id in the query's pairs (docs/bounds_bodies.md, "Slack"), or kNone.
+/// The uncertain body with the least id in the query's pairs (docs/trust/bounds_bodies.md, "Slack"), or kNone.
 std::uint32_t uncertain_body(const engine::Scene& scene, const Plan& plan);
 
 /// The same for bodies whose uncertainty grows with time: their pose, or that of a parent, ages.

@@ -15,7 +15,7 @@
 
 namespace clearance {
 
-/// Chooses how far covers bound the groups of a plan, and whether their bounds suffice for rows (docs/bounds_covers.md,
+/// Chooses how far covers bound the groups of a plan, and whether their bounds suffice for rows (docs/trust/bounds_covers.md,
 /// "Distances"). At narrow tolerances they only leave pairs out.
 class CoverBounds {
  public:

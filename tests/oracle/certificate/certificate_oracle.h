@@ -1,4 +1,4 @@
-// The oracle of certificates: a second implementation of docs/certificate_format.md, without a line of the engine or of
+// The oracle of certificates: a second implementation of docs/trust/certificate_format.md, without a line of the engine or of
 // tools/check_certificate.py.
 #pragma once
 

@@ -1,4 +1,4 @@
-// A certificate's text as values, read strictly: any deviation from docs/certificate_format.md is rejected.
+// A certificate's text as values, read strictly: any deviation from docs/trust/certificate_format.md is rejected.
 #pragma once
 
 #include <cstdint>

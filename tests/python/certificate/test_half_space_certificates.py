@@ -196,7 +196,7 @@ def test_motions_are_proved(checker, robot, reduce, seen):
 
 
 def test_an_edge_over_a_floor_is_proved_free(checker, root):
-    """As in docs/certificates.md, in the cell, with a half-space as floor."""
+    """As in docs/trust/certificates.md, in the cell, with a half-space as floor."""
     scene = clearance.Scene.load(root / "scenes" / "cell" / "robot.yaml")
     scene.add_half_space("ground", pose=at(0, 0, -2))
     engine = clearance.Engine(scene, covers="off")

@@ -1,5 +1,5 @@
-"""Requirements of docs/certificate_format.md on a document in addition to its proofs: the checker and the oracle each
-reject violations by themselves."""
+"""Requirements of docs/trust/certificate_format.md on a document in addition to its proofs: the checker and the oracle
+each reject violations by themselves."""
 
 import copy
 

@@ -1,4 +1,4 @@
-"""clearance.wire equals the headers of the wire, and docs/wire_queries.md has the table of a query's options."""
+"""clearance.wire equals the headers of the wire, and docs/service/wire_queries.md has the table of options."""
 
 import re
 
@@ -59,8 +59,8 @@ def test_the_page_has_every_option(root):
         takes = words if kind == "word" else f"{kind}, {unit}" if unit else kind
         value = words.split()[default] if kind == "word" else str(default).lower()
         rows.append(f"| `{name}` | {f'record {tag}' if tag else 'header'} | {takes} | {value} | {text} |")
-    table = "\n".join(rows)
-    assert table in (root / "docs" / "wire_queries.md").read_text(), f"docs/wire_queries.md should have:\n{table}"
+    page, table = "docs/service/wire_queries.md", "\n".join(rows)
+    assert table in (root / page).read_text(), f"{page} should have:\n{table}"
 
 
 def test_records_of_a_frame():

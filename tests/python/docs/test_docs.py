@@ -92,7 +92,7 @@ def test_the_first_cpp_program(daemon, engine, tmp_path):
     assert (done.returncode, done.stdout[:10]) == (1, "no answer:"), done.stdout
 
 
-FRAGMENTS = [("docs/security.md", "client.h"), ("docs/cpp.md", "engine.h")]
+FRAGMENTS = [("docs/service/security.md", "client.h"), ("docs/cpp.md", "engine.h")]
 
 
 @pytest.mark.parametrize("page, header", FRAGMENTS)
@@ -118,13 +118,13 @@ def test_cpp_fragments_compile(page, header, tmp_path):
 
 
 def test_every_cpp_block_is_compiled_or_anothers():
-    pages = {page: code_blocks(page, "cpp") for page in (ROOT / "README.md", *(ROOT / "docs").glob("*.md"))}
+    pages = {page: code_blocks(page, "cpp") for page in (ROOT / "README.md", *(ROOT / "docs").rglob("*.md"))}
     ours = {page for page, codes in pages.items() if [c for c in codes if not c.startswith(("// FCL", "// MoveIt"))]}
     assert ours == {ROOT / page for page, _ in FRAGMENTS}
 
 
 def test_the_client_of_ones_own(daemon, engine, tmp_path):
-    (code,) = code_blocks("docs/wire.md", "python")
+    (code,) = code_blocks("docs/service/wire.md", "python")
     printed = [line.split() for line in run_python(code, daemon("ipc:///tmp/clearance.ipc")).splitlines()]
     expected = engine.distances(reduce="nearest")
     names = np.array([body.name for body in engine.bodies])
@@ -177,10 +177,10 @@ def test_scripts_that_commands_name_are_there():
 
 
 def test_every_page_is_listed():
-    index = (ROOT / "docs/README.md").read_text()
-    missing = [
-        page.name for page in (ROOT / "docs").glob("*.md") if page.name != "README.md" and f"({page.name})" not in index
-    ]
+    docs = ROOT / "docs"
+    index = (docs / "README.md").read_text()
+    pages = [page.relative_to(docs).as_posix() for page in docs.rglob("*.md") if page.name != "README.md"]
+    missing = [page for page in pages if f"({page})" not in index]
     assert not missing, f"docs/README.md does not list {missing}"
 
 

@@ -73,5 +73,5 @@ def test_the_gallery_has_each():
 
 
 def test_llms_txt_leads_to_pages():
-    pages = re.findall(r"\]\(([\w.]+)\)", (ROOT / "docs/llms.txt").read_text())
+    pages = re.findall(r"\]\(([\w./]+)\)", (ROOT / "docs/llms.txt").read_text())
     assert len(pages) > 10 and all((ROOT / "docs" / page).is_file() for page in pages)

@@ -1,4 +1,4 @@
-// The run of the daemon that a request is for, and the one that answers (docs/wire.md, "Epochs").
+// The run of the daemon that a request is for, and the one that answers (docs/service/wire.md, "Epochs").
 #include <gtest/gtest.h>
 
 #include <algorithm>

@@ -42,7 +42,7 @@ def connect(
     hang_s: seconds that the daemon's loop may stand still during a request, 0.01 or more; then calls raise DaemonHung,
         at most a quarter later. 0 disables this test. Default: 1 s, or a fifth of timeout_s if that is more.
     service_class: "control", or "planning": the daemon answers clients of the class "control" first. A client's class
-        is also limited by the daemon's rights (docs/security.md).
+        is also limited by the daemon's rights (docs/service/security.md).
 
     Raises ConnectionError naming url and cause, over LCM also if several daemons respond; ValueError for a url of an
     unknown kind.

@@ -10,7 +10,7 @@ from .._arguments import to_path
 
 
 class Certificate:
-    """Rows of a query with proofs of their bounds, as a JSON document (docs/certificates.md).
+    """Rows of a query with proofs of their bounds, as a JSON document (docs/trust/certificates.md).
 
     tools/check_certificate.py checks it in exact arithmetic, independently of Clearance.
     """

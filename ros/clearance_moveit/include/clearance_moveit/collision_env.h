@@ -1,4 +1,4 @@
-// A collision detector of MoveIt 2 whose answers are proved (docs/ros.md#moveit).
+// A collision detector of MoveIt 2 whose answers are proved (docs/service/ros.md#moveit).
 //
 //   scene->allocateCollisionDetector(clearance_moveit::CollisionDetectorAllocator::create());
 #pragma once
