@@ -27,7 +27,8 @@ def kinds():
         ["query", "answers checked", "misses", "worst error", "widest interval", "wider than requested"],
         [line(kind, by_kind[kind]) for kind in sorted(by_kind)],
     )
-    return f"{table}\n\nFrom [results/accuracy.csv](results/accuracy.csv) ({remark}), by `build/bin/clearance-certify`."
+    source = "[results/accuracy.csv](../results/accuracy.csv)"
+    return f"{table}\n\nFrom {source} ({remark}), by `build/bin/clearance-certify`."
 
 
 def worst(rows, column):

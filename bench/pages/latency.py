@@ -75,9 +75,9 @@ def throughput():
 def classes():
     """Waiting times of a control query next to each planning client, and next to busy programs."""
     machines = {
-        ("classes_own_cpus", "ordinary"): "[separate CPUs](results/classes_own_cpus.csv), 16 virtual",
+        ("classes_own_cpus", "ordinary"): "[separate CPUs](../results/classes_own_cpus.csv), 16 virtual",
         ("classes_own_cpus", "--real-time"): "the same, `--real-time`",
-        ("classes", "--real-time"): "[two shared CPUs](results/classes.csv), `--real-time`",
+        ("classes", "--real-time"): "[two shared CPUs](../results/classes.csv), `--real-time`",
         ("classes", "ordinary"): "the same, ordinary daemon",
     }
     lines = []
