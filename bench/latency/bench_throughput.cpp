@@ -1,5 +1,6 @@
 // clearance bench throughput: queries per second of one client and of several concurrent ones, and large replies
 // compared with a memcpy of the same size.
+#include <algorithm>
 #include <atomic>
 #include <barrier>
 #include <chrono>
@@ -9,6 +10,7 @@
 #include <iostream>
 #include <memory>
 #include <thread>
+#include <utility>
 
 #include "bench/latency/bench_floor.h"
 #include "bench/latency/bench_query.h"
@@ -32,16 +34,26 @@ struct ThroughputOptions : BenchQueryOptions {
   std::string csv, command;
 };
 
+/// A client's replies. One is lost after the client's timeout.
+struct Replies {
+  std::uint64_t answers = 0, lost = 0;
+};
+
 struct Throughput {
-  std::vector<std::uint64_t> answers;  ///< for each client
+  std::vector<Replies> clients;
   double seconds = 0;
   std::uint64_t pairs = 0, request_bytes = 0, reply_bytes = 0;
   Samples latency, engine;
   Samples copy;  ///< one memcpy of a reply's bytes, alternating with the queries of the first client
-  std::uint64_t total() const {
-    std::uint64_t sum = 0;
-    for (const std::uint64_t n : answers) sum += n;
+  Replies total() const {
+    Replies sum;
+    for (const Replies& of_one : clients) sum.answers += of_one.answers, sum.lost += of_one.lost;
     return sum;
+  }
+  std::pair<std::uint64_t, std::uint64_t> least_and_most() const {
+    const auto fewer = [](const Replies& a, const Replies& b) { return a.answers < b.answers; };
+    const auto [least, most] = std::minmax_element(clients.begin(), clients.end(), fewer);
+    return clients.empty() ? std::pair<std::uint64_t, std::uint64_t>() : std::pair(least->answers, most->answers);
   }
 };
 
@@ -62,40 +74,50 @@ class Copier {
   std::vector<std::byte> from_, to_;
 };
 
-/// One client's closed loop, with `depth` outstanding requests.
-std::uint64_t drive_client(Client& client, const Query& query, int depth, const std::atomic<bool>& stop,
-                           Throughput* samples) {
-  std::uint64_t answers = 0;
+/// One client's closed loop, with `depth` outstanding requests. Returns the answers until `stop`, and all lost replies.
+/// \param samples null for no times
+Replies drive_client(Client& client, const Query& query, int depth, const std::atomic<bool>& stop,
+                     Throughput* samples) {
+  Replies replies;
+  const auto count = [&](const auto& wait) {
+    try {
+      wait();
+      replies.answers += !stop.load(std::memory_order_relaxed);
+      return true;
+    } catch (const TimeoutError&) {  // over LCM
+      ++replies.lost;
+      return false;
+    }
+  };
   if (depth > 1) {
     std::vector<Pending> under_way;
     for (int i = 0; i < depth; ++i) under_way.push_back(client.submit(query));
     for (std::size_t next = 0; !stop.load(std::memory_order_relaxed); next = (next + 1) % under_way.size()) {
-      (void)under_way[next].get();
+      count([&] { (void)under_way[next].get(); });
       under_way[next] = client.submit(query);
-      ++answers;
     }
-    for (Pending& last : under_way) (void)last.get();
-    return answers;
+    for (Pending& last : under_way) count([&] { (void)last.get(); });
+    return replies;
   }
   std::unique_ptr<Copier> copier;
   if (samples) copier = std::make_unique<Copier>(samples->reply_bytes);
   while (!stop.load(std::memory_order_relaxed)) {
     const auto begin = Clock::now();
-    const Result reply = client.distances(query);
-    ++answers;
-    if (!samples || samples->latency.full()) continue;
+    std::uint64_t engine_ns = 0;
+    const bool is_answered = count([&] { engine_ns = client.distances(query).engine_ns(); });
+    if (!is_answered || !samples || samples->latency.full()) continue;
     samples->latency.add(ns_since(begin));
-    samples->engine.add(static_cast<std::int64_t>(reply.engine_ns()));
+    samples->engine.add(static_cast<std::int64_t>(engine_ns));
     const auto copy = Clock::now();
     copier->copy();
     samples->copy.add(ns_since(copy));
   }
-  return answers;
+  return replies;
 }
 
 Throughput measure(const ThroughputOptions& o) {
   Throughput result;
-  result.answers.resize(static_cast<std::size_t>(o.clients));
+  result.clients.resize(static_cast<std::size_t>(o.clients));
   std::vector<Client> clients;
   for (int i = 0; i < o.clients; ++i) clients.push_back(o.connection.open());
   // Each client draws its own pairs.
@@ -120,7 +142,7 @@ Throughput measure(const ThroughputOptions& o) {
       start.arrive_and_wait();
       try {
         // With several clients the memcpy would take time from the others.
-        result.answers[i] =
+        result.clients[i] =
             drive_client(clients[i], queries[i].query, o.depth, stop, clients.size() == 1 ? &result : nullptr);
       } catch (...) {
         failures[i] = std::current_exception();
@@ -130,26 +152,25 @@ Throughput measure(const ThroughputOptions& o) {
   const auto begin = Clock::now();
   std::this_thread::sleep_for(std::chrono::duration<double>(o.seconds));
   stop = true;
-  threads.clear();
   result.seconds = 1e-9 * static_cast<double>(ns_since(begin));
+  threads.clear();
   for (const auto& failure : failures)
     if (failure) std::rethrow_exception(failure);
   return result;
 }
 
 Table row_of(const ThroughputOptions& o, const std::string& url, const Throughput& r) {
-  const auto [least, most] = std::minmax_element(r.answers.begin(), r.answers.end());
-  const double per_second = r.seconds > 0 ? static_cast<double>(r.total()) / r.seconds : 0;
+  const auto [least, most] = r.least_and_most();
+  const double per_second = r.seconds > 0 ? static_cast<double>(r.total().answers) / r.seconds : 0;
   const double outside = r.latency.percentile_us(0.5) - r.engine.percentile_us(0.5);
   const auto gb_per_s = [&](double us) {
     return rounded(us > 0 ? 1e-3 * static_cast<double>(r.reply_bytes) / us : std::nan(""));
   };
   Table table({"machine", "date", "transport", "clients", "depth", "pairs", "reply_bytes", "queries_per_s",
-               "pairs_per_s", "least_of_a_client", "most_of_a_client", "p50_us", "engine_p50_us",
+               "pairs_per_s", "least_of_a_client", "most_of_a_client", "lost", "p50_us", "engine_p50_us",
                "outside_engine_p50_us", "memcpy_p50_us", "memcpy_gb_per_s", "command"});
   table.add({machine_name(), utc_now(), transport_name(url), o.clients, o.depth, r.pairs, r.reply_bytes,
-             rounded(per_second), rounded(per_second * static_cast<double>(r.pairs)),
-             least == r.answers.end() ? 0 : *least, most == r.answers.end() ? 0 : *most,
+             rounded(per_second), rounded(per_second * static_cast<double>(r.pairs)), least, most, r.total().lost,
              rounded(r.latency.percentile_us(0.5)), rounded(r.engine.percentile_us(0.5)), rounded(outside),
              rounded(r.copy.percentile_us(0.5)), gb_per_s(r.copy.percentile_us(0.5)), o.command});
   return table;
@@ -159,15 +180,17 @@ void run(const ThroughputOptions& o) {
   const std::string url = o.connection.open().url();
   if (!o.csv.empty()) check_csv(row_of(o, url, {}), o.csv);
   const Throughput r = measure(o);
-  const auto [least, most] = std::minmax_element(r.answers.begin(), r.answers.end());
+  const auto [least, most] = r.least_and_most();
   std::printf("%s, %s\n%d client%s, %d request%s of %llu pairs under way in each, replies of %llu bytes, %.1f s\n\n",
               url.c_str(), machine_name().c_str(), o.clients, o.clients > 1 ? "s" : "", o.depth, o.depth > 1 ? "s" : "",
               static_cast<unsigned long long>(r.pairs), static_cast<unsigned long long>(r.reply_bytes), r.seconds);
-  const double per_second = static_cast<double>(r.total()) / r.seconds;
-  std::printf("%.0f queries a second, %.4g pairs a second, %.4g GB of replies a second; each client %llu to %llu\n",
-              per_second, per_second * static_cast<double>(r.pairs),
-              1e-9 * per_second * static_cast<double>(r.reply_bytes), static_cast<unsigned long long>(*least),
-              static_cast<unsigned long long>(*most));
+  const double per_second = static_cast<double>(r.total().answers) / r.seconds;
+  std::printf(
+      "%.0f queries a second, %.4g pairs a second, %.4g GB of replies a second; each client %llu to %llu; %llu replies "
+      "lost\n",
+      per_second, per_second * static_cast<double>(r.pairs), 1e-9 * per_second * static_cast<double>(r.reply_bytes),
+      static_cast<unsigned long long>(least), static_cast<unsigned long long>(most),
+      static_cast<unsigned long long>(r.total().lost));
   if (r.latency.size() > 0)
     std::printf(
         "medians: latency %.2f us, of it the engine's %.2f; outside the engine %.2f; memcpy of the same bytes %.2f "
