@@ -65,7 +65,8 @@ def latency_doorbell():
 def throughput():
     """Queries of one pair a second, by clients and transport."""
     _, rows = results("latency_throughput")
-    rates = {(row["transport"], row["clients"]): float(row["queries_per_s"]) for row in rows if row["pairs"] == "1"}
+    rows = [row for row in rows if row["pairs"] == row["depth"] == "1"]
+    rates = {(row["transport"], row["clients"]): float(row["queries_per_s"]) for row in rows}
     clients = {"1": "1", "8": "8, on the one CPU left to them"}
     over = ("shm", "zmq-ipc", "lcm")
     lines = [[name, *(f"{rates[transport, count]:,.0f}" for transport in over)] for count, name in clients.items()]
