@@ -61,6 +61,7 @@ class MotionSearch {
     std::vector<std::uint64_t> open;  // positions of unproved pairs
     std::vector<double> low;          // lower bound for each of them throughout the span
     double least = 0;                 // minimum of `low`
+    double pace[2] = {1, 1};          // CurveSides::pace(); 1 for straight motions
     bool has_steps = false;           // already counted as a step: evaluated in part
     bool seeds = false;               // one pair is evaluated before the others
 
@@ -75,7 +76,6 @@ class MotionSearch {
     PairRates rates{};
     double rest = 0;  // MotionBounds::rest()
     PairGrowth growth{};
-    double pace[2] = {1, 1};  // CurveSides::pace(); 1 for straight motions
   };
 
   /// Poses and velocities of bodies at the time of a node.

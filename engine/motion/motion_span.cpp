@@ -34,6 +34,7 @@ void MotionSearch::collect_pairs(Node& node, const Moment& moment, std::vector<P
                                  std::vector<PairRequest>& requests) {
   const BodyPoses& placed = moment.placed;
   motion_query_.bounds.take_sides(node.begin, node.at, node.end, moving);
+  for (int side = 0; is_curved() && side < 2; ++side) node.pace[side] = moving.sides.pace(side);
   // Without a first bound on the least distance all pairs would be evaluated in full, so one goes first.
   const PairList& pairs = motion_query_.plan.pairs;
   const bool seeds = motion_query_.plan.query.reduce == Reduce::kMin && !std::exchange(seeded_, true);
@@ -95,7 +96,6 @@ MotionSearch::PairRequest MotionSearch::request_for(std::size_t i, const Node& n
   const std::uint64_t position = node.open[i];
   PairRequest request;
   request.open = static_cast<std::uint32_t>(i);
-  for (int side = 0; is_curved() && side < 2; ++side) request.pace[side] = moving.sides.pace(side);
   Slack slack;
   if (!is_unusable(motion_query_.scene, placed, pair)) {
     request.rates = motion_query_.bounds.rates(position, pair, moving, placed);
@@ -194,8 +194,8 @@ void MotionSearch::divide(const PairRequest& request, const PairAnswer& answer, 
       // A curve's mean speed bounds nothing before the ends of the span.
       const ProvedShare by_way = is_curved() ? ProvedShare() : proved_until(answer.lower, by_speed, target),
                         most = std::max(by_way, by_normal);
-      half.proved = std::min(half.proved,
-                             most.share * request.pace[side] * (side == 0 ? node.at - node.begin : node.end - node.at));
+      half.proved =
+          std::min(half.proved, most.share * node.pace[side] * (side == 0 ? node.at - node.begin : node.end - node.at));
       half.proved_low.push_back(most.low);
     }
   }
