@@ -148,8 +148,8 @@ class CLEARANCE_API Client {
   std::uint32_t group(std::string_view name);          ///< selector; "*" is every body
   std::vector<IdPair> pairs(const Query& query = {});  ///< the pairs of a query, in row order
   /// Evaluates rows of a query without reduction again, and returns them with proofs of their bounds, as a JSON
-  /// document for tools/check_certificate.py (docs/trust/certificates.md). Throws RequestError, also for a document of more
-  /// than 64 MiB.
+  /// document for tools/check_certificate.py (docs/trust/certificates.md). Throws RequestError, also for a document of
+  /// more than 64 MiB.
   /// \param rows row numbers, k P + p for pair p in configuration k; by default all
   std::string certificate(const Query& query = {}, std::optional<std::span<const std::uint64_t>> rows = {});
   std::vector<BodyStateInfo> body_states();  ///< by id; poses are X_wb

@@ -102,7 +102,8 @@ class CLEARANCE_API Scene {
   /// The half-space z <= 0 of its own frame, such as a floor or a wall; always static.
   std::uint32_t add_half_space(const std::string& name, const BodyOptions& options = {});
 
-  /// A robot: a frame NAME that places it, a body NAME/LINK for each link, groups NAME and NAME/GROUP (docs/models/robots.md).
+  /// A robot: a frame NAME that places it, a body NAME/LINK for each link, groups NAME and NAME/GROUP
+  /// (docs/models/robots.md).
   void add_robot(const std::string& name, const RobotOptions& options);
 
   void add_group(const std::string& name, std::span<const std::string> bodies);

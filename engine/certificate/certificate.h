@@ -1,5 +1,5 @@
-// Certificates: rows of a query together with their proofs, for an independent checker. docs/trust/certificates.md defines
-// the document and the limits of its proofs.
+// Certificates: rows of a query together with their proofs, for an independent checker. docs/trust/certificates.md
+// defines the document and the limits of its proofs.
 #pragma once
 
 #include <cstddef>

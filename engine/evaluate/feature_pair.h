@@ -1,4 +1,5 @@
-// Two features that meet: the second derivative of their distance. Derived in docs/trust/bounds_robots.md, second order.
+// Two features that meet: the second derivative of their distance. Derived in docs/trust/bounds_robots.md, second
+// order.
 #pragma once
 
 #include <cstdint>

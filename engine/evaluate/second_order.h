@@ -15,8 +15,8 @@ namespace clearance {
 class FeaturePair;  // engine/evaluate/feature_pair.h
 class RateBounds;   // engine/evaluate/rate_bounds.h
 
-/// Computes the rows of kSecondOrderFields from the features that meet: docs/trust/bounds_robots.md, second order. One per
-/// job, shared by its workers.
+/// Computes the rows of kSecondOrderFields from the features that meet: docs/trust/bounds_robots.md, second order. One
+/// per job, shared by its workers.
 class SecondOrder {
  public:
   /// \param scene, plan outlive this.

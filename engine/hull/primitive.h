@@ -55,13 +55,13 @@ struct FarthestPoint {
   Vec3<T> point;  ///< within 7 u rho of the core
   T value;        ///< n . x <= value + 5 u |n| rho for all x of it
 };
-/// The farthest point along n: any direction but zero, the body's frame. u is the unit roundoff of T: docs/trust/bounds.md,
-/// round cores.
+/// The farthest point along n: any direction but zero, the body's frame. u is the unit roundoff of T:
+/// docs/trust/bounds.md, round cores.
 template <class T>
 FarthestPoint<T> farthest(const Primitive& round, const Vec3<T>& n);
 
-// Supports in closed form (docs/trust/bounds.md, round cores), for scalars of any arithmetic. Always inline, so that files
-// compiled for one instruction set share no code with others.
+// Supports in closed form (docs/trust/bounds.md, round cores), for scalars of any arithmetic. Always inline, so that
+// files compiled for one instruction set share no code with others.
 
 /// h(n) = |A n| for A of the half axes, at A A n / |A n|.
 template <class T>

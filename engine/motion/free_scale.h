@@ -13,8 +13,8 @@
 
 namespace clearance {
 
-/// Bounds, for each pair of a plan, how much joints can reduce its distance (docs/trust/bounds_robots.md, "Free regions")
-/// if each joint moves by at most s times its weight.
+/// Bounds, for each pair of a plan, how much joints can reduce its distance (docs/trust/bounds_robots.md, "Free
+/// regions") if each joint moves by at most s times its weight.
 class FreeScale {
  public:
   /// Throws QueryError for invalid weights, for a query without joints or with bodies or too many pairs, and for a

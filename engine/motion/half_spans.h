@@ -1,5 +1,5 @@
-// Bounds on the distance of two bodies within half a span, from their velocities at its middle: docs/trust/bounds_robots.md,
-// "Motion".
+// Bounds on the distance of two bodies within half a span, from their velocities at its middle:
+// docs/trust/bounds_robots.md, "Motion".
 #pragma once
 
 #include "engine/hull/box.h"

@@ -71,8 +71,8 @@ class MotionBounds {
 
   /// With the rates of the whole motion if it is straight. Curves have rates after take_sides().
   void take(std::uint64_t motion, MovingBodies& moving) const;
-  /// Sets the rates of curves on both sides of a time in a span: docs/trust/bounds_robots.md, "Sides of a time". They are by progress,
-  /// and each side is a unit of it. Straight motions have the same rates in all spans.
+  /// Sets the rates of curves on both sides of a time in a span: docs/trust/bounds_robots.md, "Sides of a time". They
+  /// are by progress, and each side is a unit of it. Straight motions have the same rates in all spans.
   void take_sides(double begin, double time, double end, MovingBodies& moving) const;
   /// Bound on a pair's approach where the progress is 0, in metres. After take_sides().
   /// \param seer PairRates::seer

@@ -1,5 +1,5 @@
-// Arithmetic of bounds on motion for convex parts: same source for the CPU and for a GPU thread (docs/trust/bounds_robots.md,
-// "Motion").
+// Arithmetic of bounds on motion for convex parts: same source for the CPU and for a GPU thread
+// (docs/trust/bounds_robots.md, "Motion").
 #pragma once
 
 #include <cmath>

@@ -1,4 +1,5 @@
-// Deviation of placed links from their poses in real arithmetic: docs/trust/bounds_robots.md, "Kinematics", step by step.
+// Deviation of placed links from their poses in real arithmetic: docs/trust/bounds_robots.md, "Kinematics", step by
+// step.
 #include <algorithm>
 #include <cmath>
 

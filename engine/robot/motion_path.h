@@ -1,4 +1,5 @@
-// Bounds on the motion of a link's points for changing joint positions (docs/trust/bounds_robots.md, "Paths of points").
+// Bounds on the motion of a link's points for changing joint positions (docs/trust/bounds_robots.md, "Paths of
+// points").
 #pragma once
 
 #include <array>

@@ -1,5 +1,5 @@
-// A joint's position during a motion as a Bezier curve, and bounds on it in a span of time (docs/trust/bounds_robots.md,
-// "Curves").
+// A joint's position during a motion as a Bezier curve, and bounds on it in a span of time
+// (docs/trust/bounds_robots.md, "Curves").
 #pragma once
 
 #include <cstddef>

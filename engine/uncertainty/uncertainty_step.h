@@ -1,5 +1,5 @@
-// Uncertainty of a body, derived from that of the body that it follows (docs/trust/bounds_robots.md, "Chains"). For host
-// and device.
+// Uncertainty of a body, derived from that of the body that it follows (docs/trust/bounds_robots.md, "Chains"). For
+// host and device.
 #pragma once
 
 #include <cstdint>

@@ -22,8 +22,8 @@ struct Census {
 Census census_of(int pid, const std::vector<std::string>& folders);
 
 /// Describes the resources in `now` that `before` lacked, or returns an empty string. Fewer are no fault: a thread that
-/// loaded a scene, or the proxy of a connection that has just ended, may still be counted in `before`. Mappings belong to
-/// the allocator as well, which may keep a few more (kMappingsSpared).
+/// loaded a scene, or the proxy of a connection that has just ended, may still be counted in `before`. Mappings belong
+/// to the allocator as well, which may keep a few more (kMappingsSpared).
 std::string left_behind(const Census& before, const Census& now);
 inline constexpr int kMappingsSpared = 24;
 

@@ -6,7 +6,8 @@
 namespace clearance::cuda {
 
 // Rounding units of a gap, and lower bounds on 1 / length of a computed unit direction and of a plane's normal. Same
-// values as on the CPU (engine/mesh_distance/nearest_elements.cpp, part_gaps.cpp; docs/trust/bounds_bodies.md, "Surfaces").
+// values as on the CPU (engine/mesh_distance/nearest_elements.cpp, part_gaps.cpp; docs/trust/bounds_bodies.md,
+// "Surfaces").
 inline constexpr double kGapUnits = 256 * 0x1p-53, kShortUnit = 1 - 0x1p-45, kShortNormal = 1 - 0x1p-13;
 
 __device__ inline double above_zero(double x) {

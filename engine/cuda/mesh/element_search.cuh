@@ -2,10 +2,11 @@
 //
 // Subtrees wait on a stack in shared memory, each with a lower bound on its distance from the other body's convex part:
 // by boxes, along the line between their centres, and along the direction that proved the nearest point so far
-// (docs/trust/bounds_bodies.md, "Surfaces"). A subtree proved farther than an upper bound is skipped, and its gap counts in
-// the lower bound. The resulting interval contains the distance and is as narrow as requested, but the traversal order
-// differs from the CPU's, so the interval may too. It depends only on the pair and on the cutoff of its group's seed.
-// If all triangles of a solid are apart from a convex part, one point of the part decides whether it lies inside.
+// (docs/trust/bounds_bodies.md, "Surfaces"). A subtree proved farther than an upper bound is skipped, and its gap
+// counts in the lower bound. The resulting interval contains the distance and is as narrow as requested, but the
+// traversal order differs from the CPU's, so the interval may too. It depends only on the pair and on the cutoff of its
+// group's seed. If all triangles of a solid are apart from a convex part, one point of the part decides whether it
+// lies inside.
 #pragma once
 
 #include "engine/cuda/mesh/element_parts.cuh"

@@ -1,7 +1,8 @@
 // Bounds on the least distance of a state by covers, compiled once for each instruction set (decide_avx512.cpp and
 // similar).
 //
-// All versions do the same operations on each ball, and give the same results (docs/trust/bounds_covers.md, "Distances").
+// All versions do the same operations on each ball, and give the same results (docs/trust/bounds_covers.md,
+// "Distances").
 #pragma once
 
 #include <cstddef>

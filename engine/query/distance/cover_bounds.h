@@ -15,8 +15,8 @@
 
 namespace clearance {
 
-/// Chooses how far covers bound the groups of a plan, and whether their bounds suffice for rows (docs/trust/bounds_covers.md,
-/// "Distances"). At narrow tolerances they only leave pairs out.
+/// Chooses how far covers bound the groups of a plan, and whether their bounds suffice for rows
+/// (docs/trust/bounds_covers.md, "Distances"). At narrow tolerances they only leave pairs out.
 class CoverBounds {
  public:
   /// Memory of one worker.

@@ -1,5 +1,5 @@
-// The oracle of certificates: a second implementation of docs/trust/certificate_format.md, without a line of the engine or of
-// tools/check_certificate.py.
+// The oracle of certificates: a second implementation of docs/trust/certificate_format.md, without a line of the engine
+// or of tools/check_certificate.py.
 #pragma once
 
 #include <string>

@@ -1,4 +1,5 @@
-// The error bounds of double-double arithmetic that docs/trust/bounds.md cites and derives, compared with exact rationals.
+// The error bounds of double-double arithmetic that docs/trust/bounds.md cites and derives, compared with exact
+// rationals.
 #include <gmpxx.h>
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
 // Compares the rounding terms of certify() with actual rounding: for each class of cases, the error of the computed gap
-// and of the computed witness distance, before the terms are added, in units of 2^-53 S. docs/trust/bounds.md derives the
-// terms.
+// and of the computed witness distance, before the terms are added, in units of 2^-53 S. docs/trust/bounds.md derives
+// the terms.
 #include <gtest/gtest.h>
 
 #include <algorithm>
