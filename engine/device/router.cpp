@@ -25,6 +25,7 @@ constexpr double kMostSlower = 4;
 // The limit until it has answered kKnown queries of a size: the first one is cold, and other load may have slowed it.
 constexpr double kMostSlowerUnknown = 16;
 constexpr std::uint64_t kKnown = 2;
+constexpr std::uint64_t kMostQueries = 256;  // without a retry
 // Weight of a query slower than the fastest of its size: load only ever adds to a time.
 constexpr double kForget = 1.0 / 8;
 
@@ -72,7 +73,8 @@ bool Router::to_device(QueryKind kind, std::uint64_t pairs) {
   const auto at = static_cast<std::size_t>(size);
   const double most = known.answered[device ? kCpu : kDevice][at] < kKnown ? kMostSlowerUnknown : kMostSlower;
   const std::uint64_t queries = ++known.queries[at];
-  if (queries > 1 && std::has_single_bit(queries) && ns[device ? kCpu : kDevice] < most * ns[device ? kDevice : kCpu]) {
+  const bool is_time = (queries > 1 && std::has_single_bit(queries)) || queries % kMostQueries == 0;
+  if (is_time && ns[device ? kCpu : kDevice] < most * ns[device ? kDevice : kCpu]) {
     device = !device;
     ++known.tried_again;
   }

@@ -29,8 +29,8 @@ QueryKind kind_of(const QueryView& query);
 
 /// Learns the time of each kind and size of query on each backend and sends the next one to the faster. Both give the
 /// same bits, so only time is affected. An unseen size is estimated from the nearest one seen, initially from one
-/// machine's measurements. To correct wrong estimates, the slower backend is retried at the 2nd, 4th, 8th ... query of
-/// a kind and size, unless it is known to be much slower. Thread-safe.
+/// machine's measurements. To correct wrong estimates, the slower backend is retried at the 2nd, 4th, ... 256th query of
+/// a kind and size, and every 256th from there, unless it is known to be much slower. Thread-safe.
 class Router {
  public:
   /// \param threads of the CPU

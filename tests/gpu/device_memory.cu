@@ -18,6 +18,8 @@ cudaStream_t stream_of(void* p) {
 
 void copy_to_device(std::byte* to, const void* from, std::size_t bytes) {
   check(cudaMemcpy(to, from, bytes, cudaMemcpyHostToDevice), "cudaMemcpy");
+  // A copy from pageable memory may return before the data has arrived, and queries have streams of their own.
+  check(cudaStreamSynchronize(cudaStreamLegacy), "cudaStreamSynchronize");
 }
 void copy_from_device(void* to, const std::byte* from, std::size_t bytes) {
   check(cudaMemcpy(to, from, bytes, cudaMemcpyDeviceToHost), "cudaMemcpy");
@@ -75,7 +77,6 @@ MappedMemory::~MappedMemory() {
 }
 void MappedMemory::put(std::size_t offset, const void* from, std::size_t bytes) {
   copy_to_device(data_ + offset, from, bytes);
-  check(cudaDeviceSynchronize(), "cudaDeviceSynchronize");
 }
 std::vector<std::byte> MappedMemory::get(std::size_t offset, std::size_t bytes) const {
   std::vector<std::byte> copy(bytes);

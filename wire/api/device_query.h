@@ -74,7 +74,7 @@ class DeviceQuery {
 
   const DeviceQueryInfo& info() const { return info_; }
   /// Runs the query on the poses and positions in the memory, and returns when the rows are complete. Synchronise the
-  /// stream that writes the input first. Throws as distances(); QueryError (kWrongScene) if the scene differs from the
+  /// stream that writes the input first, also the default one after cudaMemcpy(), which may return early. Throws as distances(); QueryError (kWrongScene) if the scene differs from the
   /// query's, and of a client RequestError (kBusy) while an earlier run that timed out here is still running.
   /// \param timeout of a client's call, by default the client's
   /// \param check_scene if false, the answer is for the query's scene

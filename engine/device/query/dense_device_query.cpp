@@ -61,9 +61,10 @@ class DenseDeviceQuery final : public DeviceQuery {
     const std::uint64_t rows = std::uint64_t{c.configurations} * c.part->count;
     const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
       if (!from || direct) return;
-      copy_column(from, to + c.first_row * width, rows * width * sizeof(*from));
+      add_column(from, to + c.first_row * width, rows * width * sizeof(*from));
     };
     for_each_column(copy, r.rows, reply_, direct_);
+    copy_all();
     cpu_rows_.assign(r.rest.begin(), r.rest.end());
     evaluated_ += r.converged;
     backend_.converged.fetch_add(r.converged, std::memory_order_relaxed);

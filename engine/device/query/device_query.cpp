@@ -1,10 +1,8 @@
 #include "engine/device/query/device_query.h"
 
-#include <omp.h>
-
 #include <algorithm>
+#include <atomic>
 #include <cstring>
-#include <exception>
 
 #include "engine/device/query/reply_columns.h"
 
@@ -12,7 +10,7 @@ namespace clearance::cuda {
 
 namespace {
 
-constexpr std::size_t kParallelBodies = 4096;  // minimum number worth several threads
+constexpr std::size_t kBodiesAtOnce = 512;     // that a helper places
 constexpr std::size_t kMostPinned = 1u << 28;  // bytes; larger inputs are copied to pinned memory chunk by chunk
 
 }  // namespace
@@ -84,44 +82,46 @@ void DeviceQuery::take_in(QueryWorkspace& workspace, Given given, std::span<cons
 void DeviceQuery::place_fixed(const FixedBodies& fixed) {
   const std::vector<BodyPlacement>& placed = plan_.snapshot->placed;
   const std::size_t n = placed.size();
-#pragma omp parallel for num_threads(workers()) schedule(static) if (n >= kParallelBodies)
-  for (std::size_t b = 0; b < n; ++b) {
+  const auto place = [&](std::size_t b) {
     const BodyPlacement& at = placed[b];
     fixed.state[b] =
         static_cast<std::uint8_t>(static_cast<std::uint8_t>(at.status) | (at.renormalised ? kStateRenormalised : 0) |
                                   (at.beyond_limits ? kStateBeyondLimits : 0));
-    if (at.status != Status::kOk) continue;
+    if (at.status != Status::kOk) return;
     const auto put = [&](std::size_t c, const Vec3d& v) {
       for (int i = 0; i < 3; ++i) fixed.components[(c + static_cast<std::size_t>(i)) * n + b] = v[i];
     };
     for (std::size_t r = 0; r < 3; ++r) put(3 * r, at.pose.R_wb.row[r]);
     put(9, at.pose.t_w);
-  }
+  };
+  std::atomic<std::size_t> next{0};
+  const auto place_next = [&] {
+    for (std::size_t first; (first = next.fetch_add(kBodiesAtOnce, std::memory_order_relaxed)) < n;)
+      for (std::size_t b = first; b < std::min(first + kBodiesAtOnce, n); ++b) place(b);
+  };
+  const CopyHelp help(helpers_for(n * sizeof(BodyPlacement)), place_next);
+  place_next();
+}
+
+int DeviceQuery::helpers_for(std::size_t bytes) const {
+  return OrderedCopy::helpers_for(bytes, workers() - 1);
 }
 
 void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setup) {
-  const auto begin = [&] {
-    workspace.begin(setup);
-    slots_ = static_cast<std::uint64_t>(workspace.slots());
-    launch_ahead();
-  };
-  std::exception_ptr failure;  // exceptions may not leave a parallel region
-  bool is_large = false;
-  for (const Incoming& in : incoming_) is_large = is_large || (in.copy && in.copy->is_large());
-#pragma omp parallel num_threads(workers()) if (is_large)
-  {
-    if (omp_get_thread_num() == 0) {
-      try {
-        begin();
-      } catch (...) {
-        failure = std::current_exception();
-      }
-    }
+  std::size_t bytes = 0;
+  for (const Incoming& in : incoming_) bytes += in.copy ? in.copy->bytes() : 0;
+  const auto copy = [&] {
     for (Incoming& in : incoming_)
       while (in.copy && in.copy->copy_block()) {
       }
+  };
+  {
+    const CopyHelp help(helpers_for(bytes), copy);
+    workspace.begin(setup);
+    slots_ = static_cast<std::uint64_t>(workspace.slots());
+    launch_ahead();
+    copy();
   }
-  if (failure) std::rethrow_exception(failure);
   const auto move_to = [&]<class T>(std::span<const T>& view, Given given) {
     const std::byte* const pinned = incoming_[static_cast<std::size_t>(given)].pinned;
     if (pinned) view = {reinterpret_cast<const T*>(pinned), view.size()};
@@ -167,20 +167,29 @@ const T* DeviceQuery::give(QueryWorkspace& workspace, int slot, Given given, std
   if (const std::byte* const pinned = incoming_[static_cast<std::size_t>(given)].pinned)
     return reinterpret_cast<const T*>(pinned) + first * each;
   std::byte* const pinned = workspace.chunk_input_buffer(given, slot, count * each * sizeof(T));
-  copy_bytes(all.data() + first * each, pinned, count * each * sizeof(T), CopyReader::kDevice);
+  copies_.emplace_back(all.data() + first * each, pinned, count * each * sizeof(T), CopyReader::kDevice);
+  copy_all();
   return reinterpret_cast<const T*>(pinned);
 }
 
-void DeviceQuery::copy_column(const void* from, void* to, std::size_t bytes) {
-  copy_bytes(from, to, bytes, CopyReader::kHost);
+void DeviceQuery::add_column(const void* from, void* to, std::size_t bytes) {
+  copies_.emplace_back(from, to, bytes, CopyReader::kHost);
   backend_.reply_bytes_copied.fetch_add(bytes, std::memory_order_relaxed);
 }
 
-void DeviceQuery::copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader) {
-  OrderedCopy copy(from, to, bytes, reader);
-#pragma omp parallel num_threads(workers()) if (copy.is_large())
-  while (copy.copy_block()) {
+void DeviceQuery::copy_all() {
+  std::size_t bytes = 0;
+  for (const OrderedCopy& copy : copies_) bytes += copy.bytes();
+  const auto work = [&] {
+    for (OrderedCopy& copy : copies_)
+      while (copy.copy_block()) {
+      }
+  };
+  {
+    const CopyHelp help(helpers_for(bytes), work);
+    work();
   }
+  copies_.clear();
 }
 
 }  // namespace clearance::cuda

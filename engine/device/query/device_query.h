@@ -3,6 +3,7 @@
 #pragma once
 
 #include <atomic>
+#include <deque>
 #include <optional>
 #include <vector>
 
@@ -65,8 +66,10 @@ class DeviceQuery : public ParallelJob {
   }
   /// The poses and positions of a slot's next chunk, pinned. Chunks come in order.
   void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
-  /// Copies rows of a column that the device could not write itself.
-  void copy_column(const void* from, void* to, std::size_t bytes);
+  /// Adds rows of a column that the device could not write itself, for copy_all().
+  void add_column(const void* from, void* to, std::size_t bytes);
+  /// Copies what was added.
+  void copy_all();
 
   /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, bodies, answer)` receives the
   /// answer.
@@ -119,8 +122,8 @@ class DeviceQuery : public ParallelJob {
   }
   void launch_ahead();
   void find_direct_columns();
-  void copy_bytes(const void* from, void* to, std::size_t bytes, CopyReader reader);
   void place_fixed(const FixedBodies& fixed);
+  int helpers_for(std::size_t bytes) const;
   // Input of the configurations, during its upload.
   struct Incoming {
     std::byte* pinned = nullptr;      // for all configurations; null if too large or unused
@@ -133,6 +136,7 @@ class DeviceQuery : public ParallelJob {
                 std::uint64_t count);
 
   Incoming incoming_[2];                            // by kind of input
+  std::deque<OrderedCopy> copies_;                  // added for copy_all()
   std::optional<MovedChains> moved_;                // empty if the query moves nothing
   std::optional<DeviceUncertainty> uncertainties_;  // empty if no body of the query is uncertain
   std::optional<DeviceMovers> movers_;              // empty without gradients by joints

@@ -6,6 +6,7 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
+#include <functional>
 #include <vector>
 #ifdef __SSE2__
 #include <emmintrin.h>
@@ -17,6 +18,22 @@ namespace clearance::cuda {
 /// caches.
 enum class CopyReader : std::uint8_t { kHost, kDevice };
 
+/// Asks other threads to help with a copy until the end of the scope. That waits only for helpers that have begun: one
+/// that gets no core for milliseconds delays nothing, as it would at the end of an OpenMP team.
+class CopyHelp {
+ public:
+  /// \param helpers at most; there are none while another copy has them
+  /// \param work called by each helper at the same time; throws nothing
+  CopyHelp(int helpers, std::function<void()> work);
+  ~CopyHelp();
+  CopyHelp(const CopyHelp&) = delete;
+  CopyHelp& operator=(const CopyHelp&) = delete;
+
+ private:
+  const std::function<void()> work_;
+  bool has_helpers_ = false;
+};
+
 class OrderedCopy {
  public:
   /// \param to aligned to 16 bytes if a device reads it
@@ -24,10 +41,15 @@ class OrderedCopy {
       : from_(static_cast<const std::byte*>(from)),
         to_(static_cast<std::byte*>(to)),
         bytes_(bytes),
-        past_caches_(reader == CopyReader::kDevice && is_large()),
+        past_caches_(reader == CopyReader::kDevice && is_worth_help(bytes)),
         done_((bytes + kBlock - 1) / kBlock) {}
 
-  bool is_large() const { return bytes_ >= 3u << 18; }  ///< worth several threads
+  std::size_t bytes() const { return bytes_; }
+  static bool is_worth_help(std::size_t bytes) { return bytes >= 3 * kShare; }
+  /// \param most threads
+  static int helpers_for(std::size_t bytes, int most) {
+    return is_worth_help(bytes) ? static_cast<int>(std::min(bytes / kShare, static_cast<std::size_t>(most))) : 0;
+  }
   /// Copies the next unclaimed block. \returns false if none is left
   bool copy_block() {
     const std::size_t block = next_.fetch_add(1, std::memory_order_relaxed);
@@ -52,6 +74,7 @@ class OrderedCopy {
 
  private:
   static constexpr std::size_t kBlock = 1u << 16;
+  static constexpr std::size_t kShare = 1u << 18;  // bytes for each helper
 
   static void copy_past_caches(const std::byte* from, std::byte* to, std::size_t bytes) {
     std::size_t at = 0;

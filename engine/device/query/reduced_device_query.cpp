@@ -96,9 +96,10 @@ class ReducedDeviceQuery final : public DeviceQuery {
     const std::uint64_t rows = std::min(r.row_count, plan_.size.rows - written_);
     const auto copy = [&](auto* from, auto* to, auto* direct, std::size_t width) {
       if (!from || (direct && !within())) return;
-      copy_column(from, to + written_ * width, rows * width * sizeof(*from));
+      add_column(from, to + written_ * width, rows * width * sizeof(*from));
     };
     for_each_column(copy, r.rows, reply_, direct_);
+    copy_all();
     written_ += rows;
     info.total += r.total;
     evaluated_ += r.converged;

@@ -102,6 +102,14 @@ TEST(Router, FollowsAMachineThatChanges) {
   EXPECT_LT(after.on_device, 100);
 }
 
+TEST(Router, FindsOutSoonThatTheOtherBackendHasRecovered) {
+  Router router(4);
+  const double cpu = 700;  // ns a pair; the device is first slower, since other load holds it up, then much faster
+  run(router, machine(cpu, 8'000'000, 1), 10'000, 1'100);
+  const Ran after = run(router, machine(cpu, 400'000, 1), 10'000, 300);
+  EXPECT_GT(after.on_device, 100);
+}
+
 TEST(Router, DistinguishesKindsByTheirOptions) {
   QueryView q;
   EXPECT_EQ(cuda::kind_of(q), QueryKind::kDense);
