@@ -2,10 +2,10 @@
 
 from pages import markdown, results
 
-GPU = "gpu_nvidia_h100_80gb_hbm3"
+GPU = "gpu_nvidia_h200"
 GPU_PLANS = "gpu_plans_nvidia_h200"
 GPU_FLOOR = "gpu_floor_nvidia_h200"
-GPU_DAEMON = "gpu_daemon_nvidia_h100_80gb_hbm3"
+GPU_DAEMON = "gpu_daemon_nvidia_h200"
 
 
 def microseconds(text):

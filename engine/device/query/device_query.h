@@ -68,7 +68,7 @@ class DeviceQuery : public ParallelJob {
   void give_configurations(QueryWorkspace& workspace, int slot, ChunkSetup& chunk);
   /// Adds rows of a column that the device could not write itself, for copy_all().
   void add_column(const void* from, void* to, std::size_t bytes);
-  /// Copies what was added.
+  /// Copies the added rows.
   void copy_all();
 
   /// Answers rows on the CPU. `open(index)` returns the row, ascending; `take(index, bodies, answer)` receives the

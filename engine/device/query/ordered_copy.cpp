@@ -28,7 +28,7 @@ class Helpers {
     asked_.notify_all();  // one call of the system
     return true;
   }
-  /// Nobody begins from here; waits for those that have begun.
+  /// No helper begins from here; waits for those that have begun.
   void end() {
     {
       const std::lock_guard lock(mutex_);

@@ -18,7 +18,7 @@ namespace clearance::cuda {
 /// caches.
 enum class CopyReader : std::uint8_t { kHost, kDevice };
 
-/// Asks other threads to help with a copy until the end of the scope. That waits only for helpers that have begun: one
+/// Other threads help with a copy until the end of the scope. That waits only for helpers that have begun: one
 /// that gets no core for milliseconds delays nothing, as it would at the end of an OpenMP team.
 class CopyHelp {
  public:

@@ -61,7 +61,7 @@ TEST(CopyHelp, WaitsForTheHelpersThatHaveBegun) {
   {
     const cuda::CopyHelp other(1, [] {});
   }
-  EXPECT_EQ(begun, then) << "nobody begins after the scope";
+  EXPECT_EQ(begun, then) << "none begins after the scope";
 }
 
 TEST(CopyHelp, OneCopyHasTheHelpers) {
