@@ -1,9 +1,8 @@
-// Decides whether work is worth a team of OpenMP threads.
+// Decides whether work is worth a team of threads (helping_threads.h).
 //
-// A team ends when its last thread does. If other processes keep the cores busy, that thread may wait many milliseconds
-// for a core, and spinning threads of the team prolong the wait; libgomp reads its wait policy only when the process
-// loads it. So work begins on the calling thread, and a team takes over the rest if that is more than teams have cost
-// lately.
+// To wake threads takes calls of the system. If other processes keep the cores busy, a thread that has begun a unit may
+// lose its core for many milliseconds, and the team ends with it. So work begins on the calling thread, and a team takes
+// over the rest if that is more than teams have cost lately.
 #pragma once
 
 #include <chrono>

@@ -1,12 +1,12 @@
 #include "engine/query/run_units.h"
 
-#include <omp.h>
-
 #include <algorithm>
 #include <chrono>
 #include <exception>
+#include <mutex>
 
 #include "engine/base/fp_environment.h"
+#include "engine/cost/helping_threads.h"
 #include "engine/cost/team_cost.h"
 
 namespace clearance {
@@ -26,7 +26,11 @@ class UnitRunner::Pass {
 
   // Runs on the calling thread. Returns true once all units are done.
   bool run_alone(WorkMeter meter) {
-    slice_.count(work(0, 1, meter, [&] { return from_++; }));
+    bool is_done = true;
+    for (int worker = 0; is_done && worker < runner_.workers(); ++worker)
+      if (open_of(worker) != kNone64) is_done = resume(worker, meter);
+    if (is_done) run_new(0, meter, [&] { return from_++; });
+    slice_.count(meter.spent());
     return end_phase();
   }
 
@@ -53,24 +57,53 @@ class UnitRunner::Pass {
   // Time on the calling thread before the first decision about a team.
   static constexpr std::chrono::nanoseconds kAlone{20'000};
 
-  void resume(int worker, WorkMeter& meter) {
-    std::uint64_t& open = runner_.interrupted_[static_cast<std::size_t>(worker)];
-    if (open != kNone64 && unit_(open, worker, meter)) open = kNone64;
+  // The workers' states, each of which one thread has at a time.
+  class States {
+   public:
+    explicit States(const std::vector<std::uint64_t>& interrupted) : taken_(interrupted.size()) {
+      for (std::size_t w = 0; w < interrupted.size(); ++w)
+        if (interrupted[w] != kNone64) {
+          taken_[w] = true;
+          interrupted_.push_back(static_cast<int>(w));
+        }
+    }
+    // The next worker with an interrupted unit; -1 if all are taken.
+    int take_interrupted() {
+      const std::size_t i = next_.fetch_add(1, std::memory_order_relaxed);
+      return i < interrupted_.size() ? interrupted_[i] : -1;
+    }
+    void give_back(int worker) { taken_[static_cast<std::size_t>(worker)].store(false, std::memory_order_release); }
+    // After take_interrupted() has returned -1; there is one for each thread that has no other.
+    int take_free() {
+      for (std::size_t w = 0;; w = (w + 1) % taken_.size())
+        if (!taken_[w].exchange(true, std::memory_order_acquire)) return static_cast<int>(w);
+    }
+
+   private:
+    std::vector<std::atomic<bool>> taken_;  // by worker
+    std::vector<int> interrupted_;
+    std::atomic<std::size_t> next_{0};
+  };
+
+  std::uint64_t& open_of(int worker) { return runner_.interrupted_[static_cast<std::size_t>(worker)]; }
+
+  // Returns whether a worker's unit is done.
+  bool resume(int worker, WorkMeter& meter) {
+    if (!unit_(open_of(worker), worker, meter)) return false;
+    open_of(worker) = kNone64;
+    return true;
   }
 
-  // One thread's share: interrupted units of its workers, then new ones. Returns the work in units.
+  // Runs new units with a worker's state.
   // \param take returns the next unit
   template <class Take>
-  std::uint64_t work(int thread, int threads, WorkMeter meter, const Take& take) {
-    for (int worker = thread; worker < runner_.workers(); worker += threads) resume(worker, meter);
-    std::uint64_t& open = runner_.interrupted_[static_cast<std::size_t>(thread)];
-    while (open == kNone64 && !(meter.spent() > 0 && meter.is_over())) {
+  void run_new(int worker, WorkMeter& meter, const Take& take) {
+    while (!(meter.spent() > 0 && meter.is_over())) {
       const std::uint64_t i = take();
-      if (i >= count_) break;
-      open = i;
-      resume(thread, meter);
+      if (i >= count_) return;
+      open_of(worker) = i;
+      if (!resume(worker, meter)) return;
     }
-    return meter.spent();
   }
 
   bool end_phase() {
@@ -86,24 +119,35 @@ class UnitRunner::Pass {
     return threads > 1 && team_cost().is_worth(each * static_cast<double>(more), threads, Clock::now());
   }
 
-  // Runs on `threads` threads, or fewer if the system has no more.
+  // Runs on `threads` threads, or as many as begin in time.
   void run_team(int threads) {
-    std::exception_ptr failure;  // an exception may not leave a parallel region
+    std::exception_ptr failure;  // of any thread
+    std::mutex failing;
     std::atomic<std::chrono::nanoseconds::rep> worked{0};
     std::atomic<std::uint64_t> spent{0}, from{from_};
-    const Clock::time_point begin = Clock::now();
-#pragma omp parallel num_threads(threads)
-    {
+    States states(runner_.interrupted_);
+    const auto share = [&](WorkMeter& meter) {
+      for (int worker; (worker = states.take_interrupted()) >= 0; states.give_back(worker))
+        if (!resume(worker, meter)) return;
+      run_new(states.take_free(), meter, [&] { return from.fetch_add(1, std::memory_order_relaxed); });
+    };
+    const auto work = [&] {
       const std::chrono::nanoseconds begun = thread_time();
+      WorkMeter meter = slice_.share();
       try {
         const FpEnvironment environment;
-        spent += work(omp_get_thread_num(), omp_get_num_threads(), slice_.share(),
-                      [&] { return from.fetch_add(1, std::memory_order_relaxed); });
+        share(meter);
       } catch (...) {
-#pragma omp critical(clearance_job_failure)
+        const std::lock_guard lock(failing);
         failure = std::current_exception();
       }
+      spent.fetch_add(meter.spent(), std::memory_order_relaxed);
       worked.fetch_add((thread_time() - begun).count(), std::memory_order_relaxed);
+    };
+    const Clock::time_point begin = Clock::now();
+    {
+      const HelpingThreads help(threads - 1, work);
+      work();
     }
     from_ = from;
     slice_.count(spent);

@@ -4,6 +4,7 @@
 #include <atomic>
 #include <cstring>
 
+#include "engine/cost/helping_threads.h"
 #include "engine/device/query/reply_columns.h"
 
 namespace clearance::cuda {
@@ -99,7 +100,7 @@ void DeviceQuery::place_fixed(const FixedBodies& fixed) {
     for (std::size_t first; (first = next.fetch_add(kBodiesAtOnce, std::memory_order_relaxed)) < n;)
       for (std::size_t b = first; b < std::min(first + kBodiesAtOnce, n); ++b) place(b);
   };
-  const CopyHelp help(helpers_for(n * sizeof(BodyPlacement)), place_next);
+  const HelpingThreads help(helpers_for(n * sizeof(BodyPlacement)), place_next);
   place_next();
 }
 
@@ -116,7 +117,7 @@ void DeviceQuery::begin_chunks(QueryWorkspace& workspace, const QuerySetup& setu
       }
   };
   {
-    const CopyHelp help(helpers_for(bytes), copy);
+    const HelpingThreads help(helpers_for(bytes), copy);
     workspace.begin(setup);
     slots_ = static_cast<std::uint64_t>(workspace.slots());
     launch_ahead();
@@ -186,7 +187,7 @@ void DeviceQuery::copy_all() {
       }
   };
   {
-    const CopyHelp help(helpers_for(bytes), work);
+    const HelpingThreads help(helpers_for(bytes), work);
     work();
   }
   copies_.clear();

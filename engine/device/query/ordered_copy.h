@@ -6,7 +6,6 @@
 #include <cstddef>
 #include <cstdint>
 #include <cstring>
-#include <functional>
 #include <vector>
 #ifdef __SSE2__
 #include <emmintrin.h>
@@ -17,22 +16,6 @@ namespace clearance::cuda {
 /// Next reader of the copy. A device reads data written by several cores twice as fast from memory as from their
 /// caches.
 enum class CopyReader : std::uint8_t { kHost, kDevice };
-
-/// Other threads help with a copy until the end of the scope. That waits only for helpers that have begun: one
-/// that gets no core for milliseconds delays nothing, as it would at the end of an OpenMP team.
-class CopyHelp {
- public:
-  /// \param helpers at most; there are none while another copy has them
-  /// \param work called by each helper at the same time; throws nothing
-  CopyHelp(int helpers, std::function<void()> work);
-  ~CopyHelp();
-  CopyHelp(const CopyHelp&) = delete;
-  CopyHelp& operator=(const CopyHelp&) = delete;
-
- private:
-  const std::function<void()> work_;
-  bool has_helpers_ = false;
-};
 
 class OrderedCopy {
  public:
