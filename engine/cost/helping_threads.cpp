@@ -3,8 +3,10 @@
 #include <pthread.h>
 
 #include <algorithm>
+#include <atomic>
 #include <condition_variable>
 #include <exception>
+#include <memory>
 #include <mutex>
 #include <thread>
 #include <utility>
@@ -68,21 +70,24 @@ class HelpingThreads::Pool {
 
 namespace {
 
-// Never destroyed, since queries may outlast main(). A forked child has none of the threads, and gets its own.
-HelpingThreads::Pool* the_pool = nullptr;
-void make_pool() {
-  the_pool = new HelpingThreads::Pool();
+// Never destroyed, since queries may outlast main(). Null in a forked child, which has none of the threads.
+std::atomic<HelpingThreads::Pool*> the_pool{nullptr};
+
+// Allocates nothing: another thread may have held an allocator's lock at the fork.
+void forget_pool() {
+  the_pool.store(nullptr, std::memory_order_relaxed);
 }
 
 }  // namespace
 
 HelpingThreads::Pool& HelpingThreads::pool() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    make_pool();
-    pthread_atfork(nullptr, nullptr, make_pool);
-  });
-  return *the_pool;
+  static const int is_registered = pthread_atfork(nullptr, nullptr, forget_pool);
+  static_cast<void>(is_registered);
+  Pool* pool = the_pool.load(std::memory_order_acquire);
+  if (pool) return *pool;
+  auto made = std::make_unique<Pool>();
+  if (!the_pool.compare_exchange_strong(pool, made.get(), std::memory_order_acq_rel)) return *pool;
+  return *made.release();
 }
 
 HelpingThreads::HelpingThreads(int helpers, std::function<void()> work)
