@@ -136,6 +136,10 @@ Stats stats_of(Client& client) {
   return stats;
 }
 
+void await_covers(Client& client) {
+  while (stats_of(client)["engine.covers_pending"] > 0) std::this_thread::sleep_for(2ms);
+}
+
 std::string unbalanced(const Stats& stats) {
   const auto of = [&stats](const char* name) {
     const auto found = stats.find(name);

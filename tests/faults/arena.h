@@ -78,6 +78,8 @@ std::vector<std::string_view> points_of(const std::string& url);
 
 using Stats = std::map<std::string, std::uint64_t>;
 Stats stats_of(Client& client);
+/// Waits until the daemon makes no covers: the allocator keeps memory mappings of theirs.
+void await_covers(Client& client);
 /// Checks that every received request was answered, rejected, dropped with its client, or waits. Describes the
 /// imbalance, or returns an empty string.
 std::string unbalanced(const Stats& stats);

@@ -43,6 +43,7 @@ class InputFaults : public testing::Test {
       good_.emplace(url, patient(url));
       request_all(url);  // segments reach their final size
     }
+    await_covers(good_.at(arena_.zmq()));
     before_ = arena_.census();
   }
   void TearDown() override {
@@ -272,6 +273,7 @@ TEST_F(InputFaults, ScenesAndMeshesAtAReload) {
   Client& client = good_.at(arena_.zmq());
   const std::uint64_t revision = client.scene().revision;
   client.reload();
+  await_covers(client);
   before_ = arena_.census();  // after one load, because OpenMP may keep a thread for it
   int rejected = 0, taken = 0;
   const auto reload = [&](const std::string& file, const std::string& bad, const std::string& good) {
